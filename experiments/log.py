@@ -3,6 +3,7 @@
 import csv
 import shlex
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import degrees
 from pathlib import Path
@@ -19,7 +20,7 @@ from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import holds_bags, read_runs_of
 from trackslip.bags.open import Bag as RosBag
 from trackslip.bags.open import open_bags, short_type
-from trackslip.bags.topics import uses
+from trackslip.bags.topics import IMU, LASER_SCAN, encoder_topics, imu_topic, pose_source, pose_sources, scan_topic
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry
@@ -87,7 +88,7 @@ def run(config: Config) -> None:
 
 
 def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
-    used, arrivals = uses(bag, choice), bag.arrivals()
+    used, arrivals = _uses(bag, choice), bag.arrivals()
     rows = []
     for name, topic in bag.topics.items():
         gaps = np.diff(arrivals[name]) / 1e9
@@ -99,6 +100,25 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
     return Table(
         f"{bag.path}: {np.ptp(recorded) / 1e9:.1f} s", _TOPICS, [(*row, used.get(row[0], "")) for row in rows], "llrrrl"
     )
+
+
+def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
+    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those taken under the choice."""
+    found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
+    found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
+    found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
+    with suppress(LogError):
+        found |= dict.fromkeys((topic.name for topic in encoder_topics(bag, choice)[0]), "* encoders")
+    with suppress(LogError):
+        if choice.plate is not None:
+            found[scan_topic(bag, choice.scan).name] = "* scans of the plate"
+            return found
+        source = pose_source(bag, choice)
+        found[source.name] = f"* {found.get(source.name, 'poses')}"
+        imu = imu_topic(bag, choice)
+        if imu is not None:
+            found[imu.name] = "* gyro, headings" if source.name == imu.name else "* gyro"
+    return found
 
 
 def _columns_table(logs: Sequence[RunLog]) -> Table:

@@ -24,7 +24,7 @@ from trackslip.laws.base import SlipLaw
 from trackslip.localization.base import Locator
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
-from trackslip.trajectory.base import Reference, Tabulated
+from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
 """Called with the seconds simulated since the last call."""
@@ -167,7 +167,6 @@ def closed_loop(
     localization = Localization(record, TruePose(fleet))
     if feed is not None and locator is not None:
         localization = ScanByScan(record, ScannedPose(fleet, feed, locator))
-    paths = {pilot.preview: Tabulated(reference, record.time + pilot.preview) for pilot in pilots}
     for pilot in pilots:
         pilot.begin(record)
     omega = np.zeros((fleet.size, 2))
@@ -175,7 +174,7 @@ def closed_loop(
     def steer(k: int) -> Array:
         for pilot in pilots:
             law = pilot.law(record, k)
-            twist = pilot.twist(record, k, law, paths[pilot.preview])
+            twist = pilot.twist(record, k, law, reference)
             omega[pilot.robots] = law.sprocket_speeds(twist, fleet.robot.geometry)
         return omega
 

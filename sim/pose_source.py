@@ -160,8 +160,8 @@ class ScanBlocks(ScanByScan):
         super().__init__(record, source)
         self._watch, self._follower = watch, Follower(locator, source.tracker)
         size = record.fleet.size
-        self._block = min(max(1, _AT_ONCE // size), _MOST_AT_ONCE)
-        self._ranges = np.empty((size, self._block + EVERY, len(source.feed.bearings)))  # the first `_waiting` wait
+        block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
+        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))  # the first `_waiting` wait
         self._waiting = 0
         self._located = 0  # rows of the record
         self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
@@ -171,7 +171,7 @@ class ScanBlocks(ScanByScan):
         with self._watch.stage("scans"):
             self._ranges[:, self._waiting] = self._scanned.scan()
         self._waiting += 1
-        if self._waiting >= self._block and k % EVERY == 0:
+        if self._waiting == self._ranges.shape[1]:
             self._locate()
 
     def logs(self, failure: str | None = None) -> list[RunLog]:

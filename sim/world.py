@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sim.restorable import Restorable
 from trackslip import se2
 from trackslip.errors import require, require_positive
-from trackslip.kinematics import Array, columns
+from trackslip.kinematics import Array
 
 
 class _Silence:
@@ -87,14 +87,14 @@ class States:
     @property
     def heading(self) -> Array:
         """Headings (...), from -pi to pi [rad]."""
-        w, x, y, z = columns(self.quaternion)
-        return np.reshape(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), self.qpos.shape[:-1])
+        w, x, y, z = np.moveaxis(self.quaternion, -1, 0)
+        return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
     @property
     def upright(self) -> Array:
         """Cosines (...) of the angles between the vertical of the chassis and that of the world."""
-        _, x, y, _ = columns(self.quaternion)
-        return np.reshape(1 - 2 * (x * x + y * y), self.qpos.shape[:-1])
+        _, x, y, _ = np.moveaxis(self.quaternion, -1, 0)
+        return np.asarray(1 - 2 * (x * x + y * y))
 
     @property
     def pitch(self) -> Array:

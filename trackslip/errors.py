@@ -157,8 +157,3 @@ def counted(count: int, noun: str) -> str:
 def first_line(error: Exception) -> str:
     """The first line of an error message of another library."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__
-
-
-def in_one_line(error: Exception) -> str:
-    """All lines of an error message of MuJoCo in one."""
-    return " ".join(str(error).split()).removeprefix("Error: ")

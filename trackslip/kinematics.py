@@ -5,9 +5,7 @@ Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,16 +34,6 @@ class RobotGeometry:
     def __post_init__(self) -> None:
         require_within("half_gauge", self.half_gauge, *_SIZES, "m")
         require_within("sprocket_radius", self.sprocket_radius, *_SIZES, "m")
-
-
-def columns(values: Array) -> Sequence[Any]:
-    """The n columns (...) of `values` (..., n), or n plain numbers if there is a single row.
-
-    Arithmetic gives the same bits either way, but with numbers it takes a tenth of the time.
-    """
-    if values.size == values.shape[-1]:
-        return values.ravel().tolist()
-    return [values[..., k] for k in range(values.shape[-1])]
 
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:

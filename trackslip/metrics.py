@@ -92,8 +92,7 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
 def expense(log: RunLog, top_speed: float) -> Expense:
     """Effort of the drives in a simulated run, with sprockets limited to `top_speed` [rad/s].
 
-    Raises:
-        ValueError: if the run has no commands, or no truth about its motors.
+    Raises ValueError if the run has no commands, or no truth about its motors.
     """
     if log.command is None or log.truth is None or log.truth.saturated is None:
         raise ValueError(f"run {log.run!r}: has no commands, or no truth about its motors")

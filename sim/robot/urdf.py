@@ -12,7 +12,7 @@ from typing import Any
 
 import mujoco
 
-from trackslip.errors import RobotWarning, TrackslipError, counted, in_one_line
+from trackslip.errors import RobotWarning, TrackslipError, counted
 
 _READABLE = (".stl", ".obj", ".msh")
 _COMPILER = '<compiler strippath="false" discardvisual="false" '
@@ -202,4 +202,4 @@ def said_of(path: Path) -> Iterator[None]:
     except TrackslipError:
         raise
     except (ValueError, KeyError, AttributeError, OSError) as error:
-        raise TrackslipError(f"{path}: {in_one_line(error)}") from error
+        raise TrackslipError(f"{path}: {' '.join(str(error).split()).removeprefix('Error: ')}") from error

@@ -15,7 +15,7 @@ from trackslip.bags.imu import read_imu, with_gyro
 from trackslip.bags.open import Bag, bags_in, open_bags
 from trackslip.bags.poses import read_poses
 from trackslip.bags.scans import plate_log, read_scans
-from trackslip.bags.stamps import clocks_apart, restarts_of
+from trackslip.bags.stamps import clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source
 from trackslip.errors import InvalidValueError, LogError, LogWarning
 from trackslip.kinematics import Array
@@ -104,8 +104,7 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict[str, Bag]:
     """The drives in a bag called `name`: one, unless the clock of the encoders' topic restarts."""
     topic = encoder_topics(bag, choice)[0][0].name
-    stamp, arrival, _ = bag.table(topic, lambda _: (0.0,))
-    starts = restarts_of(stamp, arrival)
+    starts = bag.table(topic, lambda _: (0.0,)).restarts()
     if not len(starts):
         return {name: bag}
     notes.append(f"topic {topic}: time goes back: read as {len(starts) + 1} drives")

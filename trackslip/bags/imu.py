@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.open import Bag
-from trackslip.bags.stamps import ascending, seconds
+from trackslip.bags.stamps import Readings, seconds
 from trackslip.bags.topics import IMU, imu_topic
-from trackslip.kinematics import Array
 from trackslip.logs.checks import paired_turns
 from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
@@ -21,31 +20,22 @@ _CLEARLY = 0.8  # correlation of turns that leaves no doubt [-]
 _ALONG = 0.98  # component of an axis that is one of the IMU's own: it is mounted so to within 11° [-]
 
 
-@dataclass(frozen=True)
-class Imu:
-    """Readings of the gyro of an IMU, all by one clock."""
+def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
+    """The gyro's yaw rates (n, 3) about the axes of its frame [rad/s]; None without, with a note if there is an IMU.
 
-    source: str  # its topic and frame, in words
-    stamp: np.ndarray  # (n,) int: stamps in the headers, ascending [ns]
-    rate: Array  # (n, 3) about the axes of its frame [rad/s]
-
-
-def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Imu | None:
-    """The gyro's readings; None without, with a note if there is an IMU."""
+    Their source is the topic and the frame, in words.
+    """
     topic = imu_topic(bag, choice)
     if topic is None:
         return None
-    stamp, arrival, rates = bag.table(topic.name, _rates)
-    good = (np.abs(rates) <= MAX_YAW_RATE).all(axis=1)
-    if good.sum() < 2 or not rates[good].any():
+    rates = bag.table(topic.name, _rates)
+    rates = rates.take((np.abs(rates.values) <= MAX_YAW_RATE).all(axis=1))
+    if len(rates.stamp) < 2 or not rates.values.any():
         notes.append(f"topic {topic.name}: it states no angular velocities: read without gyro")
         return None
-    stamp, rates = stamp[good], rates[good]
-    rows = ascending(topic.name, stamp, arrival[good], notes)
     frame = bag.first(topic.name, 1)[0].content.header.frame_id
     several = f", one of {len(bag.of_type(IMU))}" if len(bag.of_type(IMU)) > 1 and choice.imu is None else ""
-    source = f"{topic.name} in {frame or 'no frame'}{several}"
-    return Imu(source, stamp[rows], rates[rows])
+    return replace(rates.ascending(notes), source=f"{topic.name} in {frame or 'no frame'}{several}")
 
 
 def _rates(imu: Any) -> tuple[float, ...]:
@@ -54,14 +44,14 @@ def _rates(imu: Any) -> tuple[float, ...]:
     return (rate.x, rate.y, rate.z) if imu.angular_velocity_covariance[0] != -1 else (np.nan,) * 3
 
 
-def with_gyro(log: RunLog, imu: Imu, start: int, notes: list[str]) -> tuple[RunLog, str]:
+def with_gyro(log: RunLog, imu: Readings, start: int, notes: list[str]) -> tuple[RunLog, str]:
     """The log, whose time begins at `start` [ns], with the IMU's yaw rate, and where that is from, in words.
 
     Its axis is the one about which the IMU turns when headings do, or else the sprockets; without turns, z. `notes`
     gets a line if no axis follows the turns, and the log is returned without gyro.
     """
     time = seconds(imu.stamp, start)
-    angle = cumulative_trapezoid(imu.rate, time, axis=0, initial=0.0)
+    angle = cumulative_trapezoid(imu.values, time, axis=0, initial=0.0)
     step = np.diff(time)
     measured = np.append(0.0, np.cumsum(np.where(step <= _MAX_GAP, step, 0.0)))
     *turned, known = (np.interp(log.time, time, column) for column in (*angle.T, measured))

@@ -13,20 +13,22 @@ import importlib
 import os
 import shlex
 from array import array
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from trackslip.bags.stamps import Readings
 from trackslip.errors import LogError, TrackslipError, first_line
 from trackslip.files import regular_file
-from trackslip.kinematics import Array
+
+K = TypeVar("K", bound=Hashable)
 
 _METADATA = "metadata.yaml"
 _STORAGES = (".bag", ".mcap", ".db3")
@@ -55,11 +57,10 @@ class Message(NamedTuple):
     @property
     def stamp(self) -> int:
         """The stamp in its header [ns]."""
-        return stamp_of(self.content.header)
+        return _stamp(self.content.header)
 
 
-def stamp_of(header: Any) -> int:
-    """The stamp in a header [ns]."""
+def _stamp(header: Any) -> int:
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
@@ -120,19 +121,28 @@ class Bag:
         """Decoded messages of topics, by time of recording; raises LogError for unknown topics and damage."""
         return self.read([self.topic(name).name for name in topics], True)
 
-    def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> tuple[np.ndarray, np.ndarray, Array]:
-        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each.
+    def readings(
+        self, topics: Sequence[str], parts: Callable[[Any], Iterable[tuple[K, Any, Iterable[float]]]]
+    ) -> dict[K, Readings]:
+        """Numbers (N, k) in the messages of topics; `parts` are a message's keys, headers and numbers for each."""
+        times: dict[K, array[int]] = defaultdict(lambda: array("q"))
+        numbers: dict[K, array[float]] = defaultdict(lambda: array("d"))
+        for message in self.messages(*topics):
+            for key, header, values in parts(message.content):
+                times[key].extend((_stamp(header), message.arrival))
+                numbers[key].extend(values)
+        found = {}
+        for key in times:
+            stamp, arrival = np.array(times[key], np.int64).reshape(-1, 2).T
+            found[key] = Readings(" and ".join(topics), stamp, arrival, np.array(numbers[key]).reshape(len(stamp), -1))
+        return found
 
-        Raises LogError if there are none.
-        """
-        times, numbers = array("q"), array("d")
-        for message in self.messages(topic):
-            times.extend((message.stamp, message.arrival))
-            numbers.extend(row(message.content))
-        if not times:
+    def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> Readings:
+        """The numbers (N, k) that `row` takes from each message of a topic; raises LogError if there are none."""
+        found = self.readings([topic], lambda content: [(topic, content.header, row(content))])
+        if not found:
             raise LogError(f"topic {topic}: no messages")
-        stamp, arrival = np.array(times, np.int64).reshape(-1, 2).T
-        return stamp, arrival, np.array(numbers).reshape(len(stamp), -1)
+        return found[topic]
 
     def first(self, topic: str, most: int) -> list[Message]:
         """The first messages of a topic, at most `most`."""
@@ -219,7 +229,6 @@ def bags_in(path: Path) -> list[Path]:
 
 
 def _is_bag_file(path: Path) -> bool:
-    """True for the name of a bag's file."""
     suffixes = [suffix for suffix in path.suffixes if suffix not in _WRAPPINGS]
     return bool(suffixes) and suffixes[-1] in _STORAGES
 
@@ -240,7 +249,6 @@ def _refusing(path: Path) -> Iterator[None]:
 
 
 def _open(path: Path) -> Bag:
-    """The bag of a file, or of a folder with metadata."""
     try:
         return _indexed(path)
     except LogError:
@@ -262,7 +270,6 @@ def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...]
 
 
 def _indexed(path: Path) -> Bag:
-    """A bag that rosbags reads."""
     with _refusing(path):
         if not path.is_dir():
             regular_file(path)

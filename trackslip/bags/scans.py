@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,8 +9,7 @@ import numpy as np
 
 from trackslip.bags.encoders import Encoders, joined
 from trackslip.bags.open import Bag
-from trackslip.bags.poses import Poses
-from trackslip.bags.stamps import Stamped, ascending, clocks_apart, seconds
+from trackslip.bags.stamps import Readings, clocks_apart, seconds
 from trackslip.bags.topics import scan_topic
 from trackslip.bags.transforms import MAX_TILT, heading_and_tilt, read_fixed
 from trackslip.errors import LogError, counted
@@ -22,10 +20,9 @@ from trackslip.logs.runlog import RunLog, ScanLog
 
 
 @dataclass(frozen=True)
-class Scans(Stamped):
-    """Scans, all with the same beams, stamped by their first rays."""
+class Scans(Readings):
+    """Ranges (S, B) of scans, all with the same beams, stamped by their first rays [m]."""
 
-    ranges: np.ndarray  # (S, B) float32, as published [m]
     first: Any  # the first message, with angles, limits and frame
 
 
@@ -35,20 +32,20 @@ def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
     Scans with other beams than most are left out; `notes` gets a line for that. Raises LogError if there are none.
     """
     topic = scan_topic(bag, name)
-    alike: dict[Any, list[Any]] = defaultdict(list)
-    for message in bag.messages(topic.name):
-        scan = message.content
+    first: dict[Any, Any] = {}
+
+    def ranges(scan: Any) -> list[tuple[Any, Any, Any]]:
         beams = len(scan.ranges), round(scan.angle_min, 4), round(scan.angle_increment, 7)
-        alike[beams].append((message.stamp, message.arrival, np.array(scan.ranges, np.float32), scan))
-    usual = max(alike.values(), key=len, default=[])
-    if not usual:
+        first.setdefault(beams, scan)
+        return [(beams, scan.header, scan.ranges)]
+
+    alike = bag.readings([topic.name], ranges)
+    if not alike:
         raise LogError(f"topic {topic.name}: no messages")
-    if others := sum(map(len, alike.values())) - len(usual):
+    usual = max(alike, key=lambda beams: len(alike[beams].stamp))
+    if others := sum(len(scans.stamp) for beams, scans in alike.items() if beams != usual):
         notes.append(f"topic {topic.name}: {counted(others, 'scan')} with other beams than most left out")
-    stamps, arrivals, ranges, scans = zip(*usual, strict=True)
-    stamp, arrival, values = np.array(stamps, np.int64), np.array(arrivals, np.int64), np.stack(ranges)
-    rows = ascending(topic.name, stamp, arrival, notes)
-    return Scans(topic.name, stamp[rows], ((arrival - stamp) / 1e9)[rows], values[rows], scans[0])
+    return Scans(**vars(alike[usual].ascending(notes)), first=first[usual])
 
 
 def plate_log(
@@ -65,7 +62,7 @@ def plate_log(
     rows = (began >= 0.0) & (began <= time[-1])
     angle = np.stack([np.interp(began[rows], time, side) for side in encoders.turned.T], axis=-1)
     try:
-        raw = RawScans.measured(began[rows], scans.ranges[rows], scans.first, upside_down)
+        raw = RawScans.measured(began[rows], scans.values[rows].astype(np.float32), scans.first, upside_down)
         plates = follow_plate(raw, angle, plate)
     except LogError as error:
         raise LogError(f"{bag.path}: topic {scans.source}: {error}") from error
@@ -74,7 +71,7 @@ def plate_log(
     stamp = start + np.rint(1e9 * plates.time).astype(np.int64)
     kept = plates.estimate.valid & (np.diff(stamp, prepend=start - 1) > 0) & (stamp <= encoders.stamp[-1])
     poses = scanner.to_world(plates.estimate.pose)[kept]
-    log = joined(run, encoders, Poses(scans.source, stamp[kept], scans.delay, poses))
+    log = joined(run, encoders, Readings(scans.source, stamp[kept], stamp[kept], poses))
     log.metadata["bag"] |= {"mount": mount.tolist(), "mount_from": source}
     cluster = plates.cluster.take(np.flatnonzero(kept)).among(log.is_valid)
     log = replace(log, scans=ScanLog(scanner, plate, cluster))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -17,51 +18,63 @@ _SHORTEST = 500_000  # usual interval, half that of the fastest controllers, whi
 
 
 @dataclass(frozen=True)
-class Stamped:
-    """Readings by one clock."""
+class Readings:
+    """Numbers in stamped messages."""
 
     source: str  # the topic, or tf:PARENT:CHILD
-    stamp: np.ndarray  # (N,) int: stamps in the headers, ascending [ns]
-    delay: Array  # times from the stamps of the messages to their recording [s]
+    stamp: np.ndarray  # (N,) int: stamps in the headers [ns]
+    arrival: np.ndarray  # (N,) int: times of recording [ns]
+    values: np.ndarray  # (N, ...)
+
+    @property
+    def delay(self) -> Array:
+        """(N,) from the stamps to the recording [s]."""
+        return np.asarray((self.arrival - self.stamp) / 1e9)
+
+    @property
+    def changes(self) -> np.ndarray:
+        """Rows (n,) whose values differ from those before, and the first one."""
+        return np.flatnonzero(np.append(True, (self.values[1:] != self.values[:-1]).any(axis=1)))
+
+    def take(self, rows: np.ndarray) -> Self:
+        """Some of the readings, given by their rows (n,) or a mask (N,)."""
+        return replace(self, stamp=self.stamp[rows], arrival=self.arrival[rows], values=self.values[rows])
+
+    def ascending(self, notes: list[str]) -> Self:
+        """The readings by ascending stamp, of those recorded by one clock.
+
+        `notes` gets a line for what is left out, if it hasn't got it. Raises LogError if most stamps are 0.
+        """
+        stamp, lines, zero = self.stamp, [], self.stamp == 0
+        if zero.mean() > 0.5:
+            raise LogError(
+                f"topic {self.source}: {zero.sum()} of its {len(stamp)} header stamps are 0: its publisher states no "
+                "time, or runs on simulated time that nothing publishes"
+            )
+        if zero.any():
+            lines.append(f"{zero.sum()} of {len(stamp)} messages left out: their header stamps are 0")
+        rows = np.argsort(self.arrival, kind="stable")
+        rows = rows[~zero[rows]]
+        kept = rows[in_order(stamp[rows])]
+        if len(kept) < len(rows):
+            k = int(np.argmax(np.diff(stamp[rows]) <= 0)) + 1
+            what = "is stamped twice" if stamp[rows[k]] == stamp[rows[k - 1]] else "goes back"
+            at = f"{(stamp[rows[k]] - stamp[rows[0]]) / 1e9:.6g} s"
+            lines.append(f"{len(rows) - len(kept)} of {len(rows)} messages left out: time {what} at {at}")
+        notes += [line for line in (f"topic {self.source}: {line}" for line in lines) if line not in notes]
+        return self.take(kept)
+
+    def restarts(self) -> np.ndarray:
+        """Times of recording (n,) [ns] at which the clock of the stamps starts anew."""
+        rows = np.argsort(self.arrival, kind="stable")
+        rows = rows[self.stamp[rows] != 0]
+        time = seconds(self.stamp[rows], int(self.stamp[rows].min(initial=0)))
+        return np.asarray(self.arrival[rows[restarts(time)]])
 
 
 def seconds(stamp: np.ndarray, origin: int) -> Array:
     """Times (n,) since the origin [s] of stamps (n,) [ns]."""
     return np.asarray((stamp - origin) / 1e9)
-
-
-def restarts_of(stamp: np.ndarray, arrival: np.ndarray) -> np.ndarray:
-    """Times of recording (n,) [ns] at which the clock of the stamps (N,) starts anew."""
-    rows = np.argsort(arrival, kind="stable")
-    rows = rows[stamp[rows] != 0]
-    return np.asarray(arrival[rows[restarts(seconds(stamp[rows], int(stamp[rows].min(initial=0))))]])
-
-
-def ascending(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Rows (n,) of a topic's messages by ascending stamp, of those recorded by one clock.
-
-    Stamps (N,) are those in the headers, arrivals (N,) the times of recording [ns]. `notes` gets a line for what is
-    left out, if it hasn't got it. Raises LogError if most messages have no stamp.
-    """
-    lines = []
-    zero = stamp == 0
-    if zero.mean() > 0.5:
-        raise LogError(
-            f"topic {topic}: {zero.sum()} of its {len(stamp)} header stamps are 0: its publisher states no time, "
-            "or runs on simulated time that nothing publishes"
-        )
-    if zero.any():
-        lines.append(f"{zero.sum()} of {len(stamp)} messages left out: their header stamps are 0")
-    rows = np.argsort(arrival, kind="stable")
-    rows = rows[~zero[rows]]
-    kept = rows[in_order(stamp[rows])]
-    if len(kept) < len(rows):
-        k = int(np.argmax(np.diff(stamp[rows]) <= 0)) + 1
-        what = "is stamped twice" if stamp[rows[k]] == stamp[rows[k - 1]] else "goes back"
-        at = f"{(stamp[rows[k]] - stamp[rows[0]]) / 1e9:.6g} s"
-        lines.append(f"{len(rows) - len(kept)} of {len(rows)} messages left out: time {what} at {at}")
-    notes += [line for line in (f"topic {topic}: {line}" for line in lines) if line not in notes]
-    return kept
 
 
 def without_bursts(stamp: np.ndarray) -> np.ndarray:
@@ -76,7 +89,7 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.append(interval >= _BURST * usual, True))
 
 
-def clocks_apart(ours: Stamped, theirs: Stamped) -> list[str]:
+def clocks_apart(ours: Readings, theirs: Readings) -> list[str]:
     """A line on clocks that differ by a constant, by the delays of two topics' messages; none if they don't.
 
     Delays are the times from the stamps in the headers to the recording, by the recorder's one clock. Raises LogError

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 
@@ -128,7 +127,6 @@ def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | Non
 
 
 def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
-    """The names of the joints in the first messages of topics."""
     messages = (message for topic in topics for message in bag.first(topic.name, _JOINT_MESSAGES))
     return [*dict.fromkeys(name for message in messages for name in message.content.name)]
 
@@ -234,22 +232,3 @@ def scan_topic(bag: Bag, name: str | None = None) -> Topic:
     if not topics:
         raise LogError(f"{bag.path}: no topic of {LASER_SCAN}; its topics are {bag.listed()}")
     return bag.topic(bag.only([topic.name for topic in topics], "scans", "--scan TOPIC"))
-
-
-def uses(bag: Bag, choice: BagChoice) -> dict[str, str]:
-    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those taken under the choice."""
-    found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
-    found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
-    found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
-    with suppress(LogError):
-        found |= dict.fromkeys((topic.name for topic in encoder_topics(bag, choice)[0]), "* encoders")
-    with suppress(LogError):
-        if choice.plate is not None:
-            found[scan_topic(bag, choice.scan).name] = "* scans of the plate"
-            return found
-        source = pose_source(bag, choice)
-        found[source.name] = f"* {found.get(source.name, 'poses')}"
-        imu = imu_topic(bag, choice)
-        if imu is not None:
-            found[imu.name] = "* gyro, headings" if source.name == imu.name else "* gyro"
-    return found

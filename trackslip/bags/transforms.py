@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import interp1d
 from scipy.spatial.transform import Rotation, Slerp
 
-from trackslip.bags.open import Bag, listed, stamp_of
-from trackslip.bags.stamps import ascending, seconds
+from trackslip.bags.open import Bag, listed
+from trackslip.bags.stamps import Readings, seconds
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
@@ -26,36 +24,8 @@ _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
 _USUAL_GAPS = 5.0  # the same in its usual intervals [-]
 
 Pair = tuple[str, str]  # a frame and one that is given in it
-Rows = list[tuple[float, ...]]  # stamp and arrival [ns], place [m] and quaternion of each transform
-
-
-@dataclass(frozen=True)
-class SpacePoses:
-    """Poses of a frame in another, in space."""
-
-    stamp: np.ndarray  # (n,) int: ascending in a stretch of one clock [ns]
-    arrival: np.ndarray  # (n,) int: when they were recorded [ns]
-    place: Array  # (n, 3) [m]; NaN where only turns are measured
-    turn: Array  # (n, 4) quaternions x, y, z, w; NaN where only places are measured
-
-    def take(self, rows: np.ndarray) -> SpacePoses:
-        """Some of the poses."""
-        return SpacePoses(self.stamp[rows], self.arrival[rows], self.place[rows], self.turn[rows])
-
-    @cached_property
-    def changes(self) -> np.ndarray:
-        """Rows (n,) whose pose differs from the one before, and the first one."""
-        both = np.concatenate([self.place, self.turn], axis=1)
-        return np.flatnonzero(np.append(True, (both[1:] != both[:-1]).any(axis=1)))
-
-    @property
-    def is_constant(self) -> bool:
-        """True if it never changes."""
-        return len(self.changes) == 1
-
-
-Link = tuple[SpacePoses, bool]
-"""Transforms between two frames, and whether a chain follows them forwards."""
+Link = tuple[Readings, bool]
+"""Transforms (n, 7) between two frames, only one if they never change, and whether a chain follows them forwards."""
 
 
 def frames_of(bag: Bag, most: int) -> list[Pair]:
@@ -77,8 +47,8 @@ def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
     return path
 
 
-def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> SpacePoses:
-    """The poses of `child` in `parent`.
+def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
+    """The poses of `child` in `parent`: places [m] and quaternions x, y, z, w (n, 7).
 
     They are sampled when the link changes that changes least often, as map to odom does with each match of a scan;
     the others are interpolated. Raises LogError if the frames are unknown or not connected, or no transform between
@@ -88,7 +58,7 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> SpacePose
     if not transforms:
         raise LogError(f"{bag.path}: no transforms: no topic of {TRANSFORMS[0]}")
     links = _links(bag, transforms, parent.strip("/"), child.strip("/"), notes)
-    if all(link.is_constant for link, _ in links):
+    if all(len(link.stamp) == 1 for link, _ in links):
         raise LogError(f"{bag.path}: the transforms from {parent!r} to {child!r} never change")
     return _sampled(links)
 
@@ -104,26 +74,24 @@ def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rota
     if outer == frame:
         return None
     links = _links(bag, transforms, outer, frame, notes)
-    if not all(link.is_constant for link, _ in links):
+    if any(len(link.stamp) > 1 for link, _ in links):
         raise LogError(f"{bag.path}: frame {frame!r} moves in {outer!r}")
     place, turn = _composed(links, np.zeros(1, np.int64))
     return outer, place[0], turn[0]
 
 
 def _pair(transform: Any) -> Pair:
-    """The frames of a transform."""
     return transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
 
 
-def read_transforms(bag: Bag) -> dict[Pair, Rows]:
-    """Transforms by pair of frames."""
-    rows: dict[Pair, Rows] = defaultdict(list)
-    topics = [topic.name for topic in bag.of_type(*TRANSFORMS)]
-    for message in bag.messages(*topics) if topics else ():
-        for transform in message.content.transforms:
-            numbers = pose_numbers(transform.transform.translation, transform.transform.rotation)
-            rows[_pair(transform)].append((stamp_of(transform.header), message.arrival, *numbers))
-    return dict(rows)
+def read_transforms(bag: Bag) -> dict[Pair, Readings]:
+    """Transforms (n, 7) by pair of frames: places [m] and quaternions x, y, z, w."""
+
+    def numbers(content: Any) -> Iterator[tuple[Pair, Any, tuple[float, ...]]]:
+        for link in content.transforms:
+            yield _pair(link), link.header, pose_numbers(link.transform.translation, link.transform.rotation)
+
+    return bag.readings([topic.name for topic in bag.of_type(*TRANSFORMS)], numbers)
 
 
 def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
@@ -131,7 +99,7 @@ def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
-def _links(bag: Bag, transforms: Mapping[Pair, Rows], parent: str, child: str, notes: list[str]) -> list[Link]:
+def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: str, notes: list[str]) -> list[Link]:
     """The links that lead from a frame to another.
 
     Raises LogError if there is no such frame, or the links don't connect them.
@@ -153,18 +121,14 @@ def _links(bag: Bag, transforms: Mapping[Pair, Rows], parent: str, child: str, n
     return [(_link(pair, transforms[pair], notes), forwards) for pair, forwards in pairs]
 
 
-def _link(pair: Pair, rows: Rows, notes: list[str]) -> SpacePoses:
+def _link(pair: Pair, transforms: Readings, notes: list[str]) -> Readings:
     """The transforms between two frames; the last one if they never change."""
     name = f"tf {pair[0]} -> {pair[1]}"
-    stamp, arrival = np.array([row[:2] for row in rows], np.int64).T
-    place, turn = np.split(np.array([row[2:] for row in rows]), [3], axis=1)
-    good = are_unit(turn) & (np.abs(place) <= MAX_PLACE).all(axis=1)
+    good = are_unit(transforms.values[:, 3:]) & (np.abs(transforms.values[:, :3]) <= MAX_PLACE).all(axis=1)
     if not good.any():
         raise LogError(f"{name}: no transform is finite")
-    poses = SpacePoses(stamp, arrival, place, turn).take(np.flatnonzero(good))
-    if poses.is_constant:
-        return poses.take(np.array([-1]))
-    return poses.take(ascending(name, poses.stamp, poses.arrival, notes))
+    link = replace(transforms.take(good), source=name)
+    return link.take(np.array([-1])) if len(link.changes) == 1 else link.ascending(notes)
 
 
 def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:
@@ -179,9 +143,9 @@ def are_unit(quaternion: Array) -> np.ndarray:
         return np.asarray(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) <= _TOLERANCE)
 
 
-def _sampled(links: Sequence[Link]) -> SpacePoses:
+def _sampled(links: Sequence[Link]) -> Readings:
     """The poses at the end of a chain of links, see `read_chain`."""
-    moving = [link for link, _ in links if not link.is_constant]
+    moving = [link for link, _ in links if len(link.stamp) > 1]
     slowest = min(moving, key=lambda link: len(link.changes))
     rows = slowest.changes
     for link in moving:
@@ -190,7 +154,7 @@ def _sampled(links: Sequence[Link]) -> SpacePoses:
     if not len(rows):
         return slowest.take(rows)
     place, turn = _composed(links, slowest.stamp[rows])
-    return SpacePoses(slowest.stamp[rows], slowest.arrival[rows], place, turn.as_quat())
+    return replace(slowest.take(rows), values=np.column_stack([place, turn.as_quat()]))
 
 
 def _composed(links: Sequence[Link], stamp: np.ndarray) -> tuple[Array, Rotation]:
@@ -206,7 +170,7 @@ def _composed(links: Sequence[Link], stamp: np.ndarray) -> tuple[Array, Rotation
     return place, turn
 
 
-def _covers(link: SpacePoses, stamp: np.ndarray) -> np.ndarray:
+def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
     """(n,) bool: whether the stamps (n,) lie between transforms of a link that aren't far apart."""
     after = np.clip(np.searchsorted(link.stamp, stamp), 1, len(link.stamp) - 1)
     before, next_ = link.stamp[after - 1], link.stamp[after]
@@ -215,9 +179,10 @@ def _covers(link: SpacePoses, stamp: np.ndarray) -> np.ndarray:
     return np.asarray(within & ((next_ - before) / 1e9 <= longest))
 
 
-def _at(link: SpacePoses, stamp: np.ndarray) -> tuple[Array, Rotation]:
+def _at(link: Readings, stamp: np.ndarray) -> tuple[Array, Rotation]:
     """Places (n, 3) and rotations (n) of a link at stamps (n,) within its own; only one if it never changes."""
-    if link.is_constant:
-        return link.place[0], Rotation.from_quat(link.turn[0])
+    place, turn = link.values[:, :3], Rotation.from_quat(link.values[:, 3:])
+    if len(link.stamp) == 1:
+        return place[0], turn[0]
     time, at = (seconds(stamps, int(link.stamp[0])) for stamps in (link.stamp, stamp))
-    return interp1d(time, link.place, axis=0)(at), Slerp(time, Rotation.from_quat(link.turn))(at)
+    return interp1d(time, place, axis=0)(at), Slerp(time, turn)(at)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from trackslip.laws.families import FAMILIES
-from trackslip.laws.file import StoredLaws, entry, laws_content, number, text, texts
+from trackslip.laws.file import StoredLaws, entry, laws_content, number, text
 from trackslip.logs.file_format import installed_version
 
 _MAX_LENGTH = 200  # of a line taken from a file
@@ -68,10 +68,10 @@ def _parameter_lines(stored: StoredLaws, law: str) -> list[str]:
 
 
 def _origin_line(stored: StoredLaws) -> str:
-    """Origin of the laws: file, command, version and date."""
     manifest = stored.manifest
-    arguments, version = texts(manifest, "arguments"), text(manifest, "versions", "trackslip")
-    command = shlex.join(["trackslip", *arguments]) if arguments else text(stored.content, "made_by")
+    arguments, version = entry(manifest, "arguments"), text(manifest, "versions", "trackslip")
+    known = isinstance(arguments, list) and arguments
+    command = shlex.join(["trackslip", *map(str, arguments)]) if known else text(stored.content, "made_by")
     made = [f"made by `{command}`" if command else "", f"trackslip {version}" if version else ""]
     return ", ".join(filter(None, [f"Laws from {stored.name}", *made, text(manifest, "created")]))
 

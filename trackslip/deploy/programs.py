@@ -37,7 +37,6 @@ def python_text(stored: StoredLaws, law: str) -> str:
 
 
 def _template(law: str, language: str) -> str:
-    """The functions of a law: of constant ICRs, or with a turn loss."""
     name = "icr" if expressible(law) else "turn_loss"
     return (_TEMPLATES / f"{name}.{language}.in").read_text(encoding="utf-8")
 

@@ -159,7 +159,7 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     turn = speed = None
     heading, arm = 0.0, 0j
     known = np.isfinite(window.turned) & np.isfinite(late[:, 1])
-    if _tells(window.turn[known], 0.1):
+    if _tells(window.turn[known], 0.1) and window.turned[known].any():
         fit = _regression(np.column_stack([window.turn, late[:, 1]]), window.turned, window, known, (0.0, GRID**-2))
         turn = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
     if not headed:

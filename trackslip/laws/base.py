@@ -109,16 +109,12 @@ class NoSlip(SlipLaw):
 def _without_slip(omega: Array, geometry: RobotGeometry) -> np.ndarray:
     """v + i b w (...), complex [m/s], of the twists that sprocket speeds omega (..., 2) would produce without slip."""
     twist = twist_of_tracks(geometry.sprocket_radius * omega, geometry.half_gauge)
-    plane = np.empty(twist.shape[:-1], complex)
-    plane.real, plane.imag = twist[..., 0], geometry.half_gauge * twist[..., 1]
-    return plane
+    return np.asarray(twist[..., 0] + 1j * geometry.half_gauge * twist[..., 1])
 
 
 def _of_plane(plane: np.ndarray, geometry: RobotGeometry) -> Array:
     """Twists (..., 2) of complex v + i b w (...) [m/s]."""
-    twist = np.empty((*plane.shape, 2))
-    twist[..., 0], twist[..., 1] = plane.real, plane.imag / geometry.half_gauge
-    return twist
+    return np.stack([plane.real, plane.imag / geometry.half_gauge], axis=-1)
 
 
 def _limited(slope: Array) -> Array:
@@ -130,11 +126,8 @@ def _limited(slope: Array) -> Array:
 def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
     """Slips (..., 2) of (left, right) from inner and outer slips (...), or their mean on a straight path."""
     side = np.sign(np.asarray(kappa, float))
-    mean, half = (inner + outer) / 2, (inner - outer) / 2
-    half = side * half
-    slips = np.empty((*half.shape, 2))
-    slips[..., 0], slips[..., 1] = mean + half, mean - half
-    return slips
+    mean, half = (inner + outer) / 2, side * (inner - outer) / 2
+    return np.stack([mean + half, mean - half], axis=-1)
 
 
 def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str) -> None:
@@ -148,8 +141,3 @@ def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float,
         inside = (array > low) & (array < high)
         if not inside.all():
             raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)
-
-
-def require_slips(law: SlipLaw, *names: str) -> None:
-    """Raise InvalidValueError unless the parameters of these names are slips of a moving track."""
-    require_between(law, names, -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)")

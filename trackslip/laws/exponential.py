@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, curvature
-from trackslip.laws.base import SlipLaw, by_side, require_between, require_slips
+from trackslip.laws.base import SlipLaw, by_side, require_between
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,8 @@ class Exponential(SlipLaw):
     """Decay of the inner track's slip with radius [1/m], < 0."""
 
     def __post_init__(self) -> None:
-        require_slips(self, "alpha_outer", "alpha_inner")
+        slips = "finite and < 1 (slip 1 is a track that stands still)"
+        require_between(self, ("alpha_outer", "alpha_inner"), -np.inf, 1, slips)
         require_between(self, ("beta_outer", "beta_inner"), -np.inf, 0, "finite and < 0 (no slip on a straight path)")
 
     def __call__(self, kappa: ArrayLike) -> Array:

@@ -74,10 +74,8 @@ class StoredLaws:
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
 
-    If `robot` is given, the laws must have been identified for this geometry.
-
-    Raises:
-        LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
+    If `robot` is given, the laws must have been identified for this geometry. Raises LogError if the file does not
+    exist, holds no slip laws, or was made for another robot or by a newer version.
     """
     return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}
 
@@ -168,9 +166,3 @@ def text(content: Any, *keys: str | int) -> str:
     """The text under nested keys; empty for anything else."""
     found = entry(content, *keys)
     return found if isinstance(found, str) else ""
-
-
-def texts(content: Any, *keys: str | int) -> list[str]:
-    """The texts in the list under nested keys."""
-    found = entry(content, *keys)
-    return [name for name in found if isinstance(name, str)] if isinstance(found, list | tuple) else []

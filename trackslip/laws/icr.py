@@ -47,9 +47,9 @@ class IcrLaw(SlipLaw):
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...), driving forwards or turning in place."""
         direction = np.arctan(np.asarray(kappa, float))  # finite for infinite curvature
-        return self.slip_ratio(np.stack([np.cos(direction), np.sin(direction)], axis=-1))
+        return self.slip(np.stack([np.cos(direction), np.sin(direction)], axis=-1))
 
-    def slip_ratio(self, twist: ArrayLike) -> Array:
+    def slip(self, twist: ArrayLike) -> Array:
         """Slips (..., 2) at twists (..., 2), infinite where a sprocket stands still."""
         commanded = self.sprocket_speeds(twist, RobotGeometry(self.half_gauge, sprocket_radius=1.0))
         with np.errstate(divide="ignore", invalid="ignore"):

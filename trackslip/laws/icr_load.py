@@ -57,10 +57,6 @@ class IcrLoad(IcrLaw):
         """The law of a robot that needs tractions per unit load `load`, one (2,) or (..., 2) [-]."""
         return replace(self, load=np.asarray(load, float))
 
-    def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) at twists (..., 2)."""
-        return self.slip_ratio(twist)
-
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
         return self.unloaded_law.sprocket_speeds(self.unloaded(twist), geometry)

@@ -103,10 +103,6 @@ class Centrifugal(TurnLoss):
         """Slips (..., 2) at curvatures (...) of slow driving."""
         return TurnLoss(self.offset, self.half_gauge, self.radius_error, self.turn_loss)(kappa)
 
-    def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) at twists (..., 2)."""
-        return self.slip_ratio(twist)
-
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
         twist = np.asarray(twist, float)

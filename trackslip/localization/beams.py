@@ -54,10 +54,9 @@ class PlateBeams:
         told &= np.array([low > scan.bearings[0] + step / 4, high < scan.bearings[-1] - step / 4])
         weight, ahead = np.where(told, 1 / spread, 0.0), np.exp(1j * middle)
         edges = Edges(ahead, (reach * _OUTWARDS).T, weight.T, slack.T)
-        u, u_turned = np.empty((2, len(bearing))), np.empty((2, len(bearing)))
-        u[0], u[1] = u_turned[1], u_turned[0] = np.cos(bearing), np.sin(bearing)
-        np.negative(u_turned[1], out=u_turned[1])
-        return cls(u, u_turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
+        cos, sin = np.cos(bearing), np.sin(bearing)
+        turned = np.stack([sin, -cos])
+        return cls(np.stack([cos, sin]), turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
 
     def take(self, rows: np.ndarray) -> PlateBeams:
         """The beams of the scans `rows` (R,), in that order, possibly repeated."""

@@ -53,11 +53,8 @@ class View:
     @classmethod
     def of(cls, plate: Plate, pose: Array) -> View:
         """The view of plates at poses (M, 3) in the LRF's frame."""
-        centre, axis = np.empty((2, len(pose)), complex)
-        centre.real, centre.imag = pose[:, 0], pose[:, 1]
-        np.cos(pose[:, 2], out=axis.real)
-        np.sin(pose[:, 2], out=axis.imag)
-        return cls(plate, centre * axis.conj(), axis)
+        axis = np.exp(1j * pose[:, 2])
+        return cls(plate, (pose[:, 0] + 1j * pose[:, 1]) * axis.conj(), axis)
 
     def silhouette(self, ahead: Points) -> Array:
         """The outermost corners, right and left, seen in the directions `ahead` (M,).
@@ -169,10 +166,9 @@ class PlateLikelihood:
             last = ~going & (damping[climbing] < _REFUSED)
             fit.pose[climbing[last]] = target[last]
             fit.cost[climbing[last]] -= fall[last]
-            if not going.all():
-                climbing, beams, target = climbing[going], beams.take(np.flatnonzero(going)), target[going]
-            if not climbing.size:
+            if not going.any():
                 break
+            climbing, beams, target = climbing[going], beams.take(np.flatnonzero(going)), target[going]
             trial = self.evaluate(beams, target)
             better = trial.cost < fit.cost[climbing]
             fit.put(climbing[better], trial.take(better))
@@ -222,16 +218,7 @@ class PlateLikelihood:
 
     def edges(self, edges: Edges, view: View) -> Array:
         """Residuals of the two edges of the silhouette, and their three derivatives, (4, 2, M)."""
-        result = view.silhouette(edges.ahead)
-        result[0], weight = _missed(edges, result[0])
-        result *= weight
-        return result
-
-
-def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:
-    """By how much corners at bearings (2, M) miss the edges [rad], and the weights of that [1/rad]."""
-    residual, weight, slack = bearing - edges.bearing.T, edges.weight.T, edges.slack.T
-    if slack.any():
-        residual -= np.minimum(np.maximum(residual, -slack), slack)
-        weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
-    return residual, weight
+        bearing, *slopes = view.silhouette(edges.ahead)
+        slack, missed = edges.slack.T, bearing - edges.bearing.T
+        missed -= np.clip(missed, -slack, slack)
+        return np.stack([missed, *slopes]) * np.where((slack == 0) | (missed != 0), edges.weight.T, 0.0)

@@ -8,13 +8,12 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.scan import MIN_RETURNS, Cluster, Plate, Scan, extract_plate
+from trackslip.localization.likelihood import in_axes
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 
-MAX_STARTS = 6  # maximum number of starts per cluster, reached with an expected pose
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_CHUNK = 120_000  # returns times starts processed at a time, which stay in the cache
 _MIN_EXTENT = 0.35  # of a valid line [m]
 
 
@@ -82,12 +81,8 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
     # least squares with that share of the returns at one end, off by the thickness
     leaning = 3 * plate.thickness / plate.length * short_share
     heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2) + leaning**2
-    cos, sin = np.cos(line.heading), np.sin(line.heading)
-    covariance = np.zeros((len(n), 3, 3))
-    covariance[:, 0, 0] = along * cos**2 + across * sin**2
-    covariance[:, 1, 1] = along * sin**2 + across * cos**2
-    covariance[:, 0, 1] = covariance[:, 1, 0] = (along - across) * cos * sin
-    covariance[:, 2, 2] = heading
+    axes = in_axes(line.heading)
+    covariance = axes.swapaxes(1, 2) @ (np.stack([along, across, heading], axis=-1)[..., None] * axes)
     covariance[~valid] = np.nan
     return covariance
 
@@ -128,13 +123,3 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
         near = np.where(away, low + size / 2, high - size / 2)  # unless almost all of a side is seen, its near end is
         centre += np.where(high - low > _WHOLE * size, (low + high) / 2, near)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
-
-
-def portions(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> list[np.ndarray]:
-    """Rows of clusters with MIN_RETURNS or more returns, in portions whose memory is bounded, of those in a mask."""
-    wanted = cluster.count >= MIN_RETURNS
-    rows = np.flatnonzero(wanted if among is None else wanted & among)
-    total = starts_each * cluster.count[rows].cumsum()
-    if not rows.size or total[-1] <= _CHUNK:
-        return [rows] if rows.size else []
-    return np.split(rows, np.searchsorted(total, np.arange(_CHUNK, total[-1], _CHUNK)))

@@ -9,7 +9,6 @@ side is known along itself only as well as the edges of its silhouette tell.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,10 +17,21 @@ from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate, Rows
 from trackslip.localization.beams import PlateBeams
 from trackslip.localization.likelihood import EDGE_ON, UNKNOWN, Evaluation, PlateLikelihood, in_axes, viewing_angle
-from trackslip.localization.line import MAX_STARTS, portions, starts
-from trackslip.localization.returns import best_of_each
-from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
+from trackslip.localization.line import starts
+from trackslip.localization.scan import (
+    FINER_GAPS,
+    MAX_GAP,
+    MIN_RETURNS,
+    Cluster,
+    Plate,
+    Scan,
+    best_of_each,
+    candidates,
+    extract_plate,
+    returns_at,
+)
 
+_AT_ONCE = 2000  # scans, which bounds the memory
 _HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
 _SCREENING = 4  # iterations from every start before the best one is selected
 _ITERATIONS = 8  # at most, from the best start
@@ -68,10 +78,6 @@ class PlateLocator:
 
     plate: Plate = field(default_factory=Plate)
 
-    @functools.cached_property
-    def _likelihood(self) -> PlateLikelihood:
-        return PlateLikelihood(self.plate, _HUBER)
-
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
@@ -79,12 +85,22 @@ class PlateLocator:
         If a cluster may contain returns from something else, or lack some of its own, its returns are selected again
         by the pose found.
         """
-        if predicted is None:
-            near = None
+        near = None if predicted is None else scan.from_world(predicted)
+        found = PlateSolution.none(len(scan.ranges))
+        for rows in np.array_split(np.arange(len(scan.ranges)), -(-len(scan.ranges) // _AT_ONCE) or 1):
+            part = replace(scan, ranges=scan.ranges[rows])
+            found.put(rows, self._located(part, None if near is None else near[rows]))
+        valid = self._believed(found)
+        covariance = scan.covariance_to_world(found.covariance)
+        covariance[~valid] = np.nan
+        return PoseEstimate(scan.to_world(found.pose), covariance, valid)
+
+    def _located(self, scan: Scan, near: Array | None) -> PlateSolution:
+        """Solutions, with expected poses `near` (S, 3) in the LRF's frame if there are any."""
+        if near is None:
             found = self._best(scan, MAX_GAP)
             doubtful = astray = np.flatnonzero(found.doubtful | ~np.isfinite(found.misfit))
         else:
-            near = scan.from_world(predicted)
             found = self._solve(scan, extract_plate(scan, self.plate, near), near)
             strange = found.misfit > _MAX_MISFIT
             (astray,), (doubtful,) = strange.nonzero(), (found.doubtful | strange).nonzero()
@@ -92,11 +108,7 @@ class PlateLocator:
             found.improve(astray, self._best(replace(scan, ranges=scan.ranges[astray]), gap))
         if doubtful.size:
             self._sort_out(scan, found, doubtful, near)
-        valid = self._believed(found)
-        covariance = scan.covariance_to_world(found.covariance)
-        if not valid.all():
-            covariance[~valid] = np.nan
-        return PoseEstimate(scan.to_world(found.pose), covariance, valid)
+        return found
 
     def _sort_out(self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None) -> None:
         """Improve the solutions `found` for the scans `rows` where selecting the returns by the pose explains more."""
@@ -127,31 +139,24 @@ class PlateLocator:
         )
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
-        """The pose that explains each cluster best."""
-        parts = portions(cluster, MAX_STARTS if near is None else 1)
-        if len(parts) == 1 and len(parts[0]) == len(cluster.count):
-            return self._solved(scan, cluster, near)
-        found = PlateSolution.none(len(cluster.count))
-        for rows in parts:
-            found.put(rows, self._solved(scan, cluster.take(rows), None if near is None else near[rows]))
-        return found
-
-    def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
-        """Solutions of clusters with MIN_RETURNS or more returns, all at once."""
+        """The pose that explains each cluster of MIN_RETURNS or more returns best."""
+        found, rows = PlateSolution.none(len(cluster.count)), np.flatnonzero(cluster.count >= MIN_RETURNS)
+        if not rows.size:
+            return found
+        cluster, near = cluster.take(rows), None if near is None else near[rows]
         beams = PlateBeams.of(scan, cluster)
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         short = self.plate.thickness / scan.beam_step
         covariance = axes.swapaxes(1, 2) @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short) @ axes
         strained = _strained(misfit, cluster.count)
-        if strained.any():
-            covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
+        covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
         cut = cluster.hidden.max(axis=1) > 0
-        if cut.any():
-            covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
-        return PlateSolution(fit.pose, covariance, misfit, score, strained | cut)
+        covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
+        found.put(rows, PlateSolution(fit.pose, covariance, misfit, score, strained | cut))
+        return found
 
     def _fit(
         self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
@@ -160,12 +165,10 @@ class PlateLocator:
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
-        fit = self._likelihood.climb(beams, near, _ITERATIONS)
-        misfit = _misfit(fit, cluster)
-        unexplained = _strained(misfit, cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
-        if not unexplained.any():
-            return fit, misfit
-        for rows in portions(cluster, MAX_STARTS, unexplained):
+        fit = PlateLikelihood(self.plate, _HUBER).climb(beams, near, _ITERATIONS)
+        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
+        rows = np.flatnonzero(unexplained)
+        if rows.size:
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit, _misfit(fit, cluster)
@@ -173,11 +176,12 @@ class PlateLocator:
     def _screened(self, beams: PlateBeams, first: Array) -> Evaluation:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
+        likelihood = PlateLikelihood(self.plate, _HUBER)
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
-        screened = self._likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
+        screened = likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
         cost = screened.cost.reshape(scans, k)
         best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
-        return self._likelihood.climb(beams, screened.pose[best], _ITERATIONS)
+        return likelihood.climb(beams, screened.pose[best], _ITERATIONS)
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:

@@ -50,10 +50,6 @@ class Tracker:
         """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
         pose = self._unwrapped(estimate.pose)
         valid = self._close(estimate, pose)
-        if valid.all():
-            self._pose, self._last = pose, estimate.covariance.copy()
-            self._blind[:] = 0.0
-            return PoseEstimate(pose.copy(), estimate.covariance.copy(), valid)
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0
         self._last[valid] = estimate.covariance[valid]

@@ -1,4 +1,4 @@
-"""Scans of a laser range finder (LRF), real or simulated, and the cluster of points on the plate."""
+"""Scans of a laser range finder (LRF), real or simulated, the pieces they fall into, and the points on the plate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
-from trackslip.localization.returns import Returns, best_of_each
 
 Points = NDArray[np.complex128]  # points or directions of the scan plane, x + iy
 MAX_GAP = 0.7
@@ -142,6 +141,51 @@ class Cluster:
         return low, high
 
 
+@dataclass(frozen=True)
+class Returns:
+    """Returns in the order of scans and beams."""
+
+    row: np.ndarray  # (H,) the scan
+    beam: np.ndarray  # (H,)
+    x: Array  # (H,) in the LRF's frame [m]
+    y: Array  # (H,)
+
+    def split(self, gap: float) -> ReturnPieces:
+        """Pieces, separated where neighbours lie more than `gap` [m] apart."""
+        apart = (self.x[1:] - self.x[:-1]) ** 2 + (self.y[1:] - self.y[:-1]) ** 2 > gap**2
+        apart |= self.row[1:] != self.row[:-1]
+        starts = np.ones(len(self.row), bool)
+        starts[1:] = apart
+        first = np.flatnonzero(starts)
+        label = np.cumsum(starts) - 1
+        count = np.append(first[1:], len(starts)) - first
+        spans = [np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (self.x, self.y)]
+        return ReturnPieces(self.row[first], label, count[: len(first)], np.maximum(*spans))
+
+    def centres(self, pieces: ReturnPieces) -> Array:
+        """Mean points (P, 2) of pieces [m]."""
+        sums = [np.bincount(pieces.label, c, len(pieces.count)) for c in (self.x, self.y)]
+        return np.stack(sums, axis=-1) / pieces.count[:, None]
+
+
+@dataclass(frozen=True)
+class ReturnPieces:
+    """Runs of neighbouring returns."""
+
+    row: np.ndarray  # (P,) the scan
+    label: np.ndarray  # (H,) the piece of each return
+    count: np.ndarray  # (P,) of returns
+    extent: Array  # (P,) the longer side of the box around it [m]
+
+
+def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
+    """Mask (P,) of the piece with the highest score of each row; the last of equal ones."""
+    order = np.lexsort((score, row))
+    best = np.zeros(len(row), bool)
+    best[order[np.append(np.diff(row[order]) != 0, True)[: len(order)]]] = True
+    return best
+
+
 def places_of(count: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Places of the returns of the scans `rows`, if scans have `count` (S,) returns each."""
     first, count = (count.cumsum() - count)[rows], count[rows]
@@ -252,9 +296,8 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     farther = np.where(on, scan.ranges[rows, np.minimum(np.maximum(beam, 0), last)] - own, np.inf)
     goes_on = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0]) & (second >= 0) & (second <= last)
     angle = np.zeros(len(rows))
-    if goes_on.any():
-        some = np.flatnonzero(goes_on)
-        angle[some[scan.ranges[rows[some], second[some]] < own[some] + MAX_GAP]] = np.inf
+    some = np.flatnonzero(goes_on)
+    angle[some[scan.ranges[rows[some], second[some]] < own[some] + MAX_GAP]] = np.inf
     active = np.flatnonzero((farther < -_IN_FRONT) & (angle == 0))
     while active.size:
         angle[active] += scan.beam_step

@@ -37,8 +37,6 @@ def unwrapped(heading: Array) -> Array:
 
 def in_order(time: Array) -> np.ndarray:
     """Rows (n,), as many as possible, whose times (T,) ascend."""
-    if (np.diff(time) > 0).all():
-        return np.arange(len(time))
     ends: list[float] = []  # the earliest end of an ascending chain of each length
     last: list[int] = []  # and its row
     before = np.full(len(time), -1)

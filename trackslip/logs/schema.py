@@ -29,7 +29,6 @@ class Column:
 
 
 def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
-    """The columns of the left and the right track."""
     return Column(f"{name}_l", unit, f"{description}, left"), Column(f"{name}_r", unit, f"{description}, right")
 
 

@@ -89,7 +89,6 @@ def stored_metadata(metadata: Mapping[bytes, bytes] | None, source: str) -> dict
 
 
 def _table(log: RunLog) -> pa.Table:
-    """A run without metadata."""
     blocks: dict[tuple[str, ...], Array | None] = {("t",): log.time}
     blocks |= {names: getattr(log, field) for field, names in BLOCKS.items()}
     blocks[COVARIANCE] = None if log.covariance is None else log.covariance[:, *np.triu_indices(3)]
@@ -141,7 +140,6 @@ def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | No
 
 
 def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
-    """The scanner and its plate, JSON-compatible."""
     scan = scans.scan
     return {
         "first_bearing": float(scan.bearings[0]),

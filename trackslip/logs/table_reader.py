@@ -140,7 +140,6 @@ class _Reader:
         return bool(min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1)
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
-        """A run of rows under one clock."""
         rows = self._in_order(name, self._joined(rows))
         omega, read = self._encoder(name, rows)
         beyond = self._beyond(np.setdiff1d(rows, read, assume_unique=True))

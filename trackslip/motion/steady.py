@@ -148,7 +148,6 @@ def _time_of_poses(log: RunLog, count: int) -> float:
 
 
 def _require_headings(log: RunLog) -> None:
-    """Raise LogError for a run all of whose poses lack a heading."""
     if log.is_valid.any() and not log.has_heading.any():
         raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, --method drive does not")
     if log.has_heading.any() and not log.has_place.any():

@@ -125,14 +125,12 @@ class SlipOdometry:
     def update(self, omega: ArrayLike, dt: float, gyro: ArrayLike | None = None) -> None:
         """Drive on with mean sprocket speeds (..., 2) [rad/s] for `dt` [s], at least 0.
 
-        `gyro` (...) is the mean yaw rate that a gyroscope measured meanwhile [rad/s], NaN for none.
-
-        Raises:
-            InvalidValueError: for a negative time, or values that are not finite.
+        `gyro` (...) is the mean yaw rate that a gyroscope measured meanwhile [rad/s], NaN for none. Raises
+        InvalidValueError for a negative time, or values that are not finite.
         """
         require(0 <= dt < np.inf, "dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, (2,))
-        after = self._driven(omega[None], np.array([dt]), None if gyro is None else _readings(gyro, omega)[None])
+        after = self._driven(omega[None], np.array([dt]), _readings(gyro, omega)[None])
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
     def path(self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None) -> OdometryPath:
@@ -153,10 +151,10 @@ class SlipOdometry:
         require(fits, "time", time.shape, f"one time per row of omega, ({len(omega)},)")
         ascends = np.isfinite(time).all() and (step > 0).all()
         require(ascends, "time", float(time[0]), "finite, and ascending from row to row")
-        states = self._driven(omega[1:], step, None if gyro is None else _readings(gyro, omega)[1:])
+        states = self._driven(omega[1:], step, _readings(gyro, omega)[1:])
         return OdometryPath(time, self._poses(states), self._covariances(states))
 
-    def _driven(self, omega: Array, step: Array, gyro: Array | None) -> _State:
+    def _driven(self, omega: Array, step: Array, gyro: Array) -> _State:
         """The states (T + 1, ...) from now on, driving at `omega` (T, ..., 2) for `step` (T,) each."""
         now, geometry = self._state, self.geometry
         dt = step.reshape(-1, *[1] * (omega.ndim - 2))
@@ -164,11 +162,9 @@ class SlipOdometry:
         v, w = np.broadcast_arrays(twist[..., 0], twist[..., 1])
         slopes = self.errors.slopes(self.law, omega, geometry)
         way = geometry.sprocket_radius * np.abs(omega).mean(axis=-1) * dt
-        variance, rest = self.noise.turn**2 * way, _summed(now.rest, np.zeros((*v.shape, 2)))
         if len(self._errors) > slopes.shape[-1]:
             slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], 2))], axis=-1)
-        if gyro is not None:
-            w, variance, rest = self._with_gyro(gyro, omega, w, dt, variance, slopes)
+        w, variance, rest = self._with_gyro(gyro, omega, w, dt, self.noise.turn**2 * way, slopes)
         speed, turn = v - 1j * self.drift * v * w, w * dt
         along, across, d_along, d_across = arc_quotients(turn)
         heading = _summed(now.heading, turn)
@@ -178,7 +174,7 @@ class SlipOdometry:
         dv, dw = slopes[..., 0, :], slopes[..., 1, :]
         swing = _summed(now.swing, dw * dt[..., None])
         by_speed = dv - 1j * self.drift * (dv * w[..., None] + v[..., None] * dw)
-        aside = by_speed * (dt * (along + 1j * across) * np.exp(1j * before))[..., None]
+        aside: np.ndarray = by_speed * (dt * (along + 1j * across) * np.exp(1j * before))[..., None]
         aside = aside + dw * (speed * dt**2 * (d_along + 1j * d_across) * np.exp(1j * before))[..., None]
         aside = aside + 1j * swing[:-1] * moved[..., None]
         moments = self._moments(place[:-1] + moved / 2, moved, before + turn / 2, way, variance)
@@ -247,9 +243,9 @@ def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
     return np.cumsum(np.concatenate([begin, increments]), axis=0)
 
 
-def _readings(gyro: ArrayLike, omega: Array) -> Array:
+def _readings(gyro: ArrayLike | None, omega: Array) -> Array:
     """Readings of a gyro with sprocket speeds (..., 2), NaN for none."""
-    array = np.asarray(gyro, float)
+    array = np.full(omega.shape[:-1], np.nan) if gyro is None else np.asarray(gyro, float)
     require(array.shape == omega.shape[:-1], "gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
     require(not np.isinf(array).any(), "gyro", float(array[np.isinf(array)].sum()), "finite, or NaN for no reading")
     return array

@@ -99,10 +99,8 @@ def best_fit(pose: Array, measured: Array) -> Array:
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns" (1991), without scale.
     """
     centre, target = pose[:, :2].mean(axis=0), measured[:, :2].mean(axis=0)
-    here, there = pose[:, :2] - centre, measured[:, :2] - target
-    along = float(np.sum(here * there))
-    across = float(np.sum(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]))
-    return moved(pose, float(np.arctan2(across, along)), centre, target)
+    here, there = (pose[:, :2] - centre) @ [1, 1j], (measured[:, :2] - target) @ [1, 1j]
+    return moved(pose, float(np.angle(np.vdot(here, there))), centre, target)
 
 
 def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:

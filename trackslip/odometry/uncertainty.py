@@ -37,8 +37,7 @@ class SlipNoise:
     def of(cls, noise: Mapping[str, float]) -> Self:
         """Noise of a law fitted to drives, `DriveFit.noise`; entries of the poses are ignored.
 
-        Raises:
-            InvalidValueError: if an entry is missing or not a standard deviation.
+        Raises InvalidValueError if an entry is missing or not a standard deviation.
         """
         require(set(_SLIP) <= set(noise), "noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
         return cls(*(float(noise[name]) for name in _SLIP))
@@ -111,10 +110,8 @@ class LawErrors:
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by its parameters.
 
-        They are central differences, 0 for a parameter without error.
-
-        Raises:
-            InvalidValueError: if the law has no parameter of one of the names.
+        They are central differences, 0 for a parameter without error. Raises InvalidValueError if the law has no
+        parameter of one of the names.
         """
         slopes = np.zeros((*omega.shape, len(self.names)))
         for k, (name, variance) in enumerate(zip(self.names, np.diag(self.covariance).tolist(), strict=True)):

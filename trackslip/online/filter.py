@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
-from trackslip.errors import require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.base import PoseEstimate
@@ -53,10 +52,6 @@ class FilterTuning:
     position_walk: float = 0.002  # process noise of the position [m per sqrt(m) driven]
     heading_walk: float = 0.003
     """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            (require_non_negative if name.endswith("_walk") else require_positive)(name, value)
 
 
 class IcrFilter:

@@ -15,7 +15,7 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
 from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
-from trackslip.planning.route import RATE, Maneuvers, PlacedRoute, Route, best_route, path, placed
+from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path, placed
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
@@ -27,7 +27,7 @@ _THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
 
 
 @dataclass(frozen=True)
-class DrivePlan:
+class DrivePlan(PlacedRoute):
     """A planned drive."""
 
     law: str
@@ -38,9 +38,6 @@ class DrivePlan:
     poses: PoseQuality
     known: LawErrors | None
     """Errors of the law from an earlier identification."""
-    maneuvers: Maneuvers
-    start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
-    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from that of the area [m]
     expectation: Expectation
     """Standard errors to expect, together with what is known."""
 
@@ -87,21 +84,11 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan the drive with the smallest largest relative standard error of the law's parameters.
+    """Plan the drive with the smallest largest relative standard error of a law's parameters, one of PLANNED_LAWS.
 
-    Args:
-        geometry: of the robot.
-        limits: that the drive keeps to.
-        poses: that it will be measured with.
-        law: family to identify, one of PLANNED_LAWS.
-        knowledge: prior knowledge of the robot's motion; by default of a robot on hard ground.
-        values: expected parameters of the law; by default those of such a robot.
-        known: errors of the law from an earlier identification.
-        seed: of the search.
-        step: called after each drive that is tried, with 1.0.
-
-    Raises:
-        InvalidValueError: for an unknown law, or an area or duration in which no drive determines the law.
+    Prior `knowledge` of the robot's motion and expected `values` (q,) of the parameters are by default those of hard
+    ground; `known` are errors of the law from an earlier identification. `step` is called with 1.0 after each drive
+    that is tried. Raises InvalidValueError for an unknown law, or an area or duration in which no drive determines it.
     """
     require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
     least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
@@ -133,8 +120,8 @@ def plan_drive(
         allowed = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, allowed)
     expectation = expectation_of(drive, poses, 1)
-    way, start, places = drive.maneuvers, drive.start, drive.places
-    return DrivePlan(law, expected_values, limits, knowledge, poses, known, way, start, places, expectation)
+    where = drive.maneuvers, drive.start, drive.places
+    return DrivePlan(*where, law, expected_values, limits, knowledge, poses, known, expectation)
 
 
 def evaluations(limits: DriveLimits) -> int:

@@ -100,15 +100,8 @@ def line_contact(
 ) -> Contact:
     """Two tracks with uniform pressure on the ground, apart from the effect of the centre of mass.
 
-    Args:
-        half_gauge: half the distance between the tracks [m].
-        half_length: half of the contact length [m].
-        along, across: friction coefficients [-].
-        centre_of_mass: see `Contact` [m].
-        points: number of points per track, in the middle of equal segments.
-
-    Raises:
-        InvalidValueError: if a value is not positive, or the centre of mass lifts part of a track.
+    Lengths are in m; `along` and `across` are friction coefficients, and `points` per track lie in the middle of equal
+    segments. Raises InvalidValueError if a value is not positive, or the centre of mass lifts part of a track.
     """
     require_positive("half_length", half_length)
     return wheel_contact(half_gauge, (0.0,), 2 * half_length, along, across, centre_of_mass, points)
@@ -123,12 +116,9 @@ def wheel_contact(
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 20,
 ) -> Contact:
-    """Wheels on patches with uniform pressure, one on either side of each of `axles`; else as `line_contact`.
+    """Wheels on patches with uniform pressure, one on either side of each axle; else as `line_contact`.
 
-    Args:
-        axles: their distances ahead of the middle of all, whose mean is 0 [m].
-        patch_length: length of a wheel's contact [m].
-        points: number of points per patch.
+    `axles` are their distances ahead of the middle of all, whose mean is 0 [m]; `points` are those per patch.
     """
     require_positive("half_gauge", half_gauge)
     require_positive("patch_length", patch_length)

@@ -75,19 +75,6 @@ def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shea
     return np.stack([force_x.sum(axis=-1), force_y.sum(axis=-1), moment.sum(axis=-1)], axis=-1)
 
 
-def coulomb_tractions(twist: Array, belts: Array, contact: Contact) -> Array:
-    """Tractions (..., 2) of the left and the right track on Coulomb ground, positive forwards, over the weight.
-
-    Robots with twists (..., 3) and belt speeds (..., 2) [m/s]; the load is that of a robot at rest.
-    """
-    v, u, w = (twist[..., k, None] for k in range(3))
-    belt = np.where(contact.y > 0, belts[..., :1], belts[..., 1:])
-    slide_x, slide_y = v - w * contact.y - belt, u + w * contact.x
-    size = np.hypot(contact.along * slide_x, contact.across * slide_y)
-    force = -contact.loads(np.zeros(2)) * contact.along**2 * slide_x / np.where(size > 0, size, 1.0)
-    return np.stack([force[..., contact.y > 0].sum(axis=-1), force[..., contact.y < 0].sum(axis=-1)], axis=-1)
-
-
 def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> Array:
     """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), over the weight.
 

@@ -30,11 +30,8 @@ def steady_twist(
     With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer
     track; both are found by fixed-point iteration. By default inertia is neglected and slip does not depend on speed.
     `shear` is the modulus K of ground that shears, 0 for Coulomb ground [m]. Where uphill is to the side of a turning
-    robot, the twist is that of the moment.
-
-    Raises:
-        InvalidValueError: for speeds that are not finite, or too fast for a turn, and a load that the ground does not
-            carry.
+    robot, the twist is that of the moment. Raises InvalidValueError for speeds that are not finite, or too fast for a
+    turn, and a load that the ground does not carry.
     """
     speeds = np.asarray(surface_speeds, float)
     require(np.isfinite(speeds).all(), "surface_speeds", surface_speeds, "finite")

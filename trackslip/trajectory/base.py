@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,8 +30,9 @@ class PiecewiseReference(ABC):
 
     def __init__(self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike) -> None:
         """Durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at their starts and ends."""
-        durations, self._speeds = np.asarray(durations, float), np.asarray(start_speeds, float)
-        self._accelerations = (np.asarray(end_speeds, float) - self._speeds) / durations
+        self.cells = np.array([durations, start_speeds, end_speeds])  # (3, K)
+        durations, self._speeds, last = self.cells
+        self._accelerations = (last - self._speeds) / durations
         self._times = np.concatenate([[0.0], np.cumsum(durations)])
 
     @property
@@ -47,12 +48,12 @@ class PiecewiseReference(ABC):
     def pose(self, time: ArrayLike) -> Array:
         """Poses (..., 3) at times (...) [s]; phi unwrapped."""
         k, way, _ = self._driven(time)
-        return self._pose(k, way)
+        return self.pose_in(k, way)
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
         k, way, speed = self._driven(time)
-        return np.stack([speed, speed * self._curvature(k, way)], axis=-1)
+        return np.stack([speed, speed * self.curvature_in(k, way)], axis=-1)
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
         """Index of the cell, way driven since its start [m] and speed [m/s], each (...)."""
@@ -64,42 +65,12 @@ class PiecewiseReference(ABC):
         return k, t * (self._speeds[k] + self._accelerations[k] * t / 2), speed
 
     @abstractmethod
-    def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
+    def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
         """Poses (..., 3) in cells k (...), `way` (...) from their starts [m]."""
 
     @abstractmethod
-    def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
+    def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
         """Curvatures (...) there [1/m]."""
-
-
-class Tabulated:
-    """A reference whose poses and twists at certain times are computed in advance, all at once."""
-
-    def __init__(self, reference: Reference, times: ArrayLike) -> None:
-        """Tabulate `reference` at `times` (T,) [s]; at other times it is evaluated."""
-        times = np.asarray(times, float)
-        self._reference = reference
-        self._poses = dict(zip(times.tolist(), reference.pose(times), strict=True))
-        self._twists = dict(zip(times.tolist(), reference.twist(times), strict=True))
-
-    def __getattr__(self, name: str) -> Any:
-        """Any other attribute of the reference."""
-        return getattr(self._reference, name)
-
-    @property
-    def duration(self) -> float:
-        """Time at which the reference ends [s]."""
-        return self._reference.duration
-
-    def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
-        known = self._poses.get(time) if isinstance(time, float) else None
-        return self._reference.pose(time) if known is None else known.copy()
-
-    def twist(self, time: ArrayLike) -> Array:
-        """Twists (..., 2) at times (...) [s]."""
-        known = self._twists.get(time) if isinstance(time, float) else None
-        return self._reference.twist(time) if known is None else known.copy()
 
 
 def cell(knots: Array, at: Array) -> NDArray[np.intp]:

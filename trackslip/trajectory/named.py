@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import require
 from trackslip.trajectory.base import Reference
-from trackslip.trajectory.clothoid import clothoid, rounded_square
-from trackslip.trajectory.curves import figure_eight, slalom, spiral
+from trackslip.trajectory.curves import clothoid, figure_eight, rounded_square, slalom, spiral
 from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import read_waypoints
 
@@ -34,8 +33,7 @@ REFERENCES: dict[str, Callable[..., Reference]] = {
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
     """The reference called `name` in REFERENCES, from `start` (3,) or from its default start.
 
-    Raises:
-        InvalidValueError: if there is no such reference.
+    Raises InvalidValueError if there is no such reference.
     """
     require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
     return REFERENCES[name]() if start is None else REFERENCES[name](start=start)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -45,11 +46,8 @@ class PlanarPath(ABC):
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
 
 
-class Curve(Protocol):
-    """A curve with an arbitrary parameter, called like the splines of SciPy."""
-
-    def __call__(self, u: Array, nu: int, /) -> Complex:
-        """Points (...) at parameters (...) for nu = 0, first and second derivatives for nu = 1 and 2."""
+Curve = Callable[[Array, int], Complex]
+"""Points (...) at parameters (...) for 0, first and second derivatives for 1 and 2, as of SciPy's splines."""
 
 
 class ParametricPath(PlanarPath):
@@ -60,15 +58,10 @@ class ParametricPath(PlanarPath):
     """
 
     def __init__(self, curve: Curve, breaks: ArrayLike, start: ArrayLike | None = None) -> None:
-        """Follow `curve` from the first to the last of the `breaks`.
+        """Follow a twice differentiable curve from the first to the last of ascending `breaks` (B,) of its parameter.
 
-        Args:
-            curve: twice differentiable, without cusps; any derivative may jump at the breaks.
-            breaks: (B,) parameters, ascending.
-            start: pose (3,) to which the curve is moved; by default it is not moved.
-
-        Raises:
-            InvalidValueError: if the curve has a cusp or is longer than MAX_LENGTH.
+        Any derivative may jump at the breaks. With `start`, the curve is moved to that pose (3,). Raises
+        InvalidValueError if the curve has a cusp or is longer than MAX_LENGTH.
         """
         self._curve = curve
         self._u, lengths = _cells(curve, np.asarray(breaks, float))
@@ -103,11 +96,6 @@ class ParametricPath(PlanarPath):
         return (np.conj(velocity) * self._curve(u, 2)).imag / np.abs(velocity) ** 3
 
 
-def require_length(length: float) -> None:
-    """Raise InvalidValueError for a path longer than MAX_LENGTH."""
-    require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
-
-
 def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
     """Lengths (...) of the curve between parameters (...)."""
     half = (end - start) / 2
@@ -118,7 +106,8 @@ def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
 def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
     """Parameters (K,) of the knots and lengths (K - 1,) between them; cells are halved until they are fine enough."""
     u = breaks
-    require_length(float(_arc_length(curve, u[:-1], u[1:]).sum()))
+    length = float(_arc_length(curve, u[:-1], u[1:]).sum())
+    require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
     while True:
         lengths = _arc_length(curve, u[:-1], u[1:])
         velocity = curve(u, 1)

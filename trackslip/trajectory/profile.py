@@ -78,10 +78,12 @@ class ProfiledReference(PiecewiseReference):
         durations = 2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:])
         super().__init__(durations, direction * speeds[:-1], direction * speeds[1:])
 
-    def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
+    def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
+        """See PiecewiseReference."""
         return self._path.pose(self._path.knots[k] + self._direction * way) + self._turn
 
-    def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
+    def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
+        """See PiecewiseReference."""
         return self._direction * self._path.curvature(self._path.knots[k] + self._direction * way)
 
 

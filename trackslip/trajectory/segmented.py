@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackslip.errors import require, require_positive
+from trackslip.errors import require_positive
 from trackslip.kinematics import Array, advance
 from trackslip.trajectory.base import PiecewiseReference
-from trackslip.trajectory.profile import LIMITS, MotionLimits
+from trackslip.trajectory.profile import LIMITS
 
 
 @dataclass(frozen=True)
@@ -37,18 +36,19 @@ class SegmentedReference(PiecewiseReference):
     """Straight lines and arcs in sequence, with pose and twist in closed form."""
 
     def __init__(self, start: ArrayLike, segments: Sequence[Segment]) -> None:
-        """`start` is the first pose (3,); raises InvalidValueError without segments."""
-        require(segments, "segments", segments, "at least one segment")
+        """`start` is the first pose (3,)."""
         poses = [np.asarray(start, float)]
         for s in segments:
             poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
         self._start_poses, self._curvatures = np.array(poses[:-1]), np.array([s.curvature for s in segments])
         super().__init__(*np.array([(s.duration, s.start_speed, s.end_speed) for s in segments]).T)
 
-    def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
+    def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
+        """See PiecewiseReference."""
         return advance(self._start_poses[k], np.stack([way, way * self._curvatures[k]], axis=-1), 1.0)
 
-    def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
+    def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
+        """See PiecewiseReference."""
         return self._curvatures[k]
 
 
@@ -72,38 +72,18 @@ def circle(radius: float, speed: float, duration: float, start: ArrayLike = (0.0
     return SegmentedReference(start, [Segment(duration, speed, speed, 1 / radius)])
 
 
-def stop_and_go(
-    start: ArrayLike,
-    straight: float = 2.5,
-    radius: float = 1.0,
-    arc: float = 1.6,
-    dwell: float = 2.0,
-    limits: MotionLimits = LIMITS,
-) -> SegmentedReference:
-    """Forwards, a stop, backwards on an arc about a point to the left, a stop, forwards.
+def stop_and_go(start: ArrayLike) -> SegmentedReference:
+    """2.5 m forwards, 1.6 m backwards on an arc of 1 m about a point to the left, 2.5 m forwards; 2 s at rest between.
 
-    Args:
-        start: first pose (3,).
-        straight: length of the first and the last piece [m].
-        radius: of the arc [m].
-        arc: length of the arc [m].
-        dwell: duration of each stop [s].
+    `start` (3,) is the first pose.
     """
-    for name, value in (("straight", straight), ("radius", radius), ("arc", arc), ("dwell", dwell)):
-        require_positive(name, value)
-    forwards, backwards = _leg(straight, 0.0, 1.0, limits), _leg(arc, 1 / radius, -1.0, limits)
-    stop = Segment(dwell, 0.0, 0.0)
+    forwards, backwards, stop = _leg(2.5, 0.0, 1.0), _leg(1.6, 1.0, -1.0), Segment(2.0, 0.0, 0.0)
     return SegmentedReference(start, [*forwards, stop, *backwards, stop, *forwards])
 
 
-def _leg(length: float, curvature: float, direction: float, limits: MotionLimits) -> list[Segment]:
-    """Segments from rest to rest: accelerate, cruise if the leg is long enough, brake."""
-    acceleration = limits.acceleration
-    speed = min(float(limits.speed_at(curvature)), float(np.sqrt(acceleration * length)))
-    cruise = length / speed - speed / acceleration
-    speeds = [0.0, speed, speed, 0.0] if cruise > 0 else [0.0, speed, 0.0]
-    durations = [speed / acceleration, cruise, speed / acceleration] if cruise > 0 else [speed / acceleration] * 2
-    return [
-        Segment(duration, direction * before, direction * after, curvature)
-        for duration, (before, after) in zip(durations, pairwise(speeds), strict=True)
-    ]
+def _leg(length: float, curvature: float, direction: float) -> list[Segment]:
+    """Segments from rest to rest: accelerate, cruise, brake."""
+    speed = float(LIMITS.speed_at(curvature))
+    top, ramp = direction * speed, speed / LIMITS.acceleration
+    cruise = Segment(length / speed - ramp, top, top, curvature)
+    return [Segment(ramp, 0.0, top, curvature), cruise, Segment(ramp, top, 0.0, curvature)]

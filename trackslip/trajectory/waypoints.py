@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from trackslip.errors import InvalidValueError, LogError, ReferenceFileError, re
 from trackslip.kinematics import Array
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
-from trackslip.trajectory.base import Reference
+from trackslip.trajectory.base import PiecewiseReference, Reference
 from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
 from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 
@@ -25,57 +25,44 @@ MIN_SPACING = 1e-3  # minimum distance between neighbouring waypoints [m]
 _ALONG = np.cos(np.radians(45))  # between a chord and the headings at its ends, at most
 
 
-class Stretches:
+class Stretches(PiecewiseReference):
     """References one after another; headings go on without whole turns."""
 
     def __init__(self, references: Sequence[ProfiledReference]) -> None:
         self._references = references
-        self._starts = np.concatenate([[0.0], np.cumsum([reference.duration for reference in references])])
-        self._turns = [0.0]  # what is added to the headings of each
-        for before, after in pairwise(references):
-            jump = self._turns[-1] + before.pose(before.duration)[2] - after.pose(0.0)[2]
-            self._turns.append(2 * np.pi * float(np.round(jump / (2 * np.pi))))
+        self._first = np.cumsum([0, *(len(each.knots) - 1 for each in references)])  # cell of each
+        start, end = np.array([each.pose([0.0, each.duration])[:, 2] for each in references]).T
+        self._turns = 2 * np.pi * np.append(0.0, np.cumsum(np.round((end[:-1] - start[1:]) / (2 * np.pi))))
+        super().__init__(*np.concatenate([each.cells for each in references], axis=1))
 
-    @property
-    def duration(self) -> float:
-        """Time at which the last reference ends [s]."""
-        return float(self._starts[-1])
-
-    @property
-    def knots(self) -> Array:
-        """Times (K,) between which the twist is smooth [s]."""
-        starts = self._starts[:-1]
-        return np.concatenate([at + part.knots for at, part in zip(starts, self._references, strict=True)])
-
-    def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
-        time = np.asarray(time, float)
-        poses = np.empty((*time.shape, 3))
-        for k, at in self._split(time):
-            poses[at] = self._references[k].pose(time[at] - self._starts[k])
-            poses[at, 2] += self._turns[k]
+    def pose_in(self, k: np.ndarray, way: Array) -> Array:
+        """See PiecewiseReference."""
+        poses = np.empty((*k.shape, 3))
+        for reference, at, first, turn in self._driven_in(k):
+            poses[at] = reference.pose_in(k[at] - first, way[at])
+            poses[at, 2] += turn
         return poses
 
-    def twist(self, time: ArrayLike) -> Array:
-        """Twists (..., 2) at times (...) [s]."""
-        time = np.asarray(time, float)
-        twists = np.empty((*time.shape, 2))
-        for k, at in self._split(time):
-            twists[at] = self._references[k].twist(time[at] - self._starts[k])
-        return twists
+    def curvature_in(self, k: np.ndarray, way: Array) -> Array:
+        """See PiecewiseReference."""
+        curvatures = np.empty(k.shape)
+        for reference, at, first, _ in self._driven_in(k):
+            curvatures[at] = reference.curvature_in(k[at] - first, way[at])
+        return curvatures
 
-    def _split(self, time: Array) -> list[tuple[int, np.ndarray]]:
-        """Index of each reference, and where (...) it is driven."""
-        driven = np.searchsorted(self._starts[1:-1], time, side="right")
-        return [(k, driven == k) for k in range(len(self._references))]
+    def _driven_in(self, k: np.ndarray) -> Iterator[tuple[ProfiledReference, np.ndarray, int, float]]:
+        """Each reference, where it has the cells k (...), its first cell, and the turn of its headings [rad]."""
+        for reference, first, end, turn in zip(
+            self._references, self._first[:-1], self._first[1:], self._turns, strict=True
+        ):
+            yield reference, (first <= k) & (k < end), first, turn
 
 
 def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
     """The reference through the points in a CSV file of columns x, y and, optionally, yaw and v: see `waypoints`.
 
-    Raises:
-        ReferenceFileError: if the file cannot be read or driven; names the row, counted from 1 without the header, and
-            the column.
+    Raises ReferenceFileError if the file cannot be read or driven; names the row, counted from 1 without the header,
+    and the column.
     """
     try:
         table = read_table(path)
@@ -131,7 +118,6 @@ def waypoints(
 
 
 def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> None:
-    """Raise InvalidValueError for too few or too many points, numbers out of range, and points too close or far."""
     count = len(points)
     require(MIN_POINTS <= count <= MAX_POINTS, "number of waypoints", count, f"from {MIN_POINTS} to {MAX_POINTS}")
     for name, values in zip(COLUMNS, (*points.T, yaw, speed), strict=True):

@@ -34,8 +34,8 @@ def states(names, positions=None, velocities=None, topic="/joint_states", time=L
 def test_speeds_are_means_since_the_reading_before(tmp_path):
     found = read(tmp_path, joints_of(LOG))
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time])
-    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
-    np.testing.assert_array_equal(found.omega[0], found.omega[1])
+    np.testing.assert_allclose(found.values[1:], LOG.omega[1:], atol=1e-11)
+    np.testing.assert_array_equal(found.values[0], found.values[1])
     assert found.joints == (("left_wheel",), ("right_wheel",))
 
 
@@ -50,10 +50,10 @@ def test_several_wheels_a_side_are_averaged(tmp_path):
     names = ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"]
     scale = np.array([0.9, 1.1, 1.1, 0.9])
     found = read(tmp_path, states(names, TURNED[:, [0, 1, 0, 1]] * scale))
-    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-10)
+    np.testing.assert_allclose(found.values[1:], LOG.omega[1:], atol=1e-10)
     chosen = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
     found = read(tmp_path / "chosen", states(names, TURNED[:, [0, 1, 0, 1]] * scale), chosen)
-    np.testing.assert_allclose(found.omega[1:], 0.9 * LOG.omega[1:], atol=1e-10)
+    np.testing.assert_allclose(found.values[1:], 0.9 * LOG.omega[1:], atol=1e-10)
 
 
 @pytest.mark.parametrize("choice", [BagChoice(), BagChoice(encoders="/left,/right")])
@@ -64,7 +64,7 @@ def test_sides_in_two_topics(tmp_path, choice):
         messages.append(joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000))
     found = read(tmp_path, messages, choice)
     assert found.source == "/left and /right"
-    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-9)
+    np.testing.assert_allclose(found.values[1:], LOG.omega[1:], atol=1e-9)
 
 
 def test_velocities_where_there_are_no_positions(tmp_path):
@@ -73,18 +73,18 @@ def test_velocities_where_there_are_no_positions(tmp_path):
     notes = []
     found = read(tmp_path, states(["left", "right"], None, speed), notes=notes)
     middle = (LOG.time[1:] + LOG.time[:-1]) / 2
-    np.testing.assert_allclose(found.omega[1:], np.column_stack([middle, 3.0 - middle]), atol=1e-9)
+    np.testing.assert_allclose(found.values[1:], np.column_stack([middle, 3.0 - middle]), atol=1e-9)
     assert any("speeds are its velocities, because it states no positions" in note for note in notes)
 
 
 @pytest.mark.parametrize("positions", [np.full_like(TURNED, np.nan), np.zeros_like(TURNED)])
 def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positions):
     found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
-    np.testing.assert_allclose(found.omega[1:], (LOG.omega[1:] + LOG.omega[:-1]) / 2, atol=1e-9)
+    np.testing.assert_allclose(found.values[1:], (LOG.omega[1:] + LOG.omega[:-1]) / 2, atol=1e-9)
     positions = TURNED.copy()
     positions[40, 0] = np.nan
     bridged = read(tmp_path / "bridged", states(["left", "right"], positions))
-    np.testing.assert_allclose(bridged.omega[60:], LOG.omega[60:], atol=1e-10)
+    np.testing.assert_allclose(bridged.values[60:], LOG.omega[60:], atol=1e-10)
 
 
 def test_the_topic_that_is_measured_is_chosen(tmp_path):

@@ -49,8 +49,8 @@ def read(tmp_path, messages, source, kind="mcap"):
 @pytest.mark.parametrize(("topic", "kind"), [*zip(SOURCES, KINDS[1:], strict=True), ("/odom", KINDS[0])])
 def test_poses_of_every_type(tmp_path, kind, topic):
     found, notes = read(tmp_path, poses_of(LOG, SOURCES[topic]), topic, kind)
-    np.testing.assert_array_equal(found.pose[:, :2], SEEN[:, :2])
-    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-12)
+    np.testing.assert_array_equal(found.values[:, :2], SEEN[:, :2])
+    np.testing.assert_allclose(found.values[:, 2], WRAPPED[:, 2], atol=1e-12)
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time[LOG.is_valid]])
     np.testing.assert_allclose(found.delay, 1e-3)
     assert not notes
@@ -94,7 +94,7 @@ SIDEWAYS = turned(*Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat().to
 )
 def test_orientations_that_are_no_headings(tmp_path, messages, note):
     found, (said,) = read(tmp_path, messages, "/slam/pose")
-    assert np.isnan(found.pose[:, 2]).all()
+    assert np.isnan(found.values[:, 2]).all()
     assert said.startswith(f"topic /slam/pose: {note}")
 
 
@@ -111,7 +111,7 @@ ASTRAY = [pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0)) if k == 7 else one for k,
 )
 def test_poses_that_mean_nothing_are_left_out(tmp_path, messages, without, note):
     found, (said,) = read(tmp_path, messages, "/slam/pose")
-    np.testing.assert_allclose(found.pose, np.delete(WRAPPED, without, axis=0), atol=1e-9)
+    np.testing.assert_allclose(found.values, np.delete(WRAPPED, without, axis=0), atol=1e-9)
     assert said.startswith(f"topic /slam/pose: {note}")
 
 
@@ -120,10 +120,10 @@ def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
         fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2) for k in range(20)
     ]
     found, notes = read(tmp_path, messages, "/fix")
-    assert found.pose.shape == (18, 3)
-    assert np.isnan(found.pose[:, 2]).all()
-    assert found.pose[-1, 1] == pytest.approx(19 * 0.1112, rel=1e-3)
-    assert found.pose[-1, 0] < 0
+    assert found.values.shape == (18, 3)
+    assert np.isnan(found.values[:, 2]).all()
+    assert found.values[-1, 1] == pytest.approx(19 * 0.1112, rel=1e-3)
+    assert found.values[-1, 0] < 0
     assert notes == ["topic /fix: 2 of 20 messages left out: they have no fix"]
     with pytest.raises(LogError, match="topic /fix: none of its 3 messages has a fix"):
         read(tmp_path / "none", [fix(stamp(k), 0.0, 0.0, status=-1) for k in range(3)], "/fix")
@@ -134,7 +134,7 @@ def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_pat
     found, _ = read(tmp_path, chain_of(LOG), "tf:map:sensor", kind)
     times = np.arange(8) + 0.52
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
-    for time, where in zip(times, found.pose, strict=True):
+    for time, where in zip(times, found.values, strict=True):
         between = [np.interp(time, LOG.time, column) for column in LOG.pose.T]
         expected = reduce(se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)])
         np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)

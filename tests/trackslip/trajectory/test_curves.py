@@ -5,11 +5,10 @@ import pytest
 from quadrature import integral_miss, times
 from scipy.special import fresnel
 
-from trackslip.trajectory.clothoid import ClothoidPath, PathPiece, clothoid, rounded_square
-from trackslip.trajectory.curves import figure_eight, slalom, spiral
+from trackslip.trajectory.curves import ClothoidPath, PathPiece, figure_eight, rounded_square, slalom, spiral
 from trackslip.trajectory.named import REFERENCES
 from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
-from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference, stop_and_go
+from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 from trackslip.trajectory.waypoints import waypoints
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -21,8 +20,8 @@ def driven(reference, n=2001):
 
 
 def test_figure_eight_is_bernoullis_lemniscate():
-    a = 1.3
-    pose, twist = driven(figure_eight((0, 0, -np.pi / 4), a))
+    a = 1.5
+    pose, twist = driven(figure_eight((0, 0, -np.pi / 4)))
     x, y, phi = pose.T
     np.testing.assert_allclose((x**2 + y**2) ** 2, a**2 * (x**2 - y**2), atol=1e-11)
     np.testing.assert_allclose([x[-1], y[-1], phi[-1]], [0, 0, -np.pi / 4], atol=1e-11)
@@ -35,18 +34,18 @@ def test_figure_eight_is_bernoullis_lemniscate():
 
 
 def test_slalom_is_a_sine():
-    x, y, phi = driven(slalom(ORIGIN, 0.2, 1.6, 3))[0].T
-    np.testing.assert_allclose(y, 0.2 * (1 - np.cos(2 * np.pi / 1.6 * x)), atol=1e-11)
-    np.testing.assert_allclose(np.tan(phi), 0.2 * 2 * np.pi / 1.6 * np.sin(2 * np.pi / 1.6 * x), atol=1e-10)
-    assert x[-1] == pytest.approx(4.8, abs=1e-11)
+    x, y, phi = driven(slalom(ORIGIN))[0].T
+    np.testing.assert_allclose(y, 0.25 * (1 - np.cos(np.pi * x)), atol=1e-11)
+    np.testing.assert_allclose(np.tan(phi), 0.25 * np.pi * np.sin(np.pi * x), atol=1e-10)
+    assert x[-1] == pytest.approx(4.0, abs=1e-11)
 
 
 def test_spiral_is_archimedes():
     """The distance to the centre falls evenly with the angle about it."""
-    outer, inner, turns = 1.2, 0.4, 1.5
+    outer, inner, turns = 1.2, 0.45, 1.5
     shrinkage = (outer - inner) / (2 * np.pi * turns)
     heading = np.pi / 2 + np.arctan(shrinkage / outer)
-    x, y, phi = driven(spiral((outer, 0, heading), outer, inner, turns))[0].T
+    x, y, phi = driven(spiral((outer, 0, heading)))[0].T
     angle = np.unwrap(np.arctan2(y, x))
     np.testing.assert_allclose(np.hypot(x, y), outer - shrinkage * angle, atol=1e-11)
     assert angle[-1] == pytest.approx(2 * np.pi * turns, abs=1e-10)
@@ -74,11 +73,10 @@ def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, du
 
 
 def test_it_brakes_before_a_corner_and_speeds_up_after_it():
-    limits = MotionLimits(speed=0.15, acceleration=0.05, yaw_rate=0.25)
-    reference = rounded_square(ORIGIN, side=2.0, radius=0.4, limits=limits)
+    limits, reference = LIMITS, rounded_square(ORIGIN)
     v, w = reference.twist(reference.knots).T
     in_corner = np.abs(w) > 0
-    np.testing.assert_allclose(v[in_corner], 0.1, atol=1e-9)
+    np.testing.assert_allclose(v[in_corner], 0.12, atol=1e-9)
     assert v[~in_corner].max() == pytest.approx(0.15)
     # nowhere could it be quicker: it always accelerates, brakes, or is at a limit
     acceleration = np.abs(np.diff(v) / np.diff(reference.knots))
@@ -89,18 +87,15 @@ def test_it_brakes_before_a_corner_and_speeds_up_after_it():
 
 
 START = (0.7, -0.4, 2.5)
+POINTS = [(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]
 HASTY = MotionLimits(speed=0.5, acceleration=0.4, yaw_rate=0.8, track_speed=0.6, half_gauge=0.3)
 MADE = {
     "left circle": circle(1.25, 0.15, 40.0, (1.0, 2.0, 0.5)),
     "right circle": circle(-0.8, 0.15, 40.0),
     "reverse": SegmentedReference((0, 0, 0), [Segment(3.0, 0.0, -0.2, 0.5), Segment(3.0, -0.2, 0.0, -0.5)]),
-    "hasty eight": figure_eight(START, 0.6, HASTY),
-    "hasty slalom": slalom(START, 0.3, 1.5, 3, HASTY),
-    "hasty spiral": spiral(START, 1.0, 0.1, 2.0, HASTY),
-    "hasty clothoid": clothoid(START, 0.2, 0.4, 0.3, 0.7, HASTY),
-    "hasty square": rounded_square(START, 1.5, 0.15, HASTY),
-    "hasty stops": stop_and_go(START, 0.3, 0.4, 2.0, 0.5, HASTY),
-    "waypoints": waypoints([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]),
+    "hasty clothoid": ProfiledReference(ClothoidPath(START, [PathPiece(0.8, 3.0, -3.0), PathPiece(0.9)]), HASTY),
+    "waypoints": waypoints(POINTS),
+    "hasty waypoints": waypoints(POINTS, HASTY),
 }
 EVERY = {name: make() for name, make in REFERENCES.items()} | MADE
 LIMITED = {name: LIMITS for name in REFERENCES if name != "circle"} | {"waypoints": LIMITS}
