@@ -14,8 +14,8 @@ from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
+from trackslip.files import FORMAT
 from trackslip.identification.source import MULTIPLIERS
-from trackslip.logs.file_format import FORMAT
 from trackslip.paper import OBSERVED_RADII
 from trackslip.skid_theory import Load, steady_turns, steady_twist
 

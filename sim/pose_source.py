@@ -14,8 +14,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.stopwatch import Stopwatch
 from trackslip.kinematics import Array
 from trackslip.localization.base import Locator, PoseEstimate
-from trackslip.localization.follower import EVERY, Follower
-from trackslip.localization.pose_tracker import Tracker
+from trackslip.localization.pose_tracker import EVERY, Follower, Tracker
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog, ScanLog
 

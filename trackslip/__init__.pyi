@@ -10,7 +10,7 @@ from .controllers.error_feedback import LinearTimeVarying as LinearTimeVarying
 from .controllers.error_feedback import OffsetPoint as OffsetPoint
 from .controllers.error_feedback import Samson as Samson
 from .controllers.lqr import Lqr as Lqr
-from .controllers.mpc import ModelPredictive as ModelPredictive
+from .controllers.predictive import ModelPredictive as ModelPredictive
 from .controllers.steering import PurePursuit as PurePursuit
 from .controllers.steering import Stanley as Stanley
 from .deploy.deploy import deploy_law as deploy_law
@@ -47,7 +47,7 @@ from .odometry.evaluation import OdometryErrors as OdometryErrors
 from .odometry.evaluation import odometry_errors as odometry_errors
 from .odometry.identified import identified_law as identified_law
 from .odometry.slip_odometry import SlipOdometry as SlipOdometry
-from .odometry.trajectory_errors import write_tum as write_tum
+from .odometry.evaluation import write_tum as write_tum
 from .odometry.uncertainty import Gyro as Gyro
 from .odometry.uncertainty import LawErrors as LawErrors
 from .odometry.uncertainty import SlipNoise as SlipNoise

@@ -14,7 +14,7 @@ from experiments.common.page import Answer, Page, Plot, Section
 from sim.calibration.calibration import Calibration
 from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives, Target
-from trackslip.odometry.trajectory_errors import from_pose
+from trackslip.odometry.evaluation import from_pose
 
 
 def page(

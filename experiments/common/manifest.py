@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.common.plain_json import plain
-from trackslip.logs.file_format import FORMAT
+from trackslip.files import FORMAT
 from trackslip.logs.runlog import RunLog
 
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib")

@@ -13,8 +13,8 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from trackslip.errors import OutputError, first_line
+from trackslip.files import MANIFEST
 from trackslip.identification.samples import SlipSamples
-from trackslip.logs.file_format import MANIFEST
 from trackslip.logs.runlog import RunLog
 
 SUMMARY_FILE = "summary.json"

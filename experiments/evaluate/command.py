@@ -20,7 +20,7 @@ from experiments.evaluate.page import Report
 from experiments.evaluate.prediction import Prediction, predict
 from experiments.recorder import record
 from trackslip.identification.source import Source
-from trackslip.odometry.trajectory_errors import write_tum
+from trackslip.odometry.evaluation import write_tum
 
 _MOST_PATHS = 20  # drives whose paths are written
 

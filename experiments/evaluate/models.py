@@ -27,9 +27,8 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.laws.file import NO_SLIP
 from trackslip.logs.runlog import RunLog
-from trackslip.odometry.evaluation import estimated_trajectory, trajectory_of
+from trackslip.odometry.evaluation import Trajectory, estimated_trajectory, trajectory_of
 from trackslip.odometry.identified import LawInUse, identified_law, no_slip
-from trackslip.odometry.trajectory_errors import Trajectory
 from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 

@@ -12,8 +12,7 @@ from experiments.evaluate.models import Model
 from trackslip.errors import LogError
 from trackslip.identification.prediction import PredictionErrors
 from trackslip.logs.runlog import RunLog
-from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, errors_of
-from trackslip.odometry.trajectory_errors import Trajectory
+from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, Trajectory, errors_of
 
 AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
 """Times [s] and distances [m] ahead; models are compared at the last one that all reach."""

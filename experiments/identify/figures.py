@@ -15,9 +15,8 @@ from trackslip.identification.result import Identification
 from trackslip.identification.steady import SteadyComparison
 from trackslip.kinematics import Array
 from trackslip.laws.exponential import PUBLISHED
-from trackslip.odometry.evaluation import trajectory_of
+from trackslip.odometry.evaluation import Trajectory, moved, trajectory_of
 from trackslip.odometry.identified import identified_law, no_slip
-from trackslip.odometry.trajectory_errors import Trajectory, moved
 
 _WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
 _LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # where curves begin, and the smallest upper end of the axis [m]

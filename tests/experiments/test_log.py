@@ -16,7 +16,7 @@ from experiments.identify.command import source_of
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.schema import COLUMNS
 from trackslip.metrics import rms
-from trackslip.odometry.trajectory_errors import Trajectory, errors_after_metres
+from trackslip.odometry.evaluation import Trajectory, errors_after_metres
 
 LOG = wandered(duration=20.0)
 ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"

@@ -6,9 +6,8 @@ from trackslip.controllers.base import Controller
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.lqr import Lqr
-from trackslip.controllers.mpc import LinearPredictive, ModelPredictive
-from trackslip.controllers.mppi import PathIntegral
 from trackslip.controllers.path_following import PathFollowing
+from trackslip.controllers.predictive import LinearPredictive, ModelPredictive, PathIntegral
 from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit, Stanley
 
 CONTROLLERS: dict[str, type[Controller]] = {

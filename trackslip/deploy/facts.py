@@ -7,9 +7,9 @@ import shlex
 from collections.abc import Iterable
 from typing import Any
 
+from trackslip.files import installed_version
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, entry, laws_content, number, text
-from trackslip.logs.file_format import installed_version
 
 _MAX_LENGTH = 200  # of a line taken from a file
 _SPELLED = str.maketrans(

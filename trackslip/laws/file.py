@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, OutputError, require
-from trackslip.files import read_json, reason
+from trackslip.files import FORMAT, known_manifest, read_json, reason, require_known_format
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.families import FAMILIES, family, law_from_values
-from trackslip.logs.file_format import FORMAT, known_manifest, require_known_format
 
 NO_SLIP = "none"  # name of the law of a robot that doesn't slip
 SHIPPED = Path(__file__).parent / "laws.json"

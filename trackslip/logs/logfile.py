@@ -17,8 +17,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
-from trackslip.files import regular_file
-from trackslip.logs.file_format import known_manifest
+from trackslip.files import known_manifest, regular_file
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import file_metadata, stored_metadata, to_table

@@ -14,10 +14,9 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
-from trackslip.files import reason
+from trackslip.files import FORMAT, reason, require_known_format
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.logs.schema import with_units
 

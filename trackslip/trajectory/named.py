@@ -1,8 +1,9 @@
-"""References by name, placed in view of the default scanner, or read from a file of waypoints."""
+"""References by name: the paper's path, smooth curves, straights, arcs and clothoids, and files of waypoints."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -10,10 +11,131 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import require
-from trackslip.trajectory.base import Reference
-from trackslip.trajectory.curves import clothoid, figure_eight, rounded_square, slalom, spiral
+from trackslip.kinematics import Array
+from trackslip.trajectory.base import Reference, cell
+from trackslip.trajectory.path import STEP, Complex, ParametricPath, PlanarPath
+from trackslip.trajectory.profile import ProfiledReference
 from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import read_waypoints
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # on [0, 1]
+
+
+@dataclass(frozen=True)
+class PathPiece:
+    """A straight, an arc or a clothoid."""
+
+    length: float  # arc length [m]
+    start_curvature: float = 0.0  # curvature at its start, positive to the left [1/m]
+    end_curvature: float = 0.0  # curvature at its end [1/m]
+
+
+class ClothoidPath(PlanarPath):
+    """Pieces in sequence. The heading is quadratic in the arc length, the position its Gauss-Legendre integral."""
+
+    def __init__(self, start: ArrayLike, pieces: Sequence[PathPiece]) -> None:
+        """`start` is the first pose (3,)."""
+        counts = [max(int(np.ceil(piece.length / STEP)), 2) for piece in pieces]
+        steps = np.repeat([piece.length / n for piece, n in zip(pieces, counts, strict=True)], counts)
+        self._s = np.concatenate([[0.0], np.cumsum(steps)])  # (K,)
+        self._sharpness = np.repeat([(p.end_curvature - p.start_curvature) / p.length for p in pieces], counts)
+        fractions = np.concatenate([np.arange(n) * (p.length / n) for p, n in zip(pieces, counts, strict=True)])
+        self._curvature = np.repeat([p.start_curvature for p in pieces], counts) + self._sharpness * fractions
+        x, y, phi = np.asarray(start, float)
+        turns = steps * (self._curvature + self._sharpness * steps / 2)
+        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), as the two before
+        chords = self._chord(np.arange(len(steps)), steps)
+        self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
+
+    def pose(self, s: Array) -> Array:
+        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        k = cell(self._s, s)
+        way = s - self._s[k]
+        point = self._point[k] + self._chord(k, way)
+        heading = self._heading[k] + way * (self._curvature[k] + self._sharpness[k] * way / 2)
+        return np.stack([point.real, point.imag, heading], axis=-1)
+
+    def curvature(self, s: Array) -> Array:
+        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        k = cell(self._s, s)
+        return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
+
+    def _chord(self, k: np.ndarray, way: Array) -> Complex:
+        """Vectors from knots k (...) to points `way` (...) further along the path."""
+        at = way[..., None] * _NODES
+        heading = self._heading[k, None] + at * (self._curvature[k, None] + self._sharpness[k, None] * at / 2)
+        return way * (np.exp(1j * heading) @ _WEIGHTS)
+
+
+def clothoid(start: ArrayLike) -> ProfiledReference:
+    """A left and a right bend of continuous curvature, from `start` (3,): clothoids join the straights and arcs.
+
+    Straights are 0.6 m long, arcs of 0.5 m radius 0.5 m, clothoids 1 m, and that between the arcs 2 m.
+    """
+    bend = 2.0  # [1/m]
+    pieces = [
+        PathPiece(0.6),
+        PathPiece(1.0, 0.0, bend),
+        PathPiece(0.5, bend, bend),
+        PathPiece(2.0, bend, -bend),
+        PathPiece(0.5, -bend, -bend),
+        PathPiece(1.0, -bend, 0.0),
+        PathPiece(0.6),
+    ]
+    return ProfiledReference(ClothoidPath(start, pieces))
+
+
+def rounded_square(start: ArrayLike) -> ProfiledReference:
+    """Once to the left around a square of 2 m with corners of 0.4 m radius, from a pose (3,) amid a side."""
+    half, straight, corner = PathPiece(0.6), PathPiece(1.2), PathPiece(np.pi / 2 * 0.4, 2.5, 2.5)
+    return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]))
+
+
+def figure_eight(start: ArrayLike) -> ProfiledReference:
+    """Once around Bernoulli's lemniscate, 3 m long, from its crossing: first the left turn, then the right one.
+
+    `start` (3,) is the pose at the crossing: the long axis lies 45 deg to the left of its heading. The smallest radius
+    is 0.5 m.
+    """
+
+    def lemniscate(u: Array, nu: int) -> Complex:
+        sine, cosine = np.sin(u), np.cos(u)
+        away = 1 - 1j * sine
+        factor = (cosine / away, 1j * (1 + 1j * sine) / away**2, -cosine * (3 + 1j * sine) / away**3)[nu]
+        return 1.5 * factor
+
+    return ProfiledReference(ParametricPath(lemniscate, [-np.pi / 2, np.pi / 2, 3 * np.pi / 2], start))
+
+
+def slalom(start: ArrayLike) -> ProfiledReference:
+    """Two periods of a sine about a line, 2 m long and 0.5 m wide each, from a minimum, first to the left.
+
+    `start` (3,) is a pose along the line. The smallest radius is 0.4 m.
+    """
+
+    def wave_line(x: Array, nu: int) -> Complex:
+        sine, cosine = np.sin(np.pi * x), np.cos(np.pi * x)
+        rise = (1 - cosine, np.pi * sine, np.pi**2 * cosine)[nu]
+        return (x, 1.0, 0.0)[nu] + 0.25j * rise
+
+    return ProfiledReference(ParametricPath(wave_line, [0.0, 2.0, 4.0], start))
+
+
+def spiral(start: ArrayLike) -> ProfiledReference:
+    """One and a half turns of Archimedes' spiral to the left, from a radius of 1.2 m inwards to 0.45 m.
+
+    `start` (3,) is the pose at its outer end.
+    """
+    end = 3 * np.pi
+    shrinkage = (1.2 - 0.45) / end
+
+    def archimedes(u: Array, nu: int) -> Complex:
+        radius = 1.2 - shrinkage * u
+        return (radius, 1j * radius - shrinkage, -radius - 2j * shrinkage)[nu] * np.exp(1j * u)
+
+    return ProfiledReference(ParametricPath(archimedes, np.linspace(0, end, 8), start))
+
 
 # The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. From these starts the plate stays more than 1 m from
 # it and within its field of view, even with an error of 0.4 m.

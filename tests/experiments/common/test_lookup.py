@@ -8,7 +8,7 @@ import pytest
 from experiments.common.lookup import controller, tunable
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.lqr import Lqr
-from trackslip.controllers.mpc import ModelPredictive
+from trackslip.controllers.predictive import ModelPredictive
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 

@@ -15,8 +15,8 @@ import pytest
 
 from experiments.cli import main
 from experiments.common.results import results_folder
+from trackslip.files import FORMAT
 from trackslip.laws.file import SHIPPED
-from trackslip.logs.file_format import FORMAT
 
 ROOT = Path(__file__).parents[3]
 TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localization", "truth")

@@ -7,8 +7,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import lsq_linear, minimize
 
 from trackslip.controllers.lqr import Lqr, error_dynamics
-from trackslip.controllers.mpc import LinearPredictive, ModelPredictive, bounded_optimum
-from trackslip.controllers.mppi import PathIntegral
+from trackslip.controllers.predictive import LinearPredictive, ModelPredictive, PathIntegral, bounded_optimum
 from trackslip.kinematics import advance, track_speeds, twist_of_tracks
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import circle, paper_reference

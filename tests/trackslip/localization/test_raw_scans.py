@@ -9,9 +9,8 @@ from beside import LENGTH, THICKNESS, cylinder, drive, post, room, teleoperated,
 
 from trackslip.errors import LogError
 from trackslip.kinematics import RobotGeometry, advance, body_twist
-from trackslip.localization.follower import EVERY, Follower
 from trackslip.localization.plate import PlateLocator
-from trackslip.localization.pose_tracker import Tracker
+from trackslip.localization.pose_tracker import EVERY, Follower, Tracker
 from trackslip.localization.raw_scans import RawScans, follow_plate
 from trackslip.localization.scan import Plate
 

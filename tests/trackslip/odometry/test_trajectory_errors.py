@@ -9,8 +9,8 @@ from evo.tools import file_interface
 
 from trackslip.identification.prediction import Statistics
 from trackslip.kinematics import advance, wrap_angle
-from trackslip.odometry import trajectory_errors as errors
-from trackslip.odometry.trajectory_errors import Trajectory, stretches, write_tum
+from trackslip.odometry import evaluation as errors
+from trackslip.odometry.evaluation import Trajectory, stretches, write_tum
 
 
 def trajectory(seed=0, count=400, noise=0.01):

@@ -5,8 +5,7 @@ import pytest
 from quadrature import integral_miss, times
 from scipy.special import fresnel
 
-from trackslip.trajectory.curves import ClothoidPath, PathPiece, figure_eight, rounded_square, slalom, spiral
-from trackslip.trajectory.named import REFERENCES
+from trackslip.trajectory.named import REFERENCES, ClothoidPath, PathPiece, figure_eight, rounded_square, slalom, spiral
 from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 from trackslip.trajectory.waypoints import waypoints
