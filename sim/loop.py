@@ -21,7 +21,7 @@ from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import RunFailedError, TrackslipError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
 from trackslip.laws.base import SlipLaw
-from trackslip.localization.base import Locator
+from trackslip.localization.scan import Locator
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference

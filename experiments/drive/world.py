@@ -26,7 +26,7 @@ from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
 from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
-from trackslip.trajectory.profile import MotionLimits
+from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
 SAMPLE = 0.004  # time between changes of the belts' speeds [s]

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Answer
 from experiments.identify import tables
-from trackslip.identification.comparison import REFERENCE
+from trackslip.identification.comparison import REFERENCE, FittedLaw
 from trackslip.identification.drive_comparison import TODAY
-from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.result import Identification
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines

@@ -5,9 +5,8 @@ from math import degrees
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
 from experiments.common.table import MISSING, Cell, Table, number, pair
 from trackslip.errors import counted
-from trackslip.identification.comparison import Comparison
+from trackslip.identification.comparison import Comparison, FittedLaw
 from trackslip.identification.drive_comparison import TODAY, DriveComparison
-from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.path import EXTRAS
 from trackslip.identification.steady import CrossValidation, SteadyComparison
 from trackslip.kinematics import RobotGeometry

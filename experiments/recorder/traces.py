@@ -11,7 +11,7 @@ from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, track_slip
 from trackslip.logs.runlog import MALFORMED, RunLog, stored_geometry
 from trackslip.metrics import body_errors
-from trackslip.motion.filtered import even_poses
+from trackslip.motion.steady_twist import even_poses
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 

@@ -18,7 +18,7 @@ from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
 from sim.calibration.targets import Target
 from sim.loop import Progress
 from trackslip.errors import InvalidValueError, require
-from trackslip.identification.fitted import newton_steps
+from trackslip.identification.comparison import newton_steps
 from trackslip.kinematics import Array
 
 _STEP = 0.05  # of finite differences [standard deviations of the prior]

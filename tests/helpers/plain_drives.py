@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip import se2
+from trackslip.identification.comparison import Gain
 from trackslip.identification.drive_comparison import compare_drives
 from trackslip.identification.first_look import Look, first_look
-from trackslip.identification.fitted import Gain
 from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification
 from trackslip.kinematics import Array, RobotGeometry

@@ -3,7 +3,7 @@
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.trajectory.profile import ProfiledReference
+from trackslip.trajectory.path import ProfiledReference
 from trackslip.trajectory.segmented import SegmentedReference
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)

@@ -20,7 +20,7 @@ from sim.terrain import Course, Flat, Ramp, Step
 from sim.traverse.config import CrossingReward, TraverseConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import IcrLoad
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}

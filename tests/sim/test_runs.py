@@ -8,8 +8,7 @@ import pytest
 from sim import Drive, Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
 from sim.drive.drive import Motor
 from sim.run_recorder import Description, RunRecorder
-from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
+from trackslip.controllers.feedback import DynamicFeedback, Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.plate import PlateLocator

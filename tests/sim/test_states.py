@@ -10,7 +10,7 @@ from results import assert_same
 
 from sim import Drive, LaserScanner, Limits, Pull
 from sim.ground.ground import Change, Ground
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import IcrLoad
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)

@@ -11,8 +11,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
-from trackslip.laws.icr import ConstantIcr, IcrSides
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import ConstantIcr, IcrLoad, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss
 from trackslip.localization.scan import Plate
 from trackslip.odometry.slip_odometry import SlipOdometry
@@ -21,7 +20,7 @@ from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
 from trackslip.planning.plan import plan_drive
 from trackslip.skid_theory import Load, line_contact, steady_twist, wheel_contact
-from trackslip.trajectory.profile import MotionLimits
+from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.segmented import circle
 from trackslip.trajectory.waypoints import waypoints
 

@@ -11,9 +11,8 @@ import numpy as np
 from trackslip import se2
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import joined, read_encoders
-from trackslip.bags.imu import read_imu, with_gyro
 from trackslip.bags.open import Bag, bags_in, open_bags
-from trackslip.bags.poses import read_poses
+from trackslip.bags.poses import read_imu, read_poses, with_gyro
 from trackslip.bags.scans import plate_log, read_scans
 from trackslip.bags.stamps import clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source

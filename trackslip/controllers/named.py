@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from trackslip.controllers.base import Controller
-from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.error_feedback import Feedforward, Kanayama, LinearTimeVarying, OffsetPoint, Samson
-from trackslip.controllers.lqr import Lqr
+from trackslip.controllers.feedback import (
+    DynamicFeedback,
+    Feedforward,
+    Kanayama,
+    LinearTimeVarying,
+    Lqr,
+    OffsetPoint,
+    Samson,
+)
 from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.predictive import LinearPredictive, ModelPredictive, PathIntegral
 from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit, Stanley

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.controllers.base import OncePerReference, Scheduled
-from trackslip.controllers.error_feedback import ErrorFeedback, Errors
+from trackslip.controllers.feedback import ErrorFeedback, Errors
 from trackslip.errors import require, require_at_most
 from trackslip.kinematics import Array, advance, wrap_angle
 from trackslip.metrics import body_errors

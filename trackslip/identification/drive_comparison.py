@@ -8,9 +8,19 @@ from itertools import product
 
 import numpy as np
 
-from trackslip.identification.comparison import LEAST_ERROR, REFERENCE, Choice, Comparison, choose, ranked, turns_fast
+from trackslip.identification.comparison import (
+    FEWEST_BLOCKS,
+    LEAST_ERROR,
+    REFERENCE,
+    Choice,
+    Comparison,
+    Gain,
+    choose,
+    ranked,
+    turns_fast,
+    uncertainty,
+)
 from trackslip.identification.first_look import Alarm, Look
-from trackslip.identification.fitted import FEWEST_BLOCKS, Gain, uncertainty
 from trackslip.identification.law_fit import DriveFit, fit_drives
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import PredictionErrors

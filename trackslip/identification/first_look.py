@@ -16,7 +16,7 @@ import numpy as np
 
 from trackslip.errors import LogError, counted
 from trackslip.identification.clocks import NEAR, Clock, clock_of_drive, median_offset
-from trackslip.identification.fitted import FEWEST_BLOCKS
+from trackslip.identification.comparison import FEWEST_BLOCKS
 from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
 from trackslip.identification.misread import (
     matches_of,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackslip.identification.clocks import GRID
-from trackslip.identification.fitted import Gain, cr3, newton_steps, student
+from trackslip.identification.comparison import Gain, cr3, newton_steps, student
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 

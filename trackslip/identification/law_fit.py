@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.identification.clocks import NEAR, clock_of_drive, median_offset
-from trackslip.identification.comparison import REFERENCE
-from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, uncertainty
+from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise

@@ -11,10 +11,9 @@ from typing import Any, Literal
 import numpy as np
 
 from trackslip.errors import OutputError, TrackslipError, counted
-from trackslip.identification.comparison import REFERENCE, Comparison
+from trackslip.identification.comparison import REFERENCE, Comparison, FittedLaw, Gain
 from trackslip.identification.drive_comparison import DriveComparison
 from trackslip.identification.first_look import Alarm
-from trackslip.identification.fitted import FittedLaw, Gain
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady import SteadyComparison
 from trackslip.kinematics import RobotGeometry

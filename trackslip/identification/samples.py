@@ -10,9 +10,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip, track_speeds
 from trackslip.logs.runlog import Refused, RunLog, none_usable
-from trackslip.motion.arc import arc
-from trackslip.motion.bundle import bundle
-from trackslip.motion.filtered import paper
+from trackslip.motion.arc import arc, bundle
 from trackslip.motion.steady import (
     MARGIN,
     SETTLE,
@@ -23,7 +21,7 @@ from trackslip.motion.steady import (
     steady_part,
     steady_parts,
 )
-from trackslip.motion.steady_twist import MotionMethod
+from trackslip.motion.steady_twist import MotionMethod, paper
 
 MOTION_METHODS: dict[str, MotionMethod] = {"paper": paper, "arc": arc, "bundle": bundle}
 """Methods that find the twist of a steady run: first the paper's as printed, last the most accurate."""

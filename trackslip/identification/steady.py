@@ -23,17 +23,21 @@ from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
 from trackslip.identification.comparison import (
+    FEWEST_BLOCKS,
     LEAST_ERROR,
     REFERENCE,
     Choice,
     Comparison,
     Criterion,
+    FittedLaw,
     choose,
+    cr3,
     is_expressible,
+    newton_steps,
     ranked,
     turns_fast,
+    uncertainty,
 )
-from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, newton_steps, uncertainty
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, LawFamily, family

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import eigh
 
-from trackslip.identification.fitted import cr3, newton_steps, student
+from trackslip.identification.comparison import cr3, newton_steps, student
 from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, wrap_angle

@@ -15,8 +15,7 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
-from trackslip.laws.icr import ConstantIcr, IcrSides
-from trackslip.laws.icr_load import MAX_COMPLIANCE, IcrLoad
+from trackslip.laws.icr import MAX_COMPLIANCE, ConstantIcr, IcrLoad, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 _DIFFERENCE = 1e-6  # step of derivatives, relative to the scales of the parameters

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.base import PoseEstimate
 from trackslip.localization.likelihood import in_axes
-from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
+from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
 
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight

@@ -14,9 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.base import PoseEstimate, Rows
-from trackslip.localization.beams import PlateBeams
-from trackslip.localization.likelihood import EDGE_ON, UNKNOWN, Evaluation, PlateLikelihood, in_axes, viewing_angle
+from trackslip.localization.likelihood import (
+    EDGE_ON,
+    UNKNOWN,
+    Evaluation,
+    PlateBeams,
+    PlateLikelihood,
+    in_axes,
+    viewing_angle,
+)
 from trackslip.localization.line import starts
 from trackslip.localization.scan import (
     FINER_GAPS,
@@ -24,6 +30,8 @@ from trackslip.localization.scan import (
     MIN_RETURNS,
     Cluster,
     Plate,
+    PoseEstimate,
+    Rows,
     Scan,
     best_of_each,
     candidates,

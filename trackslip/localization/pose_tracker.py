@@ -13,9 +13,8 @@ import numpy as np
 from scipy.interpolate import interp1d
 
 from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
-from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.likelihood import EDGE_ON, viewing_angle
-from trackslip.localization.scan import Scan
+from trackslip.localization.scan import Locator, PoseEstimate, Scan
 
 GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
 """Maximum distance of a valid pose from its prediction [m, rad]. It grows with the distance driven without a pose."""

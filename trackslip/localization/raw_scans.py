@@ -15,12 +15,10 @@ import numpy as np
 from trackslip import se2
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
-from trackslip.localization.base import PoseEstimate
-from trackslip.localization.beams import PlateBeams
-from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.likelihood import PlateBeams, PlateLikelihood
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_POSITION, GROWTH
-from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate, returns_at, returns_of
+from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate, returns_at, returns_of
 
 _KEY_SCANS = 400  # between which the sprockets turn equally far, to find the background: a robot may stand for long
 _FIRST_NOISE = 0.02  # assumed until the plate tells the scanner's noise [m]

@@ -15,9 +15,8 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
-from trackslip.laws.icr import ConstantIcr
-from trackslip.laws.icr_load import MAX_LOAD, IcrLoad
-from trackslip.localization.base import PoseEstimate
+from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
+from trackslip.localization.scan import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter
 
 KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}

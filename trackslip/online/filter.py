@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
-from trackslip.localization.base import PoseEstimate
+from trackslip.localization.scan import PoseEstimate
 
 _LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # of g [-], epsilon [-] and c [m]
 _KNOWN = 0.15  # share of the spreads of the constants where the filter starts from a known law

@@ -12,12 +12,4 @@ of maximum dissipation, Janosi and Hanamoto (1961), and Wong and Chiang (2001).
 from trackslip.skid_theory.contact import Contact, Load, line_contact, wheel_contact
 from trackslip.skid_theory.steady import Turns, steady_turns, steady_twist
 
-__all__ = [
-    "Contact",
-    "Load",
-    "Turns",
-    "line_contact",
-    "steady_turns",
-    "steady_twist",
-    "wheel_contact",
-]
+__all__ = ["Contact", "Load", "Turns", "line_contact", "steady_turns", "steady_twist", "wheel_contact"]

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require, require_non_negative, require_positive
 from trackslip.kinematics import SIDES, Array
-from trackslip.skid_theory.contact import Contact, Load
-from trackslip.skid_theory.forces import balance, least_power
+from trackslip.skid_theory.contact import Contact, Load, balance, least_power
 
 _INERTIA_ITERATIONS = 6
 _TURN_ITERATIONS = 60

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference, cell
-from trackslip.trajectory.path import STEP, Complex, ParametricPath, PlanarPath
-from trackslip.trajectory.profile import ProfiledReference
+from trackslip.trajectory.path import STEP, Complex, ParametricPath, PlanarPath, ProfiledReference
 from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import read_waypoints
 

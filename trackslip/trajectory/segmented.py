@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackslip.errors import require_positive
 from trackslip.kinematics import Array, advance
 from trackslip.trajectory.base import PiecewiseReference
-from trackslip.trajectory.profile import LIMITS
+from trackslip.trajectory.path import LIMITS
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
 from trackslip.trajectory.base import PiecewiseReference, Reference
-from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
-from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
+from trackslip.trajectory.path import LIMITS, MAX_LENGTH, MotionLimits, ParametricPath, ProfiledReference
 
 COLUMNS = ("x", "y", "yaw", "v")  # of a file [m, m, rad, m/s]; the last two are optional
 MIN_POINTS, MAX_POINTS = 3, 10_000  # allowed number of waypoints

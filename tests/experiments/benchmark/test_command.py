@@ -13,7 +13,7 @@ from trackslip.trajectory.segmented import paper_reference
 
 MODULE = """
 import numpy as np
-from trackslip.controllers.error_feedback import LinearTimeVarying
+from trackslip.controllers.feedback import LinearTimeVarying
 
 class Late(LinearTimeVarying):
     def twist(self, time, pose, reference):

@@ -19,7 +19,7 @@ ROWS = [
     {"controller": "linear", "compensation": "online", "arguments": {"stiffness": 60.0, "damping": 1.0}},
 ]
 NEVER = """
-from trackslip.controllers.error_feedback import Kanayama
+from trackslip.controllers.feedback import Kanayama
 class Never(Kanayama):
     def twist(self, time, pose, reference): raise ValueError("does not work yet")
 """

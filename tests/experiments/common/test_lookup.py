@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from experiments.common.lookup import controller, tunable
-from trackslip.controllers.error_feedback import LinearTimeVarying
-from trackslip.controllers.lqr import Lqr
+from trackslip.controllers.feedback import LinearTimeVarying, Lqr
 from trackslip.controllers.predictive import ModelPredictive
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry

@@ -9,10 +9,9 @@ from sim.drive.drive import tireless
 from sim.fleet_ground import PadFriction
 from sim.ground.ground import Change, Patch, friction_angle
 from sim.ground.shear import LARGEST, LEAST_SHARE
-from trackslip.controllers.error_feedback import LinearTimeVarying
+from trackslip.controllers.feedback import LinearTimeVarying
 from trackslip.kinematics import track_slip
-from trackslip.laws.icr import ConstantIcr
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import ConstantIcr, IcrLoad
 from trackslip.online.compensation import FixedLaw, LoadedLaw
 from trackslip.skid_theory import Load, line_contact, steady_twist
 from trackslip.trajectory.segmented import Segment, SegmentedReference

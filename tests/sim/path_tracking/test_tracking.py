@@ -7,11 +7,11 @@ from sim.ground.ground import NAMED_GROUNDS
 from sim.path_tracking.config import TrackingReward
 from sim.path_tracking.tracking import TERMS
 from trackslip import se2
-from trackslip.controllers.error_feedback import LinearTimeVarying
+from trackslip.controllers.feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import wrap_angle
 from trackslip.laws.file import load_laws, save_laws
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import IcrLoad
 from trackslip.online.compensation import named_compensation
 from trackslip.trajectory.named import REFERENCES, load_reference
 

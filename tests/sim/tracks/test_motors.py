@@ -7,7 +7,7 @@ from mujoco import batch
 
 from sim.tracks import Belts, Track, add_tracks
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.skid_theory.forces import ground_wrench
+from trackslip.skid_theory.contact import ground_wrench
 
 G, SLOPE = 9.81, np.radians(15.0)
 RADIUS = 0.08  # of the sprocket of a robot of size 1 [m]

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from linearised import closed_loop, error_gains, pose_with_error
 
-from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.error_feedback import Kanayama, LinearTimeVarying, OffsetPoint, Samson
+from trackslip.controllers.feedback import DynamicFeedback, Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.steering import PathAhead, PurePursuit, RegulatedPurePursuit, Stanley
 from trackslip.kinematics import advance

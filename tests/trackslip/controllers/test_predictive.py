@@ -6,7 +6,7 @@ from linearised import error_gains, pose_with_error
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import lsq_linear, minimize
 
-from trackslip.controllers.lqr import Lqr, error_dynamics
+from trackslip.controllers.feedback import Lqr, error_dynamics
 from trackslip.controllers.predictive import LinearPredictive, ModelPredictive, PathIntegral, bounded_optimum
 from trackslip.kinematics import advance, track_speeds, twist_of_tracks
 from trackslip.metrics import body_errors

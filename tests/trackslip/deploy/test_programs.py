@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from deployed import GEOMETRY, stored, twists
 
-from trackslip.deploy.deploy import deploy_law
-from trackslip.deploy.programs import c_text, python_text
+from trackslip.deploy.deploy import c_text, deploy_law, python_text
 from trackslip.errors import TrackslipError
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import save_laws
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import IcrLoad
 
 LAWS = stored()
 OTHERS = stored({"turn_loss": {"offset": 0.3, "radius_error": 0.1, "turn_loss": -0.9}})

@@ -10,9 +10,8 @@ import pytest
 from deployed import GEOMETRY, VALUES, stored, twists
 from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 
-from trackslip.deploy.deploy import TARGETS, deploy_law
+from trackslip.deploy.deploy import TARGETS, c_text, deploy_law
 from trackslip.deploy.differential_drive import diff_drive_text, yaml_number
-from trackslip.deploy.programs import c_text
 from trackslip.kinematics import advance
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import SHIPPED, load_laws, read_stored

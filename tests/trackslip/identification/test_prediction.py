@@ -7,10 +7,9 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted, model
 
 from sim.wander.motion import WHITE
-from trackslip.identification.comparison import ranked
+from trackslip.identification.comparison import FittedLaw, ranked
 from trackslip.identification.drive_comparison import compare_drives
 from trackslip.identification.first_look import first_look
-from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.prediction import HORIZONS, Pairs
 from trackslip.identification.preparation import Drives, drive_of, drives_of
 from trackslip.laws.base import NoSlip

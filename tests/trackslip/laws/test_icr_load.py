@@ -8,9 +8,8 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady import compare_laws, fit_law
 from trackslip.kinematics import RobotGeometry, body_twist
-from trackslip.laws.icr import ConstantIcr
-from trackslip.laws.icr_load import MAX_LOAD, IcrLoad
-from trackslip.localization.base import PoseEstimate
+from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
+from trackslip.localization.scan import PoseEstimate
 from trackslip.online.compensation import MAX_CRAB_ANGLE, LoadedLaw, LoadedOnlineIcr
 from trackslip.online.filter import FilterTuning
 

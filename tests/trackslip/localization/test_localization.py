@@ -8,13 +8,11 @@ from beside import post
 from bound import pose_bound, ratio_to_bound
 
 from trackslip.kinematics import RobotGeometry, body_twist
-from trackslip.localization.base import PoseEstimate
-from trackslip.localization.beams import PlateBeams
-from trackslip.localization.likelihood import PlateLikelihood, viewing_angle
+from trackslip.localization.likelihood import PlateBeams, PlateLikelihood, viewing_angle
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.scan import Plate, Scan, extract_plate
+from trackslip.localization.scan import Plate, PoseEstimate, Scan, extract_plate
 
 LOCATOR, PLATE = PlateLocator(), Plate()
 STEP = np.radians(0.25)

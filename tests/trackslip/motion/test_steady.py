@@ -10,8 +10,7 @@ from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry, advance
-from trackslip.laws.icr import ConstantIcr
-from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.icr import ConstantIcr, IcrLoad
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import MARGIN, SETTLE, steady_part, steady_parts
 

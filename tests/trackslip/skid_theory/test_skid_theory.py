@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from trackslip.skid_theory import Load, line_contact, steady_twist, wheel_contact
-from trackslip.skid_theory.forces import displacement, ground_wrench
+from trackslip.skid_theory.contact import displacement, ground_wrench
 
 B, L = 0.168, 0.17
 LEVEL = line_contact(B, L, 0.7, 0.778)

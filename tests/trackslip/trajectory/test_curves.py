@@ -6,7 +6,7 @@ from quadrature import integral_miss, times
 from scipy.special import fresnel
 
 from trackslip.trajectory.named import REFERENCES, ClothoidPath, PathPiece, figure_eight, rounded_square, slalom, spiral
-from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
+from trackslip.trajectory.path import LIMITS, MotionLimits, ProfiledReference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 from trackslip.trajectory.waypoints import waypoints
 

@@ -6,8 +6,7 @@ from quadrature import integral_miss, times
 
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.trajectory.named import load_reference, named_reference
-from trackslip.trajectory.path import STEP
-from trackslip.trajectory.profile import LIMITS
+from trackslip.trajectory.path import LIMITS, STEP
 from trackslip.trajectory.waypoints import read_waypoints, waypoints
 
 POINTS = np.array([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)])

@@ -1,0 +1,287 @@
+"""Laws of the reference's twist and the pose error: feedback in the body frame, dynamic linearisation, and LQR.
+
+Y. Kanayama, Y. Kimura, F. Miyazaki and T. Noguchi, "A stable tracking control method for an autonomous mobile robot",
+ICRA 1990; C. Samson and K. Ait-Abderrahim, "Feedback control of a nonholonomic wheeled cart in Cartesian space",
+ICRA 1991; C. Canudas de Wit, B. Siciliano and G. Bastin (eds.), "Theory of Robot Control", Springer 1996; G. Oriolo,
+A. De Luca and M. Vendittelli, "WMR control via dynamic feedback linearization: design, implementation, and experimental
+validation", IEEE Trans. Control Systems Technology 10(6), 2002; B. D. O. Anderson and J. B. Moore, "Optimal Control:
+Linear Quadratic Methods", Prentice-Hall 1990, with weights by Bryson's rule: errors and corrections contribute equally
+to the cost when they are equal to their scales.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from trackslip.controllers.base import ControlLaw, OncePerReference, Remembering, Scheduled
+from trackslip.errors import require_within
+from trackslip.kinematics import Array
+from trackslip.metrics import body_errors
+from trackslip.trajectory.base import Reference
+
+Errors = tuple[Array, Array, Array]
+"""Errors (e_x, e_y, e_phi), (...) each [m, m, rad]."""
+
+
+@dataclass(frozen=True)
+class Feedforward(ControlLaw):
+    """Drives the twist of the reference in open loop."""
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """The twist of the reference for each of the poses (..., 3), (..., 2)."""
+        return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()
+
+
+@dataclass(frozen=True)
+class ErrorFeedback(ControlLaw, ABC):
+    """A law of the reference's twist and the body-frame error only."""
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3)."""
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
+        return np.stack(self._command(reference.twist(time), (e_x, e_y, e_phi)), axis=-1)
+
+    @abstractmethod
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        """v and w, each (...), from the twist (2,) of the reference and the errors (e_x, e_y, e_phi), (...) each."""
+
+
+@dataclass(frozen=True)
+class LinearTimeVarying(Scheduled, ErrorFeedback):
+    """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the twist of the reference.
+
+    Around the reference the closed loop has the characteristic polynomial
+    (s + 2 xi a)(s^2 + 2 xi a s + a^2) with a = sqrt(w_d^2 + g v_d^2) (Eqs. 25-30).
+    """
+
+    def gains(self, twist: ArrayLike) -> Array:
+        """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
+        k1 = self.speed_gain(twist)
+        return np.stack([k1, self.stiffness * np.abs(np.asarray(twist, float)[..., 0]), k1], axis=-1)
+
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        """Eq. 31."""
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
+        k1, k2, k3 = self.gains(desired)
+        return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * np.sign(v_d) * e_y + k3 * e_phi
+
+
+@dataclass(frozen=True)
+class Samson(Scheduled, ErrorFeedback):
+    """Feedback v = v_d cos(e_phi) + k1 e_x, w = w_d + k2 v_d sin(e_phi) / e_phi e_y + k3 e_phi.
+
+    V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 decreases at the rate k1 k2 e_x^2 + k3 e_phi^2: the loop is stable from any
+    error while the reference moves, forwards or in reverse. With k1 = k3 = 2 xi sqrt(w_d^2 + g v_d^2) and k2 = g it
+    equals Eq. 31 to first order.
+    """
+
+    def gains(self, twist: ArrayLike) -> Array:
+        """(k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""
+        k1 = self.speed_gain(twist)
+        return np.stack([k1, np.full_like(k1, self.stiffness), k1], axis=-1)
+
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
+        k1, k2, k3 = self.gains(desired)
+        return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * v_d * np.sinc(e_phi / np.pi) * e_y + k3 * e_phi
+
+
+@dataclass(frozen=True)
+class Kanayama(ErrorFeedback):
+    """Feedback v = v_d cos(e_phi) + K_x e_x, w = w_d + v_d K_y e_y + |v_d| K_phi sin(e_phi).
+
+    Their paper has v_d (K_y e_y + K_phi sin(e_phi)) and only drives forwards; with the absolute value the Lyapunov
+    function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y decreases in reverse too.
+    """
+
+    along: float = 1.0
+    """K_x [1/s]."""
+    across: float = 15.0
+    """K_y [1/m^2]."""
+    heading: float = 6.0
+    """K_phi [1/m]; 2 sqrt(K_y) is critically damped on a straight line."""
+
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
+        w = w_d + v_d * self.across * e_y + np.abs(v_d) * self.heading * np.sin(e_phi)
+        return v_d * np.cos(e_phi) + self.along * e_x, w
+
+
+@dataclass(frozen=True)
+class OffsetPoint(ErrorFeedback):
+    """Steers a point ahead of the robot (behind it in reverse) onto the same point of the reference.
+
+    The twist and the velocity of that point determine each other, so its error E obeys E' = -k E exactly. The heading
+    is not controlled: it follows like that of a trailer, at the rate |v_d| / distance, which is why the point changes
+    sides with the direction of travel. At standstill of the reference it is ahead.
+    """
+
+    distance: float = 0.2
+    """Distance of the point from the centre of the robot [m]."""
+    gain: float = 1.0
+    """k [1/s]."""
+
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
+        ahead = -self.distance if v_d < 0 else self.distance
+        cos, sin = np.cos(e_phi), np.sin(e_phi)
+        point_x = v_d * cos - ahead * w_d * sin + self.gain * (e_x + ahead * (cos - 1))
+        point_y = v_d * sin + ahead * w_d * cos + self.gain * (e_y + ahead * sin)
+        return point_x, point_y / ahead
+
+
+ACCELERATION_STEP = 0.01
+"""Half of the time over which the acceleration of the reference is estimated [s]."""
+
+
+@dataclass(frozen=True)
+class DynamicFeedback(Remembering):
+    """Turns the position into two double integrators, with the speed xi as a state of the controller.
+
+    With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
+    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error of each axis obeys e'' + k_d e' + k_p e = 0 in both
+    directions.
+
+    The law is singular at xi = 0. If the speed of the reference, or xi in its direction, is below `least_speed`, a
+    static law takes over and xi follows its speed; between there and 1.5 times as much the two are blended. When the
+    static law takes over, its speed difference from xi decays with `handover_time`, so the speed never jumps.
+    """
+
+    stiffness: float = 1.0
+    """k_p [1/s^2]."""
+    damping: float = 1.4
+    """k_d [1/s]."""
+    least_speed: float = 0.03
+    """Speed below which the static law is used [m/s]."""
+    handover_time: float = 0.3
+    """Time constant of the transition to the static law [s]."""
+    static: Samson = field(default_factory=Samson)
+    """The law used near standstill."""
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
+        v_d, w_d = reference.twist(time)
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
+        cos, sin = np.cos(e_phi), np.sin(e_phi)
+        static = self.static.twist(time, pose, reference)
+        elapsed, previous, offset = self._since_last_call(time, static[..., 0])
+
+        share = self._share(v_d, previous)
+        tangential, centripetal = _speed_rate(reference, time), v_d * w_d
+        along = tangential * cos - centripetal * sin + self.damping * (v_d * cos - previous) + self.stiffness * e_x
+        handing_over = static[..., 0] + offset * np.exp(-elapsed / self.handover_time)
+        v = share * (previous + elapsed * along) + (1 - share) * handing_over
+        across = tangential * sin + centripetal * cos + self.damping * v_d * sin + self.stiffness * e_y
+        share = np.minimum(share, self._share(v_d, v))
+        w = share * across / np.where(share > 0, v, 1.0) + (1 - share) * static[..., 1]
+
+        self._kept.update(speed=v, static_speed=static[..., 0])
+        return np.stack([v, w], axis=-1)
+
+    def _since_last_call(self, time: float, static_speed: Array) -> tuple[float, Array, Array]:
+        """Time since the last call [s], xi then, and its difference from the speed of the static law, (...)."""
+        elapsed = self._elapsed(time, static_speed.shape)
+        if elapsed is None:
+            return 0.0, static_speed, np.zeros_like(static_speed)
+        speed = self._kept["speed"]
+        known = np.isfinite(speed)  # a robot whose pose was lost begins again
+        offset = np.where(known, speed - self._kept["static_speed"], 0.0)
+        return elapsed, np.where(known, speed, static_speed), offset
+
+    def _share(self, desired_speed: float, speed: Array) -> Array:
+        """Share of the dynamic law (...): 0 up to `least_speed`, 1 from 1.5 times as much."""
+        least = np.minimum(np.abs(desired_speed), np.sign(desired_speed) * speed)
+        return np.clip(2 * (least / self.least_speed - 1), 0.0, 1.0)
+
+
+def _speed_rate(reference: Reference, time: float) -> float:
+    """Rate of change of the reference's speed [m/s^2]; one-sided at its start and end, where the speed may jump."""
+    last = np.nextafter(reference.duration, 0.0)
+    before, after = np.clip([time - ACCELERATION_STEP, time + ACCELERATION_STEP], 0.0, last)
+    if after <= before:
+        return 0.0
+    start, end = reference.twist([before, after])[:, 0]
+    return float((end - start) / (after - before))
+
+
+STANDING = 5.0
+"""Assumed time at rest after the end of the reference, so that the gains do not fade before the end [s]."""
+
+
+@dataclass(frozen=True)
+class Lqr(ControlLaw):
+    """Feedforward plus feedback, (v, w) = (v_d cos(e_phi), w_d) - K_k e, that minimises a sum of squares.
+
+    The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, u being the correction of the twist,
+    held for a period; K_k follows from the Riccati recursion backwards from the end of the reference.
+    """
+
+    position_scale: float = 0.1
+    """Scale of e_x and e_y [m]."""
+    heading_scale: float = 0.3
+    """Scale of e_phi [rad]."""
+    speed_scale: float = 0.1
+    """Scale of a correction of v [m/s]."""
+    yaw_rate_scale: float = 0.3
+    """Scale of a correction of w [rad/s]."""
+    period: float = 0.05
+    """Time between two commands [s]."""
+    _gains: OncePerReference[Array] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_within("period", self.period, 1e-3, 10.0, "s")
+
+    @property
+    def weights(self) -> tuple[Array, Array]:
+        """Q (3, 3) of the errors and R (2, 2) of the corrections, in reciprocal squares of the units of the scales."""
+        errors = np.array([self.position_scale, self.position_scale, self.heading_scale])
+        return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3)."""
+        gains = self._gains(self.gains, reference)
+        k = min(max(int(np.floor(time / self.period + 1e-6)), 0), len(gains) - 1)
+        v_d, w_d = reference.twist(time)
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
+        # Sums are written out because the rounding of a matrix product depends on the number of robots.
+        along, turning = (row[0] * e_x + row[1] * e_y + row[2] * e_phi for row in gains[k])
+        return np.stack([v_d * np.cos(e_phi) - along, w_d - turning], axis=-1)
+
+    def gains(self, reference: Reference) -> Array:
+        """K_k (S, 2, 3) of every period from 0 to the first one after the end of `reference`."""
+        moving = int(np.ceil(reference.duration / self.period)) + 1
+        steps = moving + int(np.ceil(STANDING / self.period))
+        middles = (np.arange(steps) + 0.5) * self.period
+        a, b = error_dynamics(reference.twist(middles), self.period)
+        q, r = self.weights
+        cost = q
+        gains = np.empty((steps, 2, 3))
+        for k in reversed(range(steps)):
+            gains[k], cost = riccati_step(a[k], b[k], q, r, cost)
+        return gains[:moving]
+
+
+def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
+    """A (..., 3, 3) and B (..., 3, 2) of the body-frame error over `period` [s] at reference twists (..., 2).
+
+    Exact for a reference of constant twist: the matrix exponential of the linearised Eq. 20 with inputs held.
+    """
+    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    rates = np.zeros((*v.shape, 5, 5))  # of the error and the inputs
+    rates[..., 0, 1], rates[..., 1, 0], rates[..., 1, 2] = w, -w, v
+    rates[..., 0, 3] = rates[..., 2, 4] = -1.0
+    after = scipy.linalg.expm(rates * period)
+    return after[..., :3, :3], after[..., :3, 3:]
+
+
+def riccati_step(a: Array, b: Array, q: Array, r: Array, cost: Array) -> tuple[Array, Array]:
+    """Gain K (2, 3) and cost-to-go (3, 3) one step before the cost-to-go `cost` (3, 3)."""
+    gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+    earlier = q + a.T @ cost @ (a - b @ gain)
+    return gain, (earlier + earlier.T) / 2
