@@ -24,7 +24,8 @@ from experiments.simulate.grid_summary import GridSummary, saturation_warnings, 
 from experiments.simulate.options import IDENTIFIED
 from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
-from trackslip.errors import RunFailedError, counted
+from trackslip.errors import LogError, RunFailedError, counted
+from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
@@ -52,7 +53,9 @@ def run(config: Config) -> None:
                 result = identify_samples(sampling, geometry)
             grid = GridSummary.of_logs(grid_logs, sampling.samples, geometry)
 
-        laws = {**KNOWN_LAWS, **{name: result.comparison.laws[name].law for name in IDENTIFIED}}
+        if REFERENCE not in result.laws:  # the law that the page is about
+            raise LogError(next(line for line in result.warnings if line.startswith(f"law {REFERENCE}:")))
+        laws = {**KNOWN_LAWS, **{name: result.laws[name] for name in IDENTIFIED if name in result.laws}}
         loops = [_loop(name, law, np.array(start), config.seed) for name, start in STARTS.items() for law in laws]
         with run.busy("closed loops"), run.watch.stage("closed loops"):
             try:

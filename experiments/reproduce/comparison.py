@@ -17,7 +17,8 @@ _NOTE = (
 
 def comparison_table(grid: GridSummary, result: Identification, tracking: Sequence[TrackingResult]) -> Table:
     """A row per quantity of the paper's experiments: slip laws, radii, localization, slip errors, tracking errors."""
-    exponential, icr = (result.comparison.laws[name].values for name in ("exponential", "icr_radius"))
+    fits = result.comparison.laws
+    exponential, icr = fits["exponential"].values if "exponential" in fits else {}, fits["icr_radius"].values
     radii, errors, spread, poses = grid.radius, grid.slip_error, grid.speed_spread, grid.localization
     radius_error = None if radii.rms_vs_published is None else 100 * radii.rms_vs_published
     rows = [
@@ -52,7 +53,9 @@ def _row(
 
 
 def _formula(exponential: dict[str, float], track: str) -> str:
-    """The exponential law of the outer or inner track."""
+    """The exponential law of the outer or inner track; a dash if the runs don't determine it."""
+    if not exponential:
+        return MISSING
     return f"{exponential[f'alpha_{track}']:.3g} exp({exponential[f'beta_{track}']:.2f} R)"
 
 
