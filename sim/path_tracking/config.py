@@ -28,6 +28,7 @@ from trackslip.errors import (
 )
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
+from trackslip.online.compensation import KNOWN_LAWS
 
 PERIOD = 0.05
 """Control period: time between actions, and between scans [s]."""
@@ -127,6 +128,8 @@ class EnvConfig(OwnTerms):
             require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
         used = self.action == "twist" or self.compensation == "none"
         require(used, "compensation", self.compensation, '"none" unless action is "twist"')
+        needed = isinstance(self.compensation, str) and self.compensation not in (*KNOWN_LAWS, "online_cold")
+        require(self.laws is None or needed, "laws", self.laws, "None unless compensation names a law in a file")
         for name, names in (("reference", self.reference), ("ground", self.ground)):
             valid = names and all(isinstance(value, str) for value in _several(names))
             require(valid, name, names, "a name, or a tuple of names")

@@ -56,6 +56,7 @@ REFUSED = [
     (PathTrackingEnv, {"action": "torque"}, "action = 'torque': must be one of sprockets, twist"),
     (PathTrackingEnv, {"scanner": LaserScanner(rate=10.0)}, "scanner.rate = 10.0: must be 20 Hz"),
     (PathTrackingEnv, {"pull": Pull(160.0, 0.6)}, "tips over"),
+    (PathTrackingEnv, {"laws": "/nowhere"}, "laws = '/nowhere': must be None unless compensation names a law"),
     (PathTrackingEnv, {"action": "twist", "compensation": "magic"}, "compensation = 'magic': must be one of none,"),
     (PathTrackingEnv, {"preview_spacing": 0.12}, "preview_spacing = 0.12: must be a multiple of 0.05 s"),
     (PathTrackingEnv, {"randomization": Randomization(start_distance=(0.0, 0.6))}, "start_distance = (0.0, 0.6)"),
