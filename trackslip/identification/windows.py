@@ -226,8 +226,9 @@ def fit_windows(
 ) -> WindowFit:
     """Fit all parameters but those `held` to windows of a length [s], from `values` (p,), with priors' `mean` (p,).
 
-    The fit has converged when no parameter changes by more than a tenth of its standard error, of independent
-    residuals. Slopes are taken again after changes of more than three.
+    Steps are those of reweighted least squares, then Newton's. The fit has converged when no parameter changes by more
+    than a tenth of its standard error, of independent residuals and known others. Slopes are taken again after changes
+    of more than three.
     """
     windows, values = Windows.cut(drives, length), values.copy()
     free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
@@ -241,9 +242,11 @@ def fit_windows(
         pull, curved = rest.weights(spread)
         normal = rest.normal(pull) + np.diag(prior)
         gradient = rest.score(pull) + prior * (values - mean)[free]
-        inverse = np.linalg.inv(normal)
-        near = _inverse(rest.normal(curved) + np.diag(prior), normal) if change < _NEAR else _RELAXED * inverse
-        moved = np.clip(values[free] - near @ gradient, low, high)
+        if change < _NEAR:
+            step = _inverse(rest.normal(curved) + np.diag(prior), normal) @ gradient
+        else:
+            step = _RELAXED * np.linalg.solve(normal, gradient)
+        moved = np.clip(values[free] - step, low, high)
         change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(normal)), initial=0.0)
         values[free] = moved
         if change < 0.1:
