@@ -13,7 +13,7 @@ from sim.robot.named import load_tracked
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import BODY_LOOKS, shaped_robot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
-from sim.robot.wheels import start, with_joints_of
+from sim.robot.wheels import start
 from sim.tracks.drawing import TrackLook, WheelLook, draw
 from trackslip.kinematics import Array
 
@@ -105,6 +105,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     body = chassis_of(own, robot)
     for joint in list(body.joints):
         own.delete(joint)
+    own.compile()  # so that its keyframe is attached
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)
@@ -115,7 +116,8 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     tracks = [
         (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look) for name, carrier, look in looks.tracks
     ]
-    rest = with_joints_of(built.model, looks.rest, model, model.qpos0, _ATTACHED)
+    rest = start(model).qpos.copy()
+    rest[:7] = model.qpos0[:7]
     angles = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
     hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
     rest[model.jnt_qposadr[hinges]] = angles

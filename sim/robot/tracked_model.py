@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
-from sim.robot.wheels import add_start, endless, switch_off, warn_of_keyframes
+from sim.robot.wheels import choose_start, endless, lock, switch_off
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
@@ -116,7 +116,6 @@ def build_tracked(
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
         connect(spec, names)
         chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
-        add_start(spec, robot)
         model = spec.compile()
     if not looks and model.nu == len(motors):
         _warn_of_loose_joints(model, robot)
@@ -125,7 +124,7 @@ def build_tracked(
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
-    """Load the robot's model without its scene and keyframes, which a free joint invalidates: see `add_start`.
+    """Load the robot's model without its scene and all keyframes but the robot's.
 
     Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
     """
@@ -137,11 +136,10 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
         if weightless(spec, geom):
             spec.delete(geom)
     switch_off(spec, robot)
-    warn_of_keyframes(spec, robot)
-    for key in list(spec.keys):
-        spec.delete(key)
     find_meshes(spec, robot.model, robot.packages, refuse)
-    spec.copy().compile()  # so that what is wrong with the file is said of the file
+    spec.compile()  # says what is wrong with the file; from here on keyframes follow changes of the joints
+    lock(spec, robot)
+    choose_start(spec, robot)
     return spec
 
 
@@ -232,6 +230,8 @@ def _read(
 ) -> TrackedModel:
     body = model.body(chassis).id
     free = model.body_jntadr[body]
+    place = slice(model.jnt_qposadr[free], model.jnt_qposadr[free] + 7)
+    model.key_qpos[:, place], model.key_qvel[:] = model.qpos0[place], 0.0  # where a run begins, it is put at rest
     joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[joints]] = 0.0
