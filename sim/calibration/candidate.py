@@ -7,12 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import mujoco
-import numpy as np
-
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import compiled
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
@@ -127,14 +123,6 @@ def _radius(side: int) -> Parameter:
     return Parameter(lambda candidate: sides(candidate)[side], write, 0.07)
 
 
-def _yaw_inertia(candidate: Candidate) -> float:
-    """Inertia about the vertical axis through the centre of mass [kg m^2]."""
-    model, axes = compiled(candidate.robot).model, np.empty(9)
-    chassis = model.body("chassis").id
-    mujoco.mju_quat2Mat(axes, model.body_iquat[chassis])
-    return float(np.square(axes[6:]) @ model.body_inertia[chassis])
-
-
 PARAMETERS = {
     "half_gauge": _field("robot", "half_gauge", 0.1, "m", relative=True),
     "contact_length": _field("robot", "contact_length", 0.15, "m", relative=True, write=_with_length),
@@ -147,7 +135,6 @@ PARAMETERS = {
     "com_x": _field("robot", "com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
     "com_y": _field("robot", "com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),
     "com_height": _field("robot", "com_height", 0.3, "m", relative=True),
-    "yaw_inertia": _field("robot", "yaw_inertia", 0.3, "kg m²", relative=True, read=_yaw_inertia),
     "sensor_x": _field("sensor", "x", 0.3, "m"),
     "sensor_y": _field("sensor", "y", 0.3, "m"),
     "sensor_yaw": _field("sensor", "yaw", 0.1, "rad"),

@@ -118,7 +118,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     ]
     rest = start(model).qpos.copy()
     rest[:7] = model.qpos0[:7]
-    angles = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
+    angles = built.flipper_control(clear_angles(built))
     hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
     rest[model.jnt_qposadr[hinges]] = angles
     return RobotLooks(model, model.body("chassis").id, tracks, looks.track_side, rest)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_within
+from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
 
@@ -27,7 +27,6 @@ _MAX_MASS = 1e5  # [kg]
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # mean of the axles' positions, at most [m]
-_SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the distance of the contact's corners [-]
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
@@ -69,8 +68,6 @@ class RobotParameters(Checked):
     """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
-    yaw_inertia: float = checked(0.0, require_non_negative, **UNLESS_ZERO)
-    """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
     radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
@@ -82,10 +79,6 @@ class RobotParameters(Checked):
         if self.inertia:
             require_inertia(self.inertia)
         self._require_standing()
-        if self.yaw_inertia > 0:
-            corner = self.mass * (self.half_gauge**2 + self.contact_length**2 / 4)
-            least, most = (share**2 * corner for share in _SPREAD)
-            require_within("yaw_inertia", self.yaw_inertia, least, most, "kg m^2, for this mass, gauge and length")
 
     @property
     def geometry(self) -> RobotGeometry:

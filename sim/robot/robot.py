@@ -75,20 +75,8 @@ def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> 
     second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
     second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
     inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
-    if parameters.yaw_inertia > 0:
-        inertia = _with_yaw_inertia(inertia, parameters.yaw_inertia)
     chassis.mass, chassis.ipos = parameters.mass, parameters.centre_of_mass
     chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], inertia
-
-
-def _with_yaw_inertia(inertia: Sequence[float], yaw_inertia: float) -> tuple[float, ...]:
-    """An inertia xx, yy, zz, xy, xz, yz whose masses are moved along the ground so that zz is `yaw_inertia`."""
-    xx, yy, zz, xy, xz, yz = inertia
-    moments = (xx + yy + zz) / 2 * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    away = np.sqrt([yaw_inertia / zz, yaw_inertia / zz, 1.0])
-    moments *= np.outer(away, away)
-    moved = np.trace(moments) * np.eye(3) - moments
-    return tuple(moved[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist())
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:

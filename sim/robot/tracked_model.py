@@ -24,7 +24,7 @@ _PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground w
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
-_STEPS = 61  # from the angle asked for to the highest
+_STEPS = 61  # from the lowest angle of a flipper to the highest
 
 
 class Terrain(Protocol):
@@ -243,13 +243,11 @@ def _read(
     axes, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
     hinge, tip, radius = np.zeros((len(joints), 3)), np.zeros((len(joints), 3)), np.zeros(len(joints))
     for k, (joint, flipper) in enumerate(zip(joints, robot.flippers, strict=True)):
-        carrier, wheels = model.jnt_bodyid[joint], np.array(flipper.hull)
-        places = np.insert(wheels[:, :2], 1, flipper.y, axis=1) @ data.xmat[carrier].reshape(3, 3).T
-        places += data.xpos[carrier]
+        places, wheel_radius = _wheels_of(data, flipper)
         away = np.linalg.norm(places - data.xanchor[joint], axis=1)
         hinge[k] = (data.xanchor[joint] - origin) @ axes
         tip[k] = (places[away.argmax()] - origin) @ axes
-        radius[k] = wheels[:, 2].mean()
+        radius[k] = wheel_radius.mean()
     reach = tip - hinge
     length, rest = np.hypot(reach[:, 0], reach[:, 2]), np.arctan2(reach[:, 2], np.abs(reach[:, 0]))
     sign = np.where(np.cross(data.xaxis[joints] @ axes, reach)[:, 2] >= 0, 1.0, -1.0)
@@ -305,30 +303,26 @@ def _named(model: mujoco.MjModel, geom: int) -> str:
     return f"geom {name} of link {link}" if name else f"a geom of link {link}"
 
 
-def clear_angles(tracked: TrackedModel, angles: Array) -> Array:
-    """Flipper angles (F,), raised from `angles` (F,) until they clear the lowest point of the chassis' tracks [rad].
+def clear_angles(tracked: TrackedModel) -> Array:
+    """Lowest flipper angles (F,) from 0 on that clear the lowest point of the chassis' tracks [rad].
 
-    Flippers that reach below them at every higher angle stay where they are.
+    Flippers that reach below it at every angle up to their highest stay at 0, or as near to it as they get.
     """
-    asked = np.clip(angles, *tracked.flipper_range.T)
-    tried = np.linspace(asked, tracked.flipper_range[:, 1], _STEPS)  # (K, F)
-    clear = _lowest(tracked, tried) >= tracked.robot.lowest  # (K, F)
-    first = np.where(clear.any(axis=0), clear.argmax(axis=0), 0)
-    return np.asarray(tried[first, np.arange(len(asked))])
-
-
-def _lowest(tracked: TrackedModel, angles: Array) -> Array:
-    """Heights (K, F) of the lowest points of flippers above the chassis' frame, at angles (K, F) [m]."""
     model, flippers = tracked.model, tracked.robot.flippers
-    data = mujoco.MjData(model)
-    low = np.empty(angles.shape)
-    for k, asked in enumerate(angles):
-        data.qpos[tracked.flipper_qpos] = tracked.flipper_control(asked)
+    data, low, high = mujoco.MjData(model), *tracked.flipper_range.T
+    tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F)
+    clear = np.zeros(tried.shape, bool)
+    for angles, above in zip(tried, clear, strict=True):
+        data.qpos[tracked.flipper_qpos] = tracked.flipper_control(angles)
         mujoco.mj_kinematics(model, data)
-        for j, flipper in enumerate(flippers):
-            x, z, radius = np.array(flipper.hull).T
-            body = model.body(flipper.body).id
-            up = data.xmat[body].reshape(3, 3)[2]
-            height = data.xpos[body, 2] - data.xpos[tracked.body, 2] + up[0] * x + up[1] * flipper.y + up[2] * z
-            low[k, j] = (height - radius).min()
-    return low
+        for k, flipper in enumerate(flippers):
+            places, radius = _wheels_of(data, flipper)
+            above[k] = (places[:, 2] - radius).min() - data.xpos[tracked.body, 2] >= tracked.robot.lowest
+    return np.asarray(tried[clear.argmax(axis=0), np.arange(len(flippers))])
+
+
+def _wheels_of(data: mujoco.MjData, flipper: Flipper) -> tuple[Array, Array]:
+    """Places (W, 3) in the world and radii (W,) of a flipper's wheels [m]."""
+    x, z, radius = np.array(flipper.hull).T
+    body, own = data.body(flipper.body), np.column_stack([x, np.full_like(x, flipper.y), z])
+    return own @ body.xmat.reshape(3, 3).T + body.xpos, radius

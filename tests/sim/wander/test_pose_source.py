@@ -38,9 +38,7 @@ def test_a_perfect_source_returns_the_truth(motion):
     assert len(stamps) in (1199, 1200)
 
 
-def test_scale_errors_lengthen_ways_and_turns_and_a_sensor_is_where_it_is_mounted(motion):
-    _, poses, true = measure(replace(PERFECT, scale_error=0.02), motion)
-    np.testing.assert_allclose(se2.steps(poses), 1.02 * se2.steps(true), atol=1e-12)
+def test_a_sensor_is_where_it_is_mounted(motion):
     _, poses, true = measure(replace(PERFECT, ahead=0.3, left=0.1, mounting=0.087), motion)
     np.testing.assert_allclose(se2.between(true, poses), np.tile([0.3, 0.1, 0.087], (len(true), 1)), atol=1e-12)
 
@@ -68,15 +66,14 @@ def test_jittered_stamps_stay_in_order(motion):
     assert np.sqrt((away**2).mean()) == pytest.approx(0.02 * np.sqrt((speed**2).mean()), rel=0.15)
 
 
-def test_gaps_dropouts_outliers_and_jumps_have_their_numbers_and_sizes(motion):
+def test_gaps_outliers_and_jumps_have_their_numbers_and_sizes(motion):
     stamps, _, _ = measure(replace(PERFECT, gaps=3, gap_duration=5.0), motion)
     pauses = np.diff(stamps)
     np.testing.assert_allclose(pauses[pauses > 0.11], [5.0] * 3, atol=0.11)
-    stamps, poses, true = measure(replace(FAST, dropouts=0.2, outliers=0.05, outlier_size=1.0), motion)
-    assert len(stamps) / 6000 == pytest.approx(0.8, abs=0.03)
+    _, poses, true = measure(replace(FAST, outliers=0.05), motion)
     errors = np.abs(poses - true)
     assert (errors[:, 0] > 1e-9).mean() == pytest.approx(0.05, abs=0.015)
-    assert 0.9 < errors[:, :2].max() <= 1.0
+    assert 0.45 < errors.max() <= 0.5
     _, poses, true = measure(replace(PERFECT, jumps=2, jump_size=0.5, jump_turn=0.1), motion)
     errors = se2.steps(poses) - se2.steps(true)
     size, turn = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
