@@ -104,32 +104,25 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
     """Extents (2, 3) of wheels in the chassis' frame by name [m].
 
     Wheels are round and turn endlessly about the chassis' y; those that are `listed` may have limits, or be fixed.
-    Links that carry wheels, such as rockers and knuckles, are none. Raises TrackslipError for links that are listed,
-    turn endlessly about y, and aren't round.
+    Parts of wheels are none, nor are links that carry wheels, such as rockers and knuckles. Raises TrackslipError for
+    links that are listed, turn endlessly about y, and aren't round.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = data.body(chassis)
     about_y = (model.jnt_type == _HINGE) & (np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS)
-    spinning = set(model.jnt_bodyid[about_y & endless(model)].tolist())
-    if listed:
-        bodies = [int(model.body(name).id) for name in listed]
-        turning = set(model.jnt_bodyid[about_y].tolist())
-        candidates = [body for body in bodies if body in turning or not model.body_jntnum[body]]
-    else:
-        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.flipper_bodies]
-    carriers: set[int] = set()
-    for body in bodies:
-        root = int(model.body_weldid[body])
-        if root != body and root in spinning and root in bodies:  # a part of a wheel
-            candidates = [other for other in candidates if other != body]
-        else:
-            carriers.update(_carriers(model, body))
+    turning, spinning = (set(model.jnt_bodyid[which].tolist()) for which in (about_y, about_y & endless(model)))
+    own = [model.body(body).name for body in sorted(spinning)]
+    names = listed or [name for name in own if name not in robot.flipper_bodies]
+    bodies = {int(model.body(name).id): name for name in names}
+    fixed_to = {body: int(model.body_weldid[body]) for body in bodies}
+    parts = {body for body, root in fixed_to.items() if root != body and root in spinning & bodies.keys()}
+    carriers = {carrier for body in bodies.keys() - parts for carrier in _carriers(model, body)}
     wheels = {}
-    for body in candidates:
-        if body in carriers:
+    for body, name in bodies.items():
+        if body in parts | carriers or (model.body_jntnum[body] and body not in turning):
             continue
-        name, place = model.body(body).name, _extent(model, data, base, body)
+        place = _extent(model, data, base, body)
         along, _, up = place[1] - place[0]
         if abs(along - up) < _ROUND * (along + up) / 2:
             wheels[name] = place
