@@ -7,16 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.fleet import Fleet
+from sim.robot.robot import Robot
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner, require_share
 from sim.wander.motion import Motion
 from trackslip import se2
 from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import Array
-from trackslip.localization.scan import Plate, Scan
+from trackslip.localization.scan import Scan
 
 _MAX_JITTER = 0.2  # of a period
 _MOST_EARLY = 0.45  # of a period: stamps stay in order
-_AT_ONCE = 500  # scans
+_AT_ONCE = 250  # scans, each of a robot of its own
 _LARGEST = 1e6  # error, in any unit: logs of larger ones could not be read again
 _LONGEST_DELAY = 3600.0  # [s]
 _WRONG = 0.5  # largest error of a pose that is wrong, in x and y [m] and of its heading [rad]
@@ -121,32 +124,15 @@ SOURCES: Mapping[str, PoseSource] = {
 """Sources by name: the scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""
 
 
-def plate_scans(
-    scanner: LaserScanner, mount: Array, plate: Plate, motion: Motion, rng: np.random.Generator
-) -> tuple[Array, Scan]:
-    """Times (S,) [s] and scans (S, B) of the plate by a scanner at `mount` (3,), in an empty field.
+def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator) -> tuple[Array, Scan]:
+    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, by the scanner beside it.
 
     The first scan is at a random moment in the first period.
     """
     time = np.arange(motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period)
-    pose = se2.between(mount, motion.at(time))
-    parts = [
-        scanner.measure(plate_ranges(plate, pose[k : k + _AT_ONCE], scanner.bearings), rng).astype(np.float32)
-        for k in range(0, len(pose), _AT_ONCE)
-    ]
-    return time, scanner.scan(np.concatenate(parts), mount)
-
-
-def plate_ranges(plate: Plate, pose: Array, bearings: Array) -> Array:
-    """Ranges (S, B) [m] along `bearings` (B,) [rad] to plates at poses (S, 3) in the scanner's frame, NaN for a miss.
-
-    A beam enters the strip between two opposite sides, and leaves it; it hits the plate where it has entered both
-    strips before it leaves one of them.
-    """
-    origin = se2.inverse(pose).T[:2, :, None]  # (2, S, 1), in the plate's frame
-    direction = np.moveaxis(se2.direction(bearings - pose[:, 2:]), -1, 0)  # (2, S, B)
-    half = np.array([plate.length, plate.thickness])[:, None, None] / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sides = np.stack([(-half - origin) / direction, (half - origin) / direction])
-    enters, leaves = sides.min(axis=0).max(axis=0), sides.max(axis=0).min(axis=0)
-    return np.where((enters <= leaves) & (enters > 0), enters, np.nan)
+    pose, parts = motion.at(time), []
+    for k in range(0, len(pose), _AT_ONCE):
+        standing = Fleet(robot, pose[k : k + _AT_ONCE])
+        true = ScannerFeed(scanner, standing).true_ranges()
+        parts.append(scanner.measure(true, rng).astype(np.float32))
+    return time, scanner.scan(np.concatenate(parts), robot.lrf_mount)
