@@ -180,11 +180,12 @@ def load_robot(
         spec.delete(geom)
     spec.compile()
     digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
+    count = 1 if single_contacts else CONTACT_POINTS
     if contact_sensors:
-        _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
+        _add_contact_sensors(spec, count)
     model = spec.compile()
     model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
-    count, half_gauge = (1 if single_contacts else CONTACT_POINTS), parameters.half_gauge
+    half_gauge = parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
     forwards = np.array([_rotation(quaternion)[0] for quaternion in model.geom_quat[pads]])  # in the pads' frames
     middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
@@ -218,20 +219,18 @@ def compiled(parameters: RobotParameters) -> Robot:
     return load_robot(parameters)
 
 
-def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
-    geom_type = mujoco.mjtObj.mjOBJ_GEOM
-    grounds = {pair.geomname2: pair.geomname1 for pair in spec.pairs}
-    for geom in spec.geoms:
-        if "_pad" in geom.name:
-            spec.add_sensor(
-                name=f"{geom.name}_contact",
-                type=mujoco.mjtSensor.mjSENS_CONTACT,
-                objtype=geom_type,
-                objname=grounds[geom.name],
-                reftype=geom_type,
-                refname=geom.name,
-                intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, points],
-            )
+def _add_contact_sensors(spec: Any, points: int) -> None:
+    data = 1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY
+    for pair in spec.pairs:
+        spec.add_sensor(
+            name=f"{pair.geomname2}_contact",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=pair.geomname1,
+            reftype=mujoco.mjtObj.mjOBJ_GEOM,
+            refname=pair.geomname2,
+            intprm=[data, 0, points],
+        )
 
 
 def _rotation(quaternion: Array) -> Array:

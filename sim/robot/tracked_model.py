@@ -106,7 +106,7 @@ def build_tracked(
             _light(spec)
         if not chassis.joints:
             chassis.add_freejoint()
-        flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
+        hinges = [_motor_of(spec, flipper, chassis) for flipper in robot.flippers]
         if terrain is None:
             spec.worldbody.add_geom(name=_PLANE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=_GREY)
         names = [_PLANE] if terrain is None else terrain.add_to(spec)
@@ -115,12 +115,11 @@ def build_tracked(
         for flipper in robot.flippers:
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
         connect(spec, names)
-        chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
-        model = spec.compile()
-    if not looks and model.nu == len(motors):
+        name, model = chassis.name, spec.compile()
+    if not looks and model.nu == len(robot.flippers):
         _warn_of_loose_joints(model, robot)
-    warn_of_inertia(model, model.body(chassis_name).id, robot.model)
-    return _read(model, robot, chassis_name, motors, refuse)
+    warn_of_inertia(model, model.body(name).id, robot.model)
+    return _read(model, robot, name, hinges, refuse)
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
@@ -225,14 +224,15 @@ def _read(
     model: mujoco.MjModel,
     robot: TrackedRobot,
     chassis: str,
-    motors: Sequence[tuple[str, str, str]],
+    hinges: Sequence[tuple[str, str]],
     refuse: Refuse,
 ) -> TrackedModel:
+    """The numbers of a compiled robot, whose flippers have these `hinges` and motors."""
     body = model.body(chassis).id
     free = model.body_jntadr[body]
     place = slice(model.jnt_qposadr[free], model.jnt_qposadr[free] + 7)
     model.key_qpos[:, place], model.key_qvel[:] = model.qpos0[place], 0.0  # where a run begins, it is put at rest
-    joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
+    joints = np.array([model.joint(hinge).id for hinge, _ in hinges], int)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[joints]] = 0.0
     mujoco.mj_forward(model, data)
@@ -261,7 +261,7 @@ def _read(
         free=(int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])),
         track_side=np.array(sides),
         flipper_qpos=model.jnt_qposadr[joints],
-        flipper_motor=np.array([model.actuator(motor).id for _, _, motor in motors], int),
+        flipper_motor=np.array([model.actuator(motor).id for _, motor in hinges], int),
         flipper_sign=sign,
         flipper_range=np.sort(sign[:, None] * limits, axis=1),
         flippers=FlipperGeometry(hinge, length, radius, reach[:, 0] > 0, rest),
