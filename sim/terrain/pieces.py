@@ -14,7 +14,6 @@ import numpy as np
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
 from trackslip.errors import (
     Checked,
-    InvalidValueError,
     checked,
     require,
     require_at_most,
@@ -279,14 +278,12 @@ class HeightField(Checked):
 
     def __post_init__(self) -> None:
         try:
-            shape = np.shape(self.heights)
-        except ValueError:
-            raise InvalidValueError("heights", self.heights, "rows of equal lengths") from None
-        require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
-        require_at_most("samples of heights", int(np.prod(shape)), _MAX_SAMPLES)
-        values = np.ravel(self.heights)
-        wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
-        require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
+            values = np.asarray(self.heights, float)
+        except (TypeError, ValueError):  # rows of different lengths, too
+            values = np.array(np.nan)
+        fits = values.ndim == 2 and min(values.shape) >= 2 and bool(np.isfinite(values).all())
+        require(fits, "heights", f"of shape {values.shape}", "finite numbers in rows and columns, two of each at least")
+        require_at_most("samples of heights", values.size, _MAX_SAMPLES)
         require_at_most("range of heights", float(np.ptp(values)), MAX_LENGTH, "m")
         super().__post_init__()
 
