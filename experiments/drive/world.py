@@ -11,7 +11,7 @@ from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
 from sim.drive.drive import Servos
-from sim.policy import CrossingPolicy
+from sim.policy import Policy
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.settings import from_options
@@ -63,7 +63,7 @@ def make_world(config: Config) -> Traverse:
 def driver(config: Config, world: Traverse) -> Driver:
     """The driver: a policy, along the path, or at constant speeds; flippers by reflex or at the angles asked for."""
     if config.policy is not None:
-        return PolicyDriver(CrossingPolicy.load(config.policy), world)
+        return PolicyDriver(Policy.load(config.policy), world)
     asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
     fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
 
@@ -79,7 +79,7 @@ def driver(config: Config, world: Traverse) -> Driver:
 class PolicyDriver:
     """A policy that crosses courses, as in the environment that it was trained in."""
 
-    def __init__(self, policy: CrossingPolicy, world: Traverse) -> None:
+    def __init__(self, policy: Policy, world: Traverse) -> None:
         """Raises InvalidValueError for a policy of another robot."""
         options = from_options(TraverseConfig, policy.options)
         self._policy, self._actions = policy, Actions(options, world)
