@@ -283,11 +283,16 @@ class Fleet(World):
         return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        return self.batch.state[rows].copy(), self._heading[rows].copy(), *self._ground.snapshot(rows)
+        return tuple(part[rows].copy() for part in self._parts())
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
-        self.batch.state[rows], self._heading[rows] = snapshot[:2]
-        self._ground.restore(rows, snapshot[2:])
+        for part, values in zip(self._parts(), snapshot, strict=True):
+            part[rows] = values
+        self._ground.share(rows)
+
+    def _parts(self) -> tuple[Array, ...]:
+        """What a servo period changes, but for the drives: the robots are on the first axis."""
+        return self.batch.state, self._heading, *(() if self.shear is None else self.shear.by_robot)
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
         """Follow the headings of the robots `rows` (R,), which had `passed` those of (P, R) since the last call."""

@@ -164,9 +164,9 @@ class CourseRenderer(TaskRenderer):
         """See TaskRenderer; the model is compiled when it is first needed."""
         world = self._task.world
         if self.data is None:
-            tracked = build_tracked(world.tracked.robot, world.terrain, preset=self._task.config.preset, looks=True)
+            tracked = build_tracked(world.tracked.robot, world.slots, preset=self._task.config.preset, looks=True)
             self._looks, self.data = RobotLooks.of(tracked), mujoco.MjData(tracked.model)
-        world.show(row, self.data.model)
+        world.slots.show(row, world.course[row], self.data.model)
         place(self.data, world.state.qpos[row])
 
     def camera(self, row: int) -> mujoco.MjvCamera:

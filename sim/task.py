@@ -16,11 +16,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.opengl import has_display
 from sim.restorable import Restorable
 from trackslip.errors import Checked, InvalidValueError, require, require_positive
 from trackslip.kinematics import Array
@@ -158,7 +156,11 @@ class Task(Restorable, ABC):
 
     def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
         """Actions (N, A) in [-1, 1], which become the last ones, and their change."""
-        action, shape = numeric(actions), self._action.shape
+        shape = self._action.shape
+        try:
+            action = np.asarray(actions, float)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InvalidValueError("action", actions, "an array of finite numbers") from error
         require(action.shape == shape, "action", f"an array of shape {action.shape}", f"of shape {shape}")
         if np.count_nonzero(np.isfinite(action)) < action.size:
             row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
@@ -183,35 +185,3 @@ class Task(Restorable, ABC):
         require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
         require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")
         return given
-
-
-def numeric(actions: ArrayLike) -> Array:
-    """Actions as an array; raises InvalidValueError unless they are numbers."""
-    try:
-        return np.asarray(actions, float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidValueError("action", actions, "an array of finite numbers") from error
-
-
-def metadata(period: float) -> dict[str, Any]:
-    """gymnasium's metadata of an environment with a control period [s]."""
-    return {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / period)}
-
-
-def metadata_here(task: Task) -> dict[str, Any]:
-    """gymnasium's metadata of an environment on this machine: windows need a display."""
-    modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
-    return metadata(task.period) | {"render_modes": modes}
-
-
-def spaces(task: Task) -> tuple[Any, Any]:
-    """Observation space and action space of one robot."""
-    observed, commanded = (
-        np.array([e.bound for e in elements], np.float32) for elements in (task.observed, task.commanded)
-    )
-    return gymnasium.spaces.Box(-observed, observed), gymnasium.spaces.Box(-commanded, commanded)
-
-
-def row_of(info: dict[str, Any]) -> dict[str, Any]:
-    """Entries of `info` for robot 0: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}

@@ -10,7 +10,6 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.drive.drive import Servos
 from sim.policy import Policy
 from sim.robot.named import load_tracked
 from sim.seeds import generator
@@ -20,7 +19,7 @@ from sim.traverse.config import CrossingLayout, TraverseConfig
 from sim.traverse.courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import Reflex
+from sim.traverse.policy import reflex
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
@@ -52,7 +51,7 @@ def make_world(config: Config) -> Traverse:
         robot,
         [course],
         preset=config.preset,
-        servos=Servos(top_speed=max(TOP_SPEED, fastest)),
+        top_speed=max(TOP_SPEED, fastest),
         limits=Limits(time=config.duration),
         period=PERIOD,
         sample=SAMPLE,
@@ -68,7 +67,7 @@ def driver(config: Config, world: Traverse) -> Driver:
     fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
 
     def angles(world: Traverse) -> Array:
-        return Reflex().set_points(world) if asked is None else fixed
+        return reflex(world) if asked is None else fixed
 
     if config.path is not None:
         return PathDriver(config.path, config.speed, half_gauge, angles)

@@ -13,14 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim.drive.drive import MAX_SPEED, Drive, Servos
 from sim.robot.named import RobotSource
-from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.terrain import Course, load_course
 from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import Scripted
 from sim.traverse.world import Traverse
 from trackslip import se2
 from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_range
@@ -30,8 +27,6 @@ AHEAD = np.linspace(-0.5, 0.9, 15)
 ASIDE = np.array([-0.22, 0.0, 0.22])
 """Rows of the map [m]."""
 _AXES = ("forward", "left", "up")
-PERIOD = 0.1
-"""Default control period [s]."""
 SAMPLE = 0.02
 """Time between changes of the belts' speeds [s]."""
 MASSES = 0.2, 5.0
@@ -75,7 +70,7 @@ class CrossingLayout:
             *(Element(f"{rate} rate", "rad/s", 2.0, 2.0) for rate in ("roll", "pitch", "yaw")),
             Element("distance from the middle, to the left", "m", 1.0, 2.0),
             Element("heading on the course", "rad", np.pi),
-            *(Element(f"{side} belt speed", "m/s", world.servos.top_speed) for side in ("left", "right")),
+            *(Element(f"{side} belt speed", "m/s", world.top_speed) for side in ("left", "right")),
             *(Element(f"{name} angle", "rad", quarter, 2.0) for name in flippers),
             *(Element(f"{name} set point", "rad", quarter, 2.0) for name in flippers),
             *(Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0) for y in ASIDE for x in AHEAD),
@@ -162,22 +157,20 @@ class TraverseConfig(OwnTerms):
     """Kinds of obstacles that random courses have."""
     action: str = "direct"
     """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
-    what is added to the set points of `scripted`."""
+    what is added to the set points of the scripted controller."""
     flippers: str = "each"
     """One action for "each" flipper, or for each of the front and rear "pairs"."""
-    speed_authority: float = checked(0.3, require_positive, MAX_SPEED, "m/s")
+    speed_authority: float = checked(0.3, require_positive, 5.0, "m/s")
     """Largest correction of a belt's speed [m/s]."""
     flipper_authority: float = checked(0.8, require_positive, math.pi, "rad")
     """Largest correction of a flipper's set point [rad]."""
-    scripted: Scripted = field(default_factory=Scripted)
-    """The scripted controller."""
     start_offset: float = checked(0.1, require_non_negative)
     """Largest offset of the start to either side, drawn evenly [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
     """Largest heading at the start, in either direction, drawn evenly [rad]."""
     mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
     """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
-    period: float = PERIOD
+    period: float = 0.1
     """Control period: time between actions, a multiple of 0.02 s [s]."""
     preset: str = "fast"
     """Contact preset of the tracks."""
@@ -187,8 +180,6 @@ class TraverseConfig(OwnTerms):
     """Noise of the observations."""
     limits: Limits = field(default_factory=Limits)
     """Limits that end an episode."""
-    servos: Servos | None = None
-    """Servos of belts and flippers; by default with the lag and the top speed of the motors in the robot's file."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -209,9 +200,3 @@ class TraverseConfig(OwnTerms):
     def courses(self) -> tuple[str | Course, ...]:
         """Courses from which episodes draw."""
         return (self.course,) if isinstance(self.course, str | Course) else tuple(self.course)
-
-    def servos_of(self, robot: TrackedRobot) -> Servos:
-        """The servos of belts and flippers."""
-        if self.servos is None and robot.drive != Drive():
-            return Servos(robot.drive.lag, robot.drive.top_speed)
-        return self.servos or Servos()

@@ -17,6 +17,7 @@ from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingLayout, C
 from sim.traverse.courses import FTR_BOXES, MAX_BOXES, draw_course, draw_ftr_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Outcome, Outcomes
+from sim.traverse.policy import scripted
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_range, require_within
 from trackslip.kinematics import Array
@@ -48,7 +49,7 @@ class Actions:
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
         self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
-        self._scale, kind = (world.servos.top_speed, _QUARTER), "set point"
+        self._scale, kind = (world.top_speed, _QUARTER), "set point"
         if config.action == "correction":
             self._scale, kind = (config.speed_authority, config.flipper_authority), "correction"
         speed, angle = self._scale
@@ -63,8 +64,8 @@ class Actions:
         speed, angle = self._scale
         belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
         if self._config.action == "correction":
-            scripted = self._config.scripted.command(self._world)
-            return Command(scripted.speed + belts, scripted.flippers + flippers)
+            by_script = scripted(self._world)
+            return Command(by_script.speed + belts, by_script.flippers + flippers)
         return Command(belts, flippers)
 
 
@@ -92,7 +93,6 @@ class Crossing(Task):
             size,
             boxes=max((MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn), default=0),
             preset=config.preset,
-            servos=config.servos_of(robot),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,

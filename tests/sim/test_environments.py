@@ -12,8 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from results import assert_same
 
-from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, Reflex, RobotParameters, SensorNoise
-from sim.drive.drive import Servos
+from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, RobotParameters, SensorNoise
 from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.settings import from_options
 from sim.terrain import Course, Flat, Ramp, Step
@@ -160,9 +159,7 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize(
-    "configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits, Servos, Reflex]
-)
+@pytest.mark.parametrize("configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits])
 def test_hostile_options_are_accepted_or_refused_in_one_line(configuration):
     tries, messages = list(itertools.product([f.name for f in fields(configuration)], HOSTILE)), []
     for name, value in tries:
