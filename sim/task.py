@@ -65,11 +65,6 @@ class OwnTerms(Checked):
         for name, scale in scales.items():
             require_positive(name, scale)
 
-    @property
-    def own_elements(self) -> tuple[Element, ...]:
-        """Own elements of an observation."""
-        return tuple(Element(name, "", scale, BOUND) for name, scale in self.own_observations.items())
-
 
 def function(name: str) -> Callable[[Any], Any]:
     """The function MODULE:NAME; raises InvalidValueError if there is none."""
@@ -94,22 +89,20 @@ class Task(Restorable, ABC):
         self,
         config: Any,
         size: int,
-        threads: int,
         period: float,
         observed: tuple[Element, ...],
         commanded: tuple[Element, ...],
-        terms: tuple[str, ...],
     ) -> None:
-        """A task with the usual elements of an observation and the usual `terms` of the reward; see the attributes."""
-        self.config = config  # the options, with `OwnTerms`
+        """A task with the usual elements of an observation; see the attributes."""
+        self.config = config  # the options, with `reward` and `OwnTerms`
         self.size = size  # number of robots
-        self.threads = threads  # number of worker threads, 0 for one per processor
         self.period = period  # control period [s]
-        self.observed = observed + config.own_elements  # elements (n) of an observation
+        own = (Element(name, "", scale, BOUND) for name, scale in config.own_observations.items())
+        self.observed = (*observed, *own)  # elements (n) of an observation
         self.commanded = commanded  # elements (A) of an action, each in [-1, 1]
         names = (*config.own_rewards, *config.own_observations, *config.privileged)
         self._functions = {name: function(name) for name in names}
-        self._rewards = tuple(f"reward_{term}" for term in (*terms, *config.own_rewards))
+        self._rewards = tuple(f"reward_{term}" for term in (*config.reward.TERMS, *config.own_rewards))
         self._terms: Array = np.zeros((len(self._rewards), size))
         self._action: Array = np.zeros((size, len(commanded)))
         self.reward: Array = np.zeros(size)  # rewards (N,) of the last step

@@ -196,13 +196,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
-            require_whole("seed", seed, 0)
             return [int(seed) + i for i in range(self.num_envs)]
         valid = isinstance(seed, Sequence | np.ndarray) and np.shape(seed) == (self.num_envs,)
         require(valid, "seed", seed, f"an integer, or {self.num_envs}")
-        for number in seed:
-            if number is not None:
-                require_whole("seed", number, 0)
         return list(seed)
 
     def step(self, actions: Floats) -> tuple[Floats, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:

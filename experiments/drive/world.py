@@ -16,7 +16,7 @@ from sim.seeds import generator
 from sim.settings import from_options
 from sim.terrain import load_course
 from sim.traverse.config import CrossingLayout, TraverseConfig
-from sim.traverse.courses import FTR_COURSES, draw_ftr_course
+from sim.traverse.courses import FTR_COURSES, draw_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import reflex
@@ -39,7 +39,7 @@ def make_world(config: Config) -> Traverse:
     robot = load_tracked(config.robot)
     if config.course in FTR_COURSES:
         seed = config.seed or 0
-        drawn = draw_ftr_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
+        drawn = draw_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
         course = replace(drawn, seed=seed)
     else:
         course = load_course(config.course, config.seed, FTR_COURSES)

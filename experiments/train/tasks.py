@@ -44,7 +44,7 @@ def learning_task(config: Config) -> LearningTask:
         crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
         return LearningTask(crossing, lambda network: Policy(network, options), crossing.env, -1.0)
     parameters, _ = load_parameters(config.robot or SHIPPED)
-    plants = plant_ranges(parameters, parameters.drive)
+    plants = plant_ranges(parameters)
     robots = PathTrackingVecEnv(
         config.robots,
         config.threads,

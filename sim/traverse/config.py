@@ -10,17 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from sim.robot.named import RobotSource
 from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.terrain import Course, load_course
-from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
-from sim.traverse.outcome import Limits
+from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM, require_kinds
+from sim.traverse.outcome import Limits, Outcome, Outcomes
 from sim.traverse.world import Traverse
 from trackslip import se2
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_range
+from trackslip.errors import Checked, checked, require, require_non_negative, require_range
+from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
 """Columns of the map [m]."""
@@ -31,10 +33,6 @@ SAMPLE = 0.02
 """Time between changes of the belts' speeds [s]."""
 MASSES = 0.2, 5.0
 """Limits of the factor on a chassis' mass [-]."""
-RANDOM = "random"
-"""Name of randomly drawn courses; see `courses.draw_course`."""
-DRAWN = (RANDOM, *FTR_COURSES)
-"""Names of courses that each episode draws anew."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
@@ -126,6 +124,8 @@ class CrossingReward(Checked):
     and fails earns more than who waits.
     """
 
+    TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
+
     weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward per way [1/m]."""
     weight_energy: float = checked(0.001, require_non_negative, MAX_WEIGHT)
@@ -138,6 +138,24 @@ class CrossingReward(Checked):
     """CrossingReward, once, for crossing the course [-]."""
     weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for failing [-]."""
+
+    def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
+        """The terms (N,) in the order of `TERMS`.
+
+        They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the
+        actions (N, A), and the outcome of this step (N,).
+        """
+        failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
+        return (
+            *(self.weight_progress * gain, -self.weight_energy * work, -self.weight_time * took),
+            -self.weight_change * one_by_one(change**2) / change.shape[1],
+            self.weight_reached * (outcome == Outcome.REACHED) - self.weight_failed * failed,
+        )
+
+
+def one_by_one(values: Array) -> Array:
+    """Sums (N,) of values (N, n), with the same bits for any N."""
+    return np.add.accumulate(values, axis=1)[:, -1]
 
 
 @dataclass(frozen=True)
@@ -157,13 +175,9 @@ class TraverseConfig(OwnTerms):
     """Kinds of obstacles that random courses have."""
     action: str = "direct"
     """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
-    what is added to the set points of the scripted controller."""
+    what is added to the set points of the scripted controller, in units of 0.3 m/s and 0.8 rad."""
     flippers: str = "each"
     """One action for "each" flipper, or for each of the front and rear "pairs"."""
-    speed_authority: float = checked(0.3, require_positive, 5.0, "m/s")
-    """Largest correction of a belt's speed [m/s]."""
-    flipper_authority: float = checked(0.8, require_positive, math.pi, "rad")
-    """Largest correction of a flipper's set point [rad]."""
     start_offset: float = checked(0.1, require_non_negative)
     """Largest offset of the start to either side, drawn evenly [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
@@ -172,8 +186,6 @@ class TraverseConfig(OwnTerms):
     """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
     period: float = 0.1
     """Control period: time between actions, a multiple of 0.02 s [s]."""
-    preset: str = "fast"
-    """Contact preset of the tracks."""
     reward: CrossingReward = field(default_factory=CrossingReward)
     """The reward of a step."""
     noise: SensorNoise = field(default_factory=SensorNoise)

@@ -26,6 +26,9 @@ _BROKEN = [
     int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
 _TOP_SPEED = 0.6  # of belts that nothing stops [m/s]
+_DROP = 0.3  # depth below the lowest ground of a course at which a robot has fallen [m]
+_LEAN = 1.3  # angle between the chassis' and the world's vertical from which a robot has tipped over [rad]
+_FASTEST = 10.0  # speed of a chassis in a simulation that has not diverged [m/s]
 _GAP = 0.002  # above the ground at which robots are put down [m]
 
 
@@ -224,7 +227,7 @@ class Traverse(World):
         self.course[row] = course
         self._friction[row, :, :2] = course.friction
         bounds = course.bounds
-        self._bottom[row] = bounds[0, 2] - self.limits.drop
+        self._bottom[row] = bounds[0, 2] - _DROP
         self._side[row] = np.abs(bounds[:, 1]).max()
         self.goal[row] = self.footprint.goal(course)
 
@@ -249,7 +252,7 @@ class Traverse(World):
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)
         finite = np.isfinite(self.batch.qpos[rows]).all(axis=1) & np.isfinite(self.batch.qvel[rows]).all(axis=1)
         warned = self.batch.warning[rows][:, _BROKEN, 1].any(axis=1)
-        broken[rows] = warned | ~finite | ~(speed < self.limits.speed)
+        broken[rows] = warned | ~finite | ~(speed < _FASTEST)
         return broken
 
     def _judge(self, rows: NDArray[np.int_], broken: NDArray[np.bool_]) -> None:
@@ -261,7 +264,7 @@ class Traverse(World):
             (Outcome.STUCK, self._stuck.observe(state.position, belts)),
             (Outcome.REACHED, self.way <= 0),
             (Outcome.FELL, (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side)),
-            (Outcome.TIPPED, state.upright < np.cos(self.limits.lean)),
+            (Outcome.TIPPED, state.upright < np.cos(_LEAN)),
             (Outcome.EXPLODED, broken),
         )
         for outcome, where in conditions:

@@ -103,7 +103,7 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
     [
         (TRAVERSE, {"reward": CrossingReward(weight_energy=0.01), "noise": SensorNoise(height=0.1)}),
         (TRAVERSE, {"difficulty": (0.1, 0.2), "course": ("step10", Course((Flat(0.5), Step(0.05), Ramp(0.2, 1.0))))}),
-        (TRACKING, {"randomization": Randomization.typical(), "drive": Drive(lag=0.1), "robot": RobotParameters()}),
+        (TRACKING, {"randomization": Randomization.typical(), "robot": RobotParameters(drive=Drive(lag=0.1))}),
         (TRACKING, {"robot": {"mass": 30.0}, "randomization": {"mass": [0.9, 1.1]}}),
         (TRACKING, TWIST | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)}),
     ],
