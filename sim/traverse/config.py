@@ -63,26 +63,25 @@ class CrossingLayout:
     def __init__(self, world: Traverse, noise: SensorNoise) -> None:
         """For the robots of `world`, whose sensors have this noise."""
         flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
-        self.elements = (
-            *(Element(f"vertical, {axis}", "-", 1.0) for axis in _AXES),
-            *(Element(f"{rate} rate", "rad/s", 2.0, 2.0) for rate in ("roll", "pitch", "yaw")),
-            Element("distance from the middle, to the left", "m", 1.0, 2.0),
-            Element("heading on the course", "rad", np.pi),
-            *(Element(f"{side} belt speed", "m/s", world.top_speed) for side in ("left", "right")),
-            *(Element(f"{name} angle", "rad", quarter, 2.0) for name in flippers),
-            *(Element(f"{name} set point", "rad", quarter, 2.0) for name in flippers),
-            *(Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0) for y in ASIDE for x in AHEAD),
+        observed = (
+            *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
+            *((Element(f"{rate} rate", "rad/s", 2.0, 2.0), noise.rate) for rate in ("roll", "pitch", "yaw")),
+            (Element("distance from the middle, to the left", "m", 1.0, 2.0), noise.position),
+            (Element("heading on the course", "rad", np.pi), noise.heading),
+            *((Element(f"{side} belt speed", "m/s", world.top_speed), noise.speed) for side in ("left", "right")),
+            *((Element(f"{name} angle", "rad", quarter, 2.0), noise.flipper) for name in flippers),
+            *((Element(f"{name} set point", "rad", quarter, 2.0), 0.0) for name in flippers),
+            *(
+                (Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0), noise.height)
+                for y in ASIDE
+                for x in AHEAD
+            ),
         )
+        self.elements = tuple(element for element, _ in observed)
         """Names, units, scales and bounds."""
+        self._noise = np.array([deviation for _, deviation in observed])
         self._scale = np.array([element.scale for element in self.elements])
         self._bound = np.array([element.bound for element in self.elements], np.float32)
-        f, heights = len(flippers), len(ASIDE) * len(AHEAD)
-        parts = (
-            *((3, noise.attitude), (3, noise.rate), (1, noise.position), (1, noise.heading), (2, noise.speed)),
-            *((f, noise.flipper), (f, 0.0), (heights, noise.height)),
-        )
-        self.noise = np.repeat([deviation for _, deviation in parts], [count for count, _ in parts])
-        """Standard deviations (n,) of the quantities, in their units."""
         self._lowest = world.tracked.robot.lowest
         across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
@@ -100,12 +99,10 @@ class CrossingLayout:
             ],
             axis=1,
         )
-        if self.noise.any():
+        if self._noise.any():
             steps = np.rint(world.time / world.period).astype(int)
-            draws = [
-                np.random.default_rng(both).standard_normal(len(self.noise)) for both in zip(seeds, steps, strict=True)
-            ]
-            whole = whole + self.noise * np.array(draws)
+            generators = map(np.random.default_rng, zip(seeds, steps, strict=True))
+            whole += self._noise * [generator.standard_normal(len(self._noise)) for generator in generators]
         return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)
 
 

@@ -24,6 +24,7 @@ from trackslip.kinematics import Array
 
 _OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float, "mass": float}
 _QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
+_NOT_DRAWN = -1.0  # difficulty of a course that was not drawn
 _CORRECTION = 0.3, 0.8  # largest of belts' speeds [m/s] and of flippers' angles [rad]
 
 
@@ -32,7 +33,7 @@ class CourseRun:
     """One robot's task in one episode."""
 
     course: Course
-    difficulty: float  # its difficulty; NaN for a course that was not drawn [-]
+    difficulty: float  # its difficulty; -1 for a course that was not drawn [-]
     start: tuple[float, float, float]  # start pose (x, y, heading) [m, m, rad]
     seed: int = 0  # of its sensors' noise
     mass: float = 1.0  # factor on the mass of the chassis [-]
@@ -102,7 +103,7 @@ class Crossing(Task):
         self.actions = Actions(config, self.world)
         super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
         self.difficulty = config.difficulty  # range from which the difficulty of the next courses is drawn [-]
-        self._difficulty: Array = np.full(size, np.nan)
+        self._difficulty: Array = np.full(size, _NOT_DRAWN)
         self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
@@ -141,7 +142,7 @@ class Crossing(Task):
         if course in self._drawn:
             course = draw_course(course, difficulty, own, self._hull, config.obstacles, config.kinds)
         else:
-            difficulty = np.nan
+            difficulty = _NOT_DRAWN
             names = [name for name in (*self._listed, *self._drawn) if isinstance(name, str)]
             valid = isinstance(course, Course) or course in names
             require(valid, "course", course, f"a course, or one of {', '.join(names)}")
@@ -192,7 +193,7 @@ class Crossing(Task):
         return {
             "time": world.time,  # [s]
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
-            "difficulty": np.where(np.isfinite(self._difficulty), self._difficulty, -1.0),  # -1: not drawn
+            "difficulty": self._difficulty,
             "progress": 1 - world.way / self._length,  # share of the way [-]
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
