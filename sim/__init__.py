@@ -19,13 +19,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without gymnasium
     import gymnasium
 
-    gymnasium.register(
-        id="trackslip/PathTracking-v0",
-        entry_point="sim.env:PathTrackingEnv",
-        vector_entry_point="sim.env:PathTrackingVectorEnv",
-    )
-    gymnasium.register(
-        id="trackslip/Traverse-v0",
-        entry_point="sim.env:TraverseEnv",
-        vector_entry_point="sim.env:TraverseVectorEnv",
-    )
+    for _task in ("PathTracking", "Traverse"):
+        gymnasium.register(
+            id=f"trackslip/{_task}-v0",
+            entry_point=f"sim.env:{_task}Env",
+            vector_entry_point=f"sim.env:{_task}VectorEnv",
+        )

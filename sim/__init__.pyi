@@ -32,7 +32,6 @@ from .traverse.config import SensorNoise as SensorNoise
 from .traverse.config import TraverseConfig as TraverseConfig
 from .traverse.outcome import Limits as Limits
 from .traverse.outcome import Outcome as Outcome
-from .traverse.policy import Reflex as Reflex
-from .traverse.policy import Scripted as Scripted
+from .traverse.policy import scripted as scripted
 from .traverse.world import Command as Command
 from .traverse.world import Traverse as Traverse

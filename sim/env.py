@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from sim import path_tracking, traverse
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import PathTracking
 from sim.renderers import CourseRenderer, PathRenderer
 from sim.settings import from_options
-from sim.task import metadata
 from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
 from sim.traverse.task import Crossing
@@ -19,7 +17,6 @@ from trackslip.errors import require
 
 class _Tracking:
     configuration, kind, drawing = EnvConfig, PathTracking, PathRenderer
-    metadata = metadata(path_tracking.config.PERIOD)
     task: PathTracking
 
     def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:
@@ -32,7 +29,7 @@ class _Tracking:
 
 
 class _Traversing:
-    configuration, kind, drawing, metadata = TraverseConfig, Crossing, CourseRenderer, metadata(traverse.config.PERIOD)
+    configuration, kind, drawing = TraverseConfig, Crossing, CourseRenderer
     task: Crossing
 
     def set_difficulty(self, low: float, high: float) -> None:

@@ -97,11 +97,6 @@ class Fleet(World):
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
         self._begin(np.arange(self.size), start, 0.0, SETTLING)
 
-    @property
-    def time(self) -> float:
-        """Time since the start [s]."""
-        return self._periods * self.period
-
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
         pose = np.empty((self.size, 3))
@@ -162,7 +157,8 @@ class Fleet(World):
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Change the ground, one for all robots or one each, with immediate effect, even during a run."""
         self._ground.put(one_each(ground, self.size))
-        self._lay_ground(np.arange(self.size))
+        self._lay_friction(EVERYONE)
+        self._ground.tilt(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
         """Set the set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next call."""
@@ -264,11 +260,6 @@ class Fleet(World):
         """Update the friction of every pad of the robots `rows` (R,) for its current place and time."""
         self._ground.lay(rows, self._ran(), self.state.qpos[:, :2], self.state.heading)
 
-    def _lay_ground(self, rows: np.ndarray) -> None:
-        """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
-        self._lay_friction(rows)
-        self._ground.tilt(rows)
-
     def _tow(self, rows: Rows) -> None:
         """Apply the pull to the robots `rows` (R,), along their headings in the middle of the next period."""
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
@@ -283,11 +274,16 @@ class Fleet(World):
         return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        return self.batch.state[rows].copy(), self._heading[rows].copy(), *self._ground.snapshot(rows)
+        return tuple(part[rows].copy() for part in self._parts())
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
-        self.batch.state[rows], self._heading[rows] = snapshot[:2]
-        self._ground.restore(rows, snapshot[2:])
+        for part, values in zip(self._parts(), snapshot, strict=True):
+            part[rows] = values
+        self._ground.share(rows)
+
+    def _parts(self) -> tuple[Array, ...]:
+        """What a servo period changes, but for the drives: the robots are on the first axis."""
+        return self.batch.state, self._heading, *(() if self.shear is None else self.shear.by_robot)
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
         """Follow the headings of the robots `rows` (R,), which had `passed` those of (P, R) since the last call."""
@@ -311,7 +307,8 @@ class Fleet(World):
         be held there.
         """
         self._place_at(rows, start, height)
-        self._lay_ground(rows)
+        self._lay_friction(rows)
+        self._ground.tilt(rows)
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
         self._ground.harden(rows)
         self._tow(rows)

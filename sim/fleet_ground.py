@@ -137,9 +137,9 @@ class FleetGround(Restorable):
         All N robots are at positions (N, 2) [m] with headings (N,) [rad] at times (N,) since the start of their runs.
         """
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
-        self._share(rows)
+        self.share(rows)
 
-    def _share(self, rows: Rows) -> None:
+    def share(self, rows: Rows) -> None:
         """Scale the pads' friction by the share that shear has mobilised under the robots `rows` (R,)."""
         friction = self._surface[rows, ..., :2]
         self._pads[rows] = friction if self._shear is None else friction * self._shear.share[rows][..., None]
@@ -148,13 +148,13 @@ class FleetGround(Restorable):
         """Shear the ground in a period in which the robots `rows` (R,) move; arguments as for `Shear.advance`."""
         if self._shear is not None:
             self._shear.advance(rows, before, after, belt, self._surface[rows, ..., 2])
-            self._share(rows)
+            self.share(rows)
 
     def harden(self, rows: Rows) -> None:
         """Mobilise the full friction under the robots `rows` (R,)."""
         if self._shear is not None:
             self._shear.forget(rows)
-            self._share(rows)
+            self.share(rows)
 
     def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:
         """Shear the ground by the least displacement that holds the robots `rows` (R,), at headings (R,) [rad].
@@ -174,22 +174,12 @@ class FleetGround(Restorable):
         push = np.stack([(along + drawbar)[:, None] - turn * y, across[:, None] + turn * x], axis=-1)
         load = np.maximum(load, _LIGHTEST)
         self._shear.rest(rows, heading, load, push / load[..., None], self._surface[rows])
-        self._share(rows)
+        self.share(rows)
 
     def centre_of_mass(self, rows: Rows) -> Array:
         """Centres of mass of the robots `rows` (R,) in their frames, (R, 3), or (3,) of all of them [m]."""
         chassis, moved = self._robot.model.body("chassis").id, self._batch.expanded("body_ipos")
         return self._robot.model.body_ipos[chassis] if moved is None else moved[rows, chassis]
-
-    def snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        """The state of the ground under the robots `rows` (R,), with the robots on the first axis."""
-        return () if self._shear is None else self._shear.snapshot(rows)
-
-    def restore(self, rows: Rows, snapshot: tuple[Array, ...]) -> None:
-        """Go back to a snapshot of the robots `rows` (R,)."""
-        if self._shear is not None:
-            self._shear.restore(rows, *snapshot)
-            self._share(rows)
 
 
 def require_at_rest(grounds: Sequence[Ground], heading: Array, speed: Array, lean: Array, pull: Pull) -> None:

@@ -51,9 +51,15 @@ class Replay:
         """Poses (n, 3) of the sensors of robots (n,) at times (n,)."""
         return se2.compose(self.at(robot, time), sensor.pose)
 
-    def twist_at(self, robot: Any, time: Array) -> Array:
-        """Twists (n, 3) of robots (n,) at times (n,)."""
-        return self._at(self.twist, robot, time)
+    def log(self, robot: int, of: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
+        """The motion of a robot in the rows of its log `of`, with metadata `about`; other arguments as for `replay`."""
+        known = np.flatnonzero(of.has_heading)
+        row, first = (int(known[0]), of.pose[known[0]]) if len(known) else (0, np.zeros(3))
+        seen = self.sensor_at(robot, sensor, of.time + clock)
+        frame = se2.compose(first, se2.inverse(seen[row]))  # of the simulated world, in that of the log
+        truth = Truth(se2.compose(frame, self.at(robot, of.time)), self._at(self.twist, robot, of.time))
+        pose = se2.compose(frame, seen)
+        return RunLog(of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about)
 
     def _at(self, states: Array, robot: Any, time: Array) -> Array:
         place = np.clip((time - self.begin[robot]) / self.period, 0, len(states) - 1)
@@ -100,30 +106,7 @@ def replay(
     logs = [_placed(log, parameters.geometry) for log in logs]
     motion = Replayer(logs, inputs).run(parameters, ground, threads)
     about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
-    placed = sensor or Mounting()
-    return [replayed_log(motion, k, log, placed, clock, about) for k, log in enumerate(logs)]
-
-
-def replayed_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
-    """The motion of robot `k` as a log of the same rows as its own; arguments as for `replay`, and the metadata."""
-
-    def placed(robot: Array) -> Array:
-        return se2.compose(robot, sensor.pose)
-
-    known = np.flatnonzero(log.has_heading)
-    row = int(known[0]) if len(known) else 0
-    first = log.pose[row] if len(known) else np.zeros(3)
-    seen, true = motion.at(k, log.time + clock), motion.at(k, log.time)
-    frame = se2.compose(first, se2.inverse(placed(seen[row])))  # of the simulated world, in that of the log
-    return RunLog(
-        log.run,
-        log.time,
-        log.omega,
-        se2.compose(frame, placed(seen)),
-        command=log.command,
-        truth=Truth(se2.compose(frame, true), motion.twist_at(k, log.time)),
-        metadata=about,
-    )
+    return [motion.log(k, log, sensor or Mounting(), clock, about) for k, log in enumerate(logs)]
 
 
 def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[RunLog]]:
@@ -141,10 +124,9 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
     """The log with its poses up to the first lasting jump, without wild ones; all of them where none can be told."""
     try:
-        (parts,) = without_jumps([log], geometry)
-    except LogError:
+        return without_jumps([log], geometry)[0][0]
+    except (LogError, IndexError):
         return log
-    return parts[0] if parts else log
 
 
 class Replayer:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.fleet import Fleet
-from sim.pose_source import Localization, ScanBlocks, ScanByScan, ScannedPose, TruePose
+from sim.pose_source import Localization, ScanBlocks, ScannedPose, TruePose
 from sim.run_recorder import Description, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
@@ -166,7 +166,7 @@ def closed_loop(
     record = RunRecorder(fleet, rows, period, descriptions)
     localization = Localization(record, TruePose(fleet))
     if feed is not None and locator is not None:
-        localization = ScanByScan(record, ScannedPose(fleet, feed, locator))
+        localization = Localization(record, ScannedPose(fleet, feed, locator))
     for pilot in pilots:
         pilot.begin(record)
     omega = np.zeros((fleet.size, 2))

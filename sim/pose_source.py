@@ -44,6 +44,10 @@ class TruePose(Restorable):
         """
         return PoseEstimate(true, self._covariance, self._valid)
 
+    def scan_logs(self, pose: Array) -> list[ScanLog] | None:
+        """The scans of T rows with estimated poses (T, N, 3), for the N robots' logs; None unless all were kept."""
+        return None
+
 
 class NoisyPose(TruePose):
     """True poses plus Gaussian noise, drawn at the start of each run."""
@@ -103,6 +107,25 @@ class ScannedPose(TruePose):
             self.scans.append(ranges.astype(np.float32))
         return ranges
 
+    def scan_logs(self, pose: Array) -> list[ScanLog] | None:
+        """All scans, with the part that was taken for the plate."""
+        if not self.scans or not len(pose):
+            return None
+        scans = [self.feed.scan(full.astype(float)) for full in self._full(len(pose))]
+        plate = self._fleet.robot.plate
+        clusters = [extract_plate(scan, plate, scan.from_world(pose[:, k])) for k, scan in enumerate(scans)]
+        return self.logged(clusters, len(pose))
+
+    def logged(self, clusters: Sequence[Cluster], rows: int) -> list[ScanLog]:
+        """The parts of the robots' first scans that were taken for their plates, with all ranges if these were kept."""
+        empty, plate = self.feed.scan(np.empty((0, len(self.feed.bearings)))), self._fleet.robot.plate
+        full = self._full(rows) if self.scans else [None] * len(clusters)
+        return [ScanLog(empty, plate, *own) for own in zip(clusters, full, strict=True)]
+
+    def _full(self, rows: int) -> list[np.ndarray]:
+        """Ranges (rows, B) of each robot's first scans."""
+        return list(np.stack(self.scans[:rows], axis=1))
+
 
 class Localization:
     """Estimated poses in every row of a record, as closed loops need them."""
@@ -118,44 +141,17 @@ class Localization:
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
         """A log per run of the complete rows; `failure` says why the runs stopped early."""
-        return self._record.logs(failure=failure)
+        pose = self._record.pose[: self._record.complete]
+        return self._record.logs(self._source.scan_logs(pose), failure)
 
 
-class ScanByScan(Localization):
-    """The same by scans, of which logs have all ranges and the plate's part if all are kept."""
-
-    def __init__(self, record: RunRecorder, source: ScannedPose) -> None:
-        super().__init__(record, source)
-        self._scanned = source
-
-    def logs(self, failure: str | None = None) -> list[RunLog]:
-        """See Localization."""
-        record, plates = self._record, []
-        if not self._scanned.scans or not record.complete:
-            return super().logs(failure)
-        for robot in range(record.fleet.size):
-            scan = self._scanned.feed.scan(self._full(robot).astype(float))
-            at_estimates = scan.from_world(record.pose[: record.complete, robot])
-            plates.append(extract_plate(scan, record.fleet.robot.plate, at_estimates))
-        return self._with_plates(plates, failure)
-
-    def _with_plates(self, plates: Sequence[Cluster], failure: str | None) -> list[RunLog]:
-        """The logs with the part of each robot's scans that was taken for its plate."""
-        empty = self._scanned.feed.scan(np.empty((0, len(self._scanned.feed.bearings))))
-        full = [self._full(robot) if self._scanned.scans else None for robot in range(len(plates))]
-        plate = self._record.fleet.robot.plate
-        return self._record.logs([ScanLog(empty, plate, *own) for own in zip(plates, full, strict=True)], failure)
-
-    def _full(self, robot: int) -> np.ndarray:
-        return np.stack([ranges[robot] for ranges in self._scanned.scans[: self._record.complete]])
-
-
-class ScanBlocks(ScanByScan):
+class ScanBlocks(Localization):
     """Localization of scans in blocks, which is faster, for open loops."""
 
     def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
         """`watch` gets the times of the stages "scans" and "localization"."""
         super().__init__(record, source)
+        self._scanned = source
         self._watch, self._follower = watch, Follower(locator, source.tracker)
         size = record.fleet.size
         block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
@@ -178,7 +174,8 @@ class ScanBlocks(ScanByScan):
             self._locate()
         if not self._record.complete:
             return []
-        return self._with_plates([Cluster.joined(parts) for parts in self._clusters], failure)
+        clusters = [Cluster.joined(parts) for parts in self._clusters]
+        return self._record.logs(self._scanned.logged(clusters, self._record.complete), failure)
 
     def _locate(self) -> None:
         record, feed, n = self._record, self._scanned.feed, self._waiting

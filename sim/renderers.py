@@ -27,8 +27,8 @@ _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follow
 class TaskRenderer(ABC):
     """Draws the robots of a task: pictures of each, and robot 0 in a window."""
 
-    def __init__(self) -> None:
-        self.data: Any = None  # model with visuals, in the state of the robot being drawn
+    def __init__(self, looks: RobotLooks) -> None:
+        self.looks, self.data = looks, mujoco.MjData(looks.model)  # in the state of the robot being drawn
         self._window: Window | None = None
         self._pictures: Pictures | None = None
 
@@ -56,9 +56,9 @@ class TaskRenderer(ABC):
         """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
         self.pose(row)
         if self._pictures is None:
-            quality = self.data.model.vis.quality  # what a processor draws in 60 ms
+            quality = self.looks.model.vis.quality  # what a processor draws in 60 ms
             quality.offsamples, quality.shadowsize = 0, 512
-            self._pictures = Pictures(self.data.model, 640, 480)
+            self._pictures = Pictures(self.looks.model, 640, 480)
         return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
 
     def show(self) -> None:
@@ -85,10 +85,9 @@ class PathRenderer(TaskRenderer):
     """Draws a robot with its visuals, its reference path (blue) and its trail (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
-        super().__init__()
+        super().__init__(robot_looks(tracking.config.parameters))
         self._tracking = tracking
-        self._looks: RobotLooks
-        self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
+        self._trails = [[position] for position in tracking.fleet.pose()[:, :2]]
 
     def begin(self, rows: Sequence[int]) -> None:
         """Start new trails for the robots `rows`."""
@@ -99,8 +98,7 @@ class PathRenderer(TaskRenderer):
     def follow(self) -> None:
         """Extend the trails to the present positions."""
         for trail, position in zip(self._trails, self._tracking.fleet.pose()[:, :2], strict=True):
-            if not trail or np.linalg.norm(position - trail[-1]) > _SPACING:
-                trail.append(position)
+            trail.append(position)
 
     def camera(self, row: int) -> mujoco.MjvCamera:
         """See TaskRenderer."""
@@ -110,21 +108,18 @@ class PathRenderer(TaskRenderer):
         return camera
 
     def pose(self, row: int) -> None:
-        """See TaskRenderer; the model is compiled when it is first needed."""
-        if self.data is None:
-            self._looks = robot_looks(self._tracking.config.parameters)
-            self.data = mujoco.MjData(self._looks.model)
-        qpos = self._looks.rest.copy()
+        """See TaskRenderer."""
+        qpos = self.looks.rest.copy()
         qpos[:7] = self._tracking.fleet.batch.qpos[row]
         place(self.data, qpos)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks, the path and the trail."""
         travel = self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
-        self._looks.draw(scene, self.data, travel[self._looks.track_side])
+        self.looks.draw(scene, self.data, travel[self.looks.track_side])
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
-        for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
-            for start, end in pairwise(points):
+        for points, (height, width, colour) in ((path, _PATH), (self._trails[row], _TRAIL)):
+            for start, end in pairwise(_thinned(points)):
                 if scene.ngeom == scene.maxgeom:
                     return
                 geom = scene.geoms[scene.ngeom]
@@ -133,7 +128,7 @@ class PathRenderer(TaskRenderer):
                 scene.ngeom += 1
 
 
-def _thinned(points: Array) -> Iterator[Array]:
+def _thinned(points: Array | list[Array]) -> Iterator[Array]:
     """Points (2,) of a line (T, 2) that are at least _SPACING apart."""
     last = points[0]
     yield last
@@ -147,10 +142,9 @@ class CourseRenderer(TaskRenderer):
     """Draws a robot with its looks on its course."""
 
     def __init__(self, task: Crossing) -> None:
-        super().__init__()
+        super().__init__(RobotLooks.of(build_tracked(task.world.tracked.robot, task.world.slots, looks=True)))
         self._task = task
         self._travel = np.zeros(task.world.contact.belt.shape)  # of the belts in this episode (N, T) [m]
-        self._looks: RobotLooks
 
     def begin(self, rows: Sequence[int]) -> None:
         """Draw belts from their start again."""
@@ -161,19 +155,16 @@ class CourseRenderer(TaskRenderer):
         self._travel += self._task.world.contact.belt * self._task.config.period
 
     def pose(self, row: int) -> None:
-        """See TaskRenderer; the model is compiled when it is first needed."""
+        """See TaskRenderer."""
         world = self._task.world
-        if self.data is None:
-            tracked = build_tracked(world.tracked.robot, world.terrain, preset=self._task.config.preset, looks=True)
-            self._looks, self.data = RobotLooks.of(tracked), mujoco.MjData(tracked.model)
-        world.show(row, self.data.model)
+        world.slots.show(row, world.course[row], self.looks.model)
         place(self.data, world.state.qpos[row])
 
     def camera(self, row: int) -> mujoco.MjvCamera:
         """See TaskRenderer."""
         ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
-        return self._looks.camera(self.data, float(ground))
+        return self.looks.camera(self.data, float(ground))
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks."""
-        self._looks.draw(scene, self.data, self._travel[row])
+        self.looks.draw(scene, self.data, self._travel[row])

@@ -35,11 +35,6 @@ class Contacts:
     belt: Array  # (N, K) speed of the belt relative to the robot, along the pad [m/s]
     position: Array  # (N, K, 2) in the robot's frame [m]
 
-    @property
-    def sliding(self) -> Array:
-        """Sliding velocity of the belts relative to the ground (N, K, 2) [m/s]."""
-        return self.velocity + np.stack([self.belt, np.zeros_like(self.belt)], axis=-1)
-
 
 def read_contacts(fleet: Fleet) -> Contacts:
     """Contacts of a fleet whose robot was loaded with contact sensors."""

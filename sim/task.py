@@ -16,11 +16,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.opengl import has_display
 from sim.restorable import Restorable
 from trackslip.errors import Checked, InvalidValueError, require, require_positive
 from trackslip.kinematics import Array
@@ -67,11 +65,6 @@ class OwnTerms(Checked):
         for name, scale in scales.items():
             require_positive(name, scale)
 
-    @property
-    def own_elements(self) -> tuple[Element, ...]:
-        """Own elements of an observation."""
-        return tuple(Element(name, "", scale, BOUND) for name, scale in self.own_observations.items())
-
 
 def function(name: str) -> Callable[[Any], Any]:
     """The function MODULE:NAME; raises InvalidValueError if there is none."""
@@ -96,22 +89,20 @@ class Task(Restorable, ABC):
         self,
         config: Any,
         size: int,
-        threads: int,
         period: float,
         observed: tuple[Element, ...],
         commanded: tuple[Element, ...],
-        terms: tuple[str, ...],
     ) -> None:
-        """A task with the usual elements of an observation and the usual `terms` of the reward; see the attributes."""
-        self.config = config  # the options, with `OwnTerms`
+        """A task with the usual elements of an observation; see the attributes."""
+        self.config = config  # the options, with `reward` and `OwnTerms`
         self.size = size  # number of robots
-        self.threads = threads  # number of worker threads, 0 for one per processor
         self.period = period  # control period [s]
-        self.observed = observed + config.own_elements  # elements (n) of an observation
+        own = (Element(name, "", scale, BOUND) for name, scale in config.own_observations.items())
+        self.observed = (*observed, *own)  # elements (n) of an observation
         self.commanded = commanded  # elements (A) of an action, each in [-1, 1]
         names = (*config.own_rewards, *config.own_observations, *config.privileged)
         self._functions = {name: function(name) for name in names}
-        self._rewards = tuple(f"reward_{term}" for term in (*terms, *config.own_rewards))
+        self._rewards = tuple(f"reward_{term}" for term in (*config.reward.TERMS, *config.own_rewards))
         self._terms: Array = np.zeros((len(self._rewards), size))
         self._action: Array = np.zeros((size, len(commanded)))
         self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
@@ -158,7 +149,11 @@ class Task(Restorable, ABC):
 
     def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
         """Actions (N, A) in [-1, 1], which become the last ones, and their change."""
-        action, shape = numeric(actions), self._action.shape
+        shape = self._action.shape
+        try:
+            action = np.asarray(actions, float)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InvalidValueError("action", actions, "an array of finite numbers") from error
         require(action.shape == shape, "action", f"an array of shape {action.shape}", f"of shape {shape}")
         if np.count_nonzero(np.isfinite(action)) < action.size:
             row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
@@ -183,35 +178,3 @@ class Task(Restorable, ABC):
         require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
         require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")
         return given
-
-
-def numeric(actions: ArrayLike) -> Array:
-    """Actions as an array; raises InvalidValueError unless they are numbers."""
-    try:
-        return np.asarray(actions, float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidValueError("action", actions, "an array of finite numbers") from error
-
-
-def metadata(period: float) -> dict[str, Any]:
-    """gymnasium's metadata of an environment with a control period [s]."""
-    return {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / period)}
-
-
-def metadata_here(task: Task) -> dict[str, Any]:
-    """gymnasium's metadata of an environment on this machine: windows need a display."""
-    modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
-    return metadata(task.period) | {"render_modes": modes}
-
-
-def spaces(task: Task) -> tuple[Any, Any]:
-    """Observation space and action space of one robot."""
-    observed, commanded = (
-        np.array([e.bound for e in elements], np.float32) for elements in (task.observed, task.commanded)
-    )
-    return gymnasium.spaces.Box(-observed, observed), gymnasium.spaces.Box(-commanded, commanded)
-
-
-def row_of(info: dict[str, Any]) -> dict[str, Any]:
-    """Entries of `info` for robot 0: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}

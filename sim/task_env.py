@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sim.renderers import TaskRenderer
 from sim.restorable import Restorable
 from sim.settings import from_options
-from sim.task import Element, Floats, metadata_here, numeric, row_of, spaces
+from sim.task import Element, Floats
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 _MOST, _MOST_THREADS = 100_000, 1024
@@ -31,46 +31,28 @@ class TaskInterface(Restorable):
     """The task's class, which takes the options and the numbers of robots and threads."""
     drawing: Any
     """The class that draws it."""
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"]}  # noqa: RUF012
+    """See gymnasium; with the frames per second, once the control period is known."""
     task: Any
+    observed: tuple[Element, ...]
+    """Names, units, scales and bounds of the elements (n) of an observation."""
+    commanded: tuple[Element, ...]
+    """Names, units, scales and bounds of the elements (A) of an action."""
     render_mode: str | None
     _renderer: TaskRenderer | None = None
 
     def _make(self, options: Mapping[str, Any], size: int, threads: int, render_mode: str | None) -> None:
         self.render_mode = render_mode
         self.task = self.kind(from_options(self.configuration, options), size, threads)
-        self.metadata = metadata_here(self.task)
+        self.observed, self.commanded = self.task.observed, self.task.commanded
+        self.metadata = {**self.metadata, "render_fps": round(1 / self.task.period)}
         self._renderer = self.drawing(self.task) if render_mode is not None else None
 
-    def get_state(self) -> dict[str, Any]:
-        """A copy of the state: the robots, their episodes and the generators of the next ones; it can be pickled."""
-        return {"of": self._of} | super().get_state()
-
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of this environment, or of another that was made with the same options.
-
-        Raises InvalidValueError for a state of another environment.
-        """
-        of = state.get("of") if isinstance(state, Mapping) else None
-        require(isinstance(of, str) and of == self._of, "state", f"that of {of}", f"that of {self._of}")
+        """Return to a state of this environment, or of another that was made with the same options."""
         super().set_state(state)
         if self._renderer is not None:
             self._renderer.begin(range(self.task.size))
-
-    @property
-    def observed(self) -> tuple[Element, ...]:
-        """Names, units, scales and bounds of the elements (n) of an observation."""
-        return self.task.observed
-
-    @property
-    def commanded(self) -> tuple[Element, ...]:
-        """Names, units, scales and bounds of the elements (A) of an action."""
-        return self.task.commanded
-
-    @property
-    def _of(self) -> str:
-        task = self.task
-        observed, commanded = len(task.observed), len(task.commanded)
-        return f"{type(task).__name__}, {task.size} robots, {observed} observed values, {commanded} actions"
 
 
 class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
@@ -86,7 +68,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         allowed = 'None, "rgb_array" or "human"'
         require(render_mode in (None, "rgb_array", "human"), "render_mode", render_mode, allowed)
         self._make(options, 1, 1, render_mode)
-        self.observation_space, self.action_space = spaces(self.task)
+        self.observation_space, self.action_space = _box(self.observed), _box(self.commanded)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode, drawn from a generator with this seed, or from the current one if it is None.
@@ -99,17 +81,17 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         if self._renderer is not None:
             self._renderer.begin([0])
             self._show()
-        return self.task.observation()[0], row_of(self.task.info())
+        return self.task.observation()[0], _only(self.task.info())
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Simulate one control period; raises InvalidValueError for an action that isn't finite."""
         task = self.task
-        task.step(numeric(action)[None])
+        task.step([action])
         if self._renderer is not None:
             self._renderer.follow()
             self._show()
         ends = bool(task.terminated[0]), bool(task.truncated[0])
-        return task.observation()[0], float(task.reward[0]), *ends, row_of(task.info())
+        return task.observation()[0], float(task.reward[0]), *ends, _only(task.info())
 
     def render(self) -> Any:
         """Image (480, 640, 3), or None for "human", which updates the window; raises TrackslipError if it fails."""
@@ -165,7 +147,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self.autoreset_mode = AutoresetMode(mode)
         self._make(options, num_envs, threads, render_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        self.single_observation_space, self.single_action_space = spaces(self.task)
+        self.single_observation_space, self.single_action_space = _box(self.observed), _box(self.commanded)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
@@ -214,13 +196,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
-            require_whole("seed", seed, 0)
             return [int(seed) + i for i in range(self.num_envs)]
         valid = isinstance(seed, Sequence | np.ndarray) and np.shape(seed) == (self.num_envs,)
         require(valid, "seed", seed, f"an integer, or {self.num_envs}")
-        for number in seed:
-            if number is not None:
-                require_whole("seed", number, 0)
         return list(seed)
 
     def step(self, actions: Floats) -> tuple[Floats, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -297,3 +275,13 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             own[others] = None if values.dtype == object else 0
             infos[name], infos[f"_{name}"] = own, whose.copy()
         return infos
+
+
+def _box(elements: Sequence[Element]) -> Any:
+    bound = np.array([element.bound for element in elements], np.float32)
+    return gymnasium.spaces.Box(-bound, bound)
+
+
+def _only(info: dict[str, Any]) -> dict[str, Any]:
+    """Entries of `info` for the only robot: numbers, texts and arrays."""
+    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}

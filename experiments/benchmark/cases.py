@@ -11,7 +11,6 @@ import numpy as np
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
 from experiments.common.lookup import reference
-from sim.drive.drive import Drive
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
@@ -108,12 +107,12 @@ def planned_cases(config: Config) -> list[BenchmarkCase]:
     return list(cases)
 
 
-def plant_ranges(robot: RobotParameters, drive: Drive) -> Randomization:
+def plant_ranges(robot: RobotParameters) -> Randomization:
     """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own.
 
     Raises InvalidValueError for a robot so near the limits that it could not stand, or be simulated.
     """
-    nominal, lag, shift = robot.radius_error, drive.lag, 0.1 * robot.half_gauge
+    nominal, lag, shift = robot.radius_error, robot.drive.lag, 0.1 * robot.half_gauge
     ranges = Randomization(
         friction_ratio=(0.8, 1.25),
         radius_error=(nominal - 0.03, nominal + 0.03),

@@ -57,9 +57,9 @@ class ClosedLoops:
         if self.plants == "nominal":
             return None
         world, path, rng = self.world, reference(case.reference), generator(case.seed, f"plant {case.key}")
-        robot = replace(world.parameters, radius_error=world.radius_error)
+        robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
-        setting = plant_ranges(robot, world.drive).setting(rng, robot, world.drive, self.ground(case.ground), poses)
+        setting = plant_ranges(robot).setting(rng, robot, self.ground(case.ground), poses)
         return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))
 
     def ground(self, name: str) -> Ground:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from sim.policy import Policy, PolicyController, policy_file
+from sim.policy import PolicyController, TrackingPolicy, policy_file
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.named import CONTROLLERS
@@ -54,7 +54,9 @@ def controller(
     Raises InvalidValueError for an unknown name or argument and a value that is not allowed.
     """
     if name.startswith(_POLICY):
-        return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius)
+        return PolicyController(
+            TrackingPolicy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius
+        )
     values = (geometry, half_gauge or geometry.half_gauge, _MARGIN * top_speed, period)
     known = dict(zip(_OF_THE_ROBOT, values, strict=True))
     with _errors_of(name):

@@ -10,17 +10,16 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.drive.drive import Servos
-from sim.policy import CrossingPolicy
+from sim.policy import Policy
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.settings import from_options
 from sim.terrain import load_course
 from sim.traverse.config import CrossingLayout, TraverseConfig
-from sim.traverse.courses import FTR_COURSES, draw_ftr_course
+from sim.traverse.courses import FTR_COURSES, draw_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import Reflex
+from sim.traverse.policy import reflex
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
@@ -40,7 +39,7 @@ def make_world(config: Config) -> Traverse:
     robot = load_tracked(config.robot)
     if config.course in FTR_COURSES:
         seed = config.seed or 0
-        drawn = draw_ftr_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
+        drawn = draw_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
         course = replace(drawn, seed=seed)
     else:
         course = load_course(config.course, config.seed, FTR_COURSES)
@@ -52,7 +51,7 @@ def make_world(config: Config) -> Traverse:
         robot,
         [course],
         preset=config.preset,
-        servos=Servos(top_speed=max(TOP_SPEED, fastest)),
+        top_speed=max(TOP_SPEED, fastest),
         limits=Limits(time=config.duration),
         period=PERIOD,
         sample=SAMPLE,
@@ -63,12 +62,12 @@ def make_world(config: Config) -> Traverse:
 def driver(config: Config, world: Traverse) -> Driver:
     """The driver: a policy, along the path, or at constant speeds; flippers by reflex or at the angles asked for."""
     if config.policy is not None:
-        return PolicyDriver(CrossingPolicy.load(config.policy), world)
+        return PolicyDriver(Policy.load(config.policy), world)
     asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
     fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
 
     def angles(world: Traverse) -> Array:
-        return Reflex().set_points(world) if asked is None else fixed
+        return reflex(world) if asked is None else fixed
 
     if config.path is not None:
         return PathDriver(config.path, config.speed, half_gauge, angles)
@@ -79,7 +78,7 @@ def driver(config: Config, world: Traverse) -> Driver:
 class PolicyDriver:
     """A policy that crosses courses, as in the environment that it was trained in."""
 
-    def __init__(self, policy: CrossingPolicy, world: Traverse) -> None:
+    def __init__(self, policy: Policy, world: Traverse) -> None:
         """Raises InvalidValueError for a policy of another robot."""
         options = from_options(TraverseConfig, policy.options)
         self._policy, self._actions = policy, Actions(options, world)

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from experiments.common.run import Run
-from experiments.train.config import Config
+from experiments.train.config import TRAVERSE, Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
 from experiments.train.training import ONNX, POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
-from sim.policy import CrossingPolicy, write_onnx
+from sim.policy import write_onnx
 
 
 def run(config: Config) -> None:
@@ -26,7 +26,7 @@ def run(config: Config) -> None:
         policy.save(run.folder / POLICY)
         write_onnx(run.folder / ONNX, policy, task.env.observed, task.env.commanded)
         options = config.difficulty, config.trials, config.seed, config.threads
-        rates = crossing_rates(policy, *options) if isinstance(policy, CrossingPolicy) else []
+        rates = crossing_rates(policy, *options) if config.env == TRAVERSE else []
         run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
         learning_curve(curve).savefig(run.folder / "curve.png", dpi=160)
     for point in (curve[0], curve[-1]):

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from experiments.common.table import Table, number
-from sim.policy import CrossingPolicy
+from sim.policy import Policy
 from sim.seeds import generator
 from sim.settings import from_options
 from sim.traverse.config import TraverseConfig
@@ -16,7 +16,7 @@ from sim.traverse.task import Crossing
 
 
 def crossing_rates(
-    policy: CrossingPolicy, difficulty: tuple[float, float], trials: int, seed: int, threads: int = 0
+    policy: Policy, difficulty: tuple[float, float], trials: int, seed: int, threads: int = 0
 ) -> list[dict[str, Any]]:
     """Let the scripted controller and the policy cross `trials` unseen courses of each kind; a row for each.
 

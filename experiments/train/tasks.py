@@ -7,7 +7,7 @@ from typing import Any
 from experiments.benchmark.cases import plant_ranges
 from experiments.train.config import TRAVERSE, Config
 from sim.path_tracking.config import TrackingReward
-from sim.policy import CrossingPolicy, Network, Policy
+from sim.policy import Network, Policy, TrackingPolicy
 from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS
@@ -26,7 +26,7 @@ class LearningTask:
 
     robots: Any
     """The vector environment, with the interface of Stable-Baselines3; its actions are corrections."""
-    policy: Callable[[Network], Policy | CrossingPolicy]
+    policy: Callable[[Network], Policy]
     """The policy of a trained network."""
     env: Any
     """The environment under `robots`, which describes its observations and actions."""
@@ -42,9 +42,9 @@ def learning_task(config: Config) -> LearningTask:
         options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
         courses = {"difficulty": config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
         crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
-        return LearningTask(crossing, lambda network: CrossingPolicy(network, options), crossing.env, -1.0)
+        return LearningTask(crossing, lambda network: Policy(network, options), crossing.env, -1.0)
     parameters, _ = load_parameters(config.robot or SHIPPED)
-    plants = plant_ranges(parameters, parameters.drive)
+    plants = plant_ranges(parameters)
     robots = PathTrackingVecEnv(
         config.robots,
         config.threads,
@@ -60,4 +60,4 @@ def learning_task(config: Config) -> LearningTask:
     )
     corrected = Corrections(robots, config.authority)
     options = {"action": "twist"}
-    return LearningTask(corrected, lambda network: Policy(network, config.authority, options), robots.env, -1.2)
+    return LearningTask(corrected, lambda network: TrackingPolicy(network, options, config.authority), robots.env, -1.2)

@@ -24,10 +24,9 @@ RADIUS_ERROR = 0.0066
 MAX_RADIUS_ERROR = 0.5
 """Largest magnitude of that error [-]."""
 _ROUNDING = 1 + 1e-6
+_FLIPPER_SPEED = 1.5  # largest of a flipper's set point [rad/s]
 _STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
-MAX_SPEED = 5.0
-"""Largest belt speed that servos may have [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -253,25 +252,14 @@ class DriveState(Restorable):
         return np.floor(self.angle / count) * count
 
 
-@dataclass(frozen=True)
-class Servos(Checked):
-    """Servos of a robot's belts and flippers."""
-
-    lag: float = checked(0.05, require_positive, 1.0, "s")
-    """Time constant of the belts' speed [s]."""
-    top_speed: float = checked(0.6, require_positive, MAX_SPEED, "m/s")
-    """Largest belt speed [m/s]."""
-    flipper_speed: float = checked(1.5, require_positive, 100.0, "rad/s")
-    """Largest angular speed of a flipper's set point [rad/s]."""
-
-
 class ServoState(Restorable):
     """Servos of N robots with F flippers each."""
 
     STATE = ("speed", "angle", "_speed_goal", "_angle_goal")
 
-    def __init__(self, servos: Servos, size: int, flippers: int) -> None:
-        self._servos = servos
+    def __init__(self, lag: float, top_speed: float, size: int, flippers: int) -> None:
+        """With a time constant of the belts' speed [s], and the belts' top speed [m/s]."""
+        self._lag, self._top_speed = lag, top_speed
         self.speed: Array = np.zeros((size, 2))  # belt speeds (N, 2), left and right [m/s]
         self.angle: Array = np.zeros((size, flippers))  # set points (N, F) that the flippers' motors have [rad]
         self._speed_goal, self._angle_goal = self.speed.copy(), self.angle.copy()
@@ -283,15 +271,13 @@ class ServoState(Restorable):
 
     def command(self, speed: Array, angle: Array) -> None:
         """Set the set points: belt speeds (N, 2) [m/s], clipped to the top speed, and flipper angles (N, F) [rad]."""
-        top = self._servos.top_speed
-        self._speed_goal = np.clip(speed, -top, top)
+        self._speed_goal = np.clip(speed, -self._top_speed, self._top_speed)
         self._angle_goal = np.array(angle, float)
 
     def advance(self, duration: float) -> Array:
         """Mean belt speeds (N, 2) in the next `duration` [s], after which the servos are at its end [m/s]."""
-        lag = self._servos.lag
         short = self.speed - self._speed_goal
-        self.speed = self._speed_goal + short * np.exp(-duration / lag)
-        largest = self._servos.flipper_speed * duration
+        self.speed = self._speed_goal + short * np.exp(-duration / self._lag)
+        largest = _FLIPPER_SPEED * duration
         self.angle += np.clip(self._angle_goal - self.angle, -largest, largest)
-        return self._speed_goal - short * (np.expm1(-duration / lag) * lag / duration)
+        return self._speed_goal - short * (np.expm1(-duration / self._lag) * self._lag / duration)

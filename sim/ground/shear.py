@@ -72,13 +72,10 @@ class Shear(Restorable):
         """Shear displacements (N, P, 2) in the world's axes [m]."""
         return self._moved.transpose(2, 3, 0, 1).reshape(*self.share.shape, 2).copy()
 
-    def snapshot(self, rows: _Rows) -> tuple[Array, Array]:
-        """The state of the robots `rows` (R,)."""
-        return self._moved[:, :, rows].transpose(2, 0, 1, 3).copy(), self.share[rows].copy()
-
-    def restore(self, rows: _Rows, moved: Array, share: Array) -> None:
-        """Go back to a snapshot of the robots `rows` (R,)."""
-        self._moved[:, :, rows], self.share[rows] = moved.transpose(1, 2, 0, 3), share
+    @property
+    def by_robot(self) -> tuple[Array, Array]:
+        """All that changes, with the robots on the first axis, live."""
+        return self._moved.transpose(2, 0, 1, 3), self.share
 
     def forget(self, rows: _Rows) -> None:
         """Mobilise the full friction under the robots `rows` (R,), as on Coulomb ground."""

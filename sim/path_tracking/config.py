@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
-from sim.drive.drive import Drive, Pull
+from sim.drive.drive import Pull
 from sim.ground.ground import Ground, load_ground
-from sim.path_tracking.randomization import PARKING, Randomization
+from sim.path_tracking.randomization import Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
@@ -35,7 +35,6 @@ PERIOD = 0.05
 _ACTIONS = ("sprockets", "twist")
 _POSE_SOURCES = ("truth", "noisy", "scanner")
 _MAX_PREVIEWS = 100
-_GRAVITY = 9.81  # [m/s^2]
 _MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m], in a scale's own unit
 _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
 _BOUND = 2.0
@@ -58,6 +57,8 @@ class TrackingReward(Checked):
     is worse than leaving it.
     """
 
+    TERMS: ClassVar = ("alive", "position", "heading", "change", "termination")
+
     weight_alive: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """TrackingReward of every step [-]."""
     weight_position: float = checked(0.7, require_non_negative, MAX_WEIGHT)
@@ -72,6 +73,26 @@ class TrackingReward(Checked):
     """Position error that costs half of its weight [m]."""
     heading_scale: float = checked(0.2, require_within, _MIN_SCALE, MAX_WEIGHT)
     """Heading error that costs half of its weight [rad]."""
+
+    def terms(self, distance: Array, heading: Array, change: Array, terminated: np.ndarray) -> Array:
+        """The terms (5, N) in the order of `TERMS`.
+
+        They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether
+        episodes have terminated (N,).
+        """
+        left, right = change.T
+        terms = np.empty((len(self.TERMS), len(change)))
+        terms[0] = self.weight_alive
+        terms[1] = -self.weight_position * _bounded_square(distance / self.position_scale)
+        terms[2] = -self.weight_heading * _bounded_square(heading / self.heading_scale)
+        terms[3] = -self.weight_change * (left * left + right * right) / 8
+        terms[4] = -self.weight_termination * terminated
+        return terms
+
+
+def _bounded_square(z: Array) -> Array:
+    square = z * z
+    return square / (1 + square)
 
 
 @dataclass(frozen=True)
@@ -119,8 +140,6 @@ class EnvConfig(OwnTerms):
     """Properties that vary between episodes; "typical" for Randomization.typical()."""
     robot: RobotSource = SHIPPED
     """Name of a robot, its .toml file, or the robot."""
-    drive: Drive | None = None
-    """Servos and motors; None for the robot's own."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -149,22 +168,6 @@ class EnvConfig(OwnTerms):
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
         require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")
-        held = self._held() if self.pull.force > 0 else math.inf
-        allowed = f"less than {max(held, 0.0):.4g} N, which the robot holds wherever and however it starts"
-        require(self.pull.force < held, "pull", self.pull.force, allowed)
-
-    def _held(self) -> float:
-        """Largest pull [N] that holds the robot on the steepest and most slippery ground, with any heading."""
-        drawn, drive, held = self.drawn, self.drive or self.parameters.drive, math.inf
-        motors = float(drive.torque_range(np.zeros(2))[1].sum()) / self.parameters.sprocket_radius
-        weight = _GRAVITY * self.parameters.mass
-        share = min(1.0, drawn.friction_ratio[0]) * (min(1.0, drawn.patch_friction[0]) if drawn.patches[1] else 1.0)
-        for ground in map(self.load_ground, self.grounds):
-            parts: tuple[Any, ...] = (ground, *ground.patches, *ground.changes)
-            friction = share * min(min(part.along, part.across) for part in parts)
-            slope = ground.slope if drawn.slope is None else min(drawn.slope[1], PARKING * math.atan(friction))
-            held = min(held, min(weight * friction * math.cos(slope), motors) - weight * math.sin(slope))
-        return held
 
     @cached_property
     def _robot_file(self) -> tuple[RobotParameters, Ground]:

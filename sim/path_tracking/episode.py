@@ -59,27 +59,26 @@ def draw(
     options, drawn = options_of("options", options, _OPTIONS), config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
     base = config.load_ground(_choice(generator, config.grounds))
-    robot, drive = config.parameters, config.drive or config.parameters.drive
-    setting = drawn.setting(generator, robot, drive, base, table.path(reference))
+    setting = drawn.setting(generator, config.parameters, base, table.path(reference))
     ground = setting.ground
     if "ground" in options:
         ground = options["ground"] if isinstance(options["ground"], Ground) else config.load_ground(options["ground"])
         shear, allowed = ground.largest_shear, "0 in an environment that is made without ground that shears"
         require(shear == 0 or config.shears, "ground.shear", shear, allowed)
-    latency = options.get("latency", generator.integers(*drawn.latency, endpoint=True))
+    latency = generator.integers(*drawn.latency, endpoint=True)
     distance, bearing = uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
     turned = uniform(generator, drawn.start_heading, 0.0)
     error, weight = (distance * math.cos(bearing), distance * math.sin(bearing), turned), setting.weight
-    for name in ("radius_error", "mass", "lag", "latency"):
-        if name in options:
-            require_within(name, options[name], *Randomization.limits(name))
+    given = {name: options[name] for name in ("radius_error", "mass", "lag", "latency") if name in options}
+    for name, value in given.items():
+        require_within(name, value, *Randomization.limits(name))
     if "start_error" in options:
         error = _finite("start_error", options["start_error"], 3)
         require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
     if "com" in options:
         weight = _finite("com", options["com"], 2)
         Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(config.parameters)
-    given = {name: float(options[name]) for name in ("radius_error", "mass", "lag") if name in options}
+    latency = given.pop("latency", latency)
     start = tuple(se2.compose(setting.start, error).tolist())
     setting = dataclasses.replace(setting, start=start, ground=ground, weight=weight, **given)
     return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))

@@ -91,16 +91,14 @@ class Randomization(Checked):
             start_heading=(-0.3, 0.3),
         )
 
-    def setting(
-        self, generator: np.random.Generator, robot: RobotParameters, drive: Drive, ground: Ground, path: Array
-    ) -> Setting:
+    def setting(self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array) -> Setting:
         """Draw ground, radius error, mass and lag of a robot at the start of `path` (T, 3) [m, m, rad]."""
         return Setting(
             start=tuple(path[0].tolist()),
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
             weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
-            lag=uniform(generator, self.lag, drive.lag),
+            lag=uniform(generator, self.lag, robot.drive.lag),
             mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # seeds keep their numbers
         )
 

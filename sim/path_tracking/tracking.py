@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.fleet import Fleet
-from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout, TrackingReward
+from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.pose_source import NoisyPose, ScannedPose, TruePose
@@ -25,8 +25,6 @@ from trackslip.online.compensation import Compensation, SensesLoad, known_law, n
 
 _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
-TERMS = ("alive", "position", "heading", "change", "termination")
-"""Names of the terms of the reward."""
 
 
 class PathTracking(Task):
@@ -43,10 +41,10 @@ class PathTracking(Task):
         self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))
-        self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, config.pull, config.shears)
+        self.fleet = Fleet(robot, begin, None, 0.0, None, threads, config.pull, config.shears)
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         commanded = _commanded(config, self.fleet.drive.limit)
-        super().__init__(config, size, threads, PERIOD, self.layout.elements, commanded, TERMS)
+        super().__init__(config, size, PERIOD, self.layout.elements, commanded)
         self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
         self._compensation.reset(begin)
@@ -116,7 +114,7 @@ class PathTracking(Task):
         self._success &= distance <= LOST
         self.terminated = ~((distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED))
         self.truncated = (self._k >= self.last) & ~self.terminated
-        self._earn(reward_terms(self.config.reward, distance, turn, change, self.terminated))
+        self._earn(self.config.reward.terms(distance, turn, change, self.terminated))
 
     @property
     def _loaded(self) -> SensesLoad | None:
@@ -166,29 +164,6 @@ class PathTracking(Task):
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
             "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
         }
-
-
-def reward_terms(
-    reward: TrackingReward, distance: Array, heading: Array, change: Array, terminated: np.ndarray
-) -> Array:
-    """The terms of `config.TrackingReward`, (5, N) in the order of `TERMS`.
-
-    They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
-    have terminated (N,).
-    """
-    left, right = change.T
-    terms = np.empty((len(TERMS), len(change)))
-    terms[0] = reward.weight_alive
-    terms[1] = -reward.weight_position * _bounded_square(distance / reward.position_scale)
-    terms[2] = -reward.weight_heading * _bounded_square(heading / reward.heading_scale)
-    terms[3] = -reward.weight_change * (left * left + right * right) / 8
-    terms[4] = -reward.weight_termination * terminated
-    return terms
-
-
-def _bounded_square(z: Array) -> Array:
-    square = z * z
-    return square / (1 + square)
 
 
 def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:

@@ -10,36 +10,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
-from sim.drive.drive import MAX_SPEED, Drive, Servos
 from sim.robot.named import RobotSource
-from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.terrain import Course, load_course
-from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
-from sim.traverse.outcome import Limits
-from sim.traverse.policy import Scripted
+from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM, require_kinds
+from sim.traverse.outcome import Limits, Outcome, Outcomes
 from sim.traverse.world import Traverse
 from trackslip import se2
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_range
+from trackslip.errors import Checked, checked, require, require_non_negative, require_range
+from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
 """Columns of the map [m]."""
 ASIDE = np.array([-0.22, 0.0, 0.22])
 """Rows of the map [m]."""
 _AXES = ("forward", "left", "up")
-PERIOD = 0.1
-"""Default control period [s]."""
 SAMPLE = 0.02
 """Time between changes of the belts' speeds [s]."""
 MASSES = 0.2, 5.0
 """Limits of the factor on a chassis' mass [-]."""
-RANDOM = "random"
-"""Name of randomly drawn courses; see `courses.draw_course`."""
-DRAWN = (RANDOM, *FTR_COURSES)
-"""Names of courses that each episode draws anew."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
@@ -70,26 +63,25 @@ class CrossingLayout:
     def __init__(self, world: Traverse, noise: SensorNoise) -> None:
         """For the robots of `world`, whose sensors have this noise."""
         flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
-        self.elements = (
-            *(Element(f"vertical, {axis}", "-", 1.0) for axis in _AXES),
-            *(Element(f"{rate} rate", "rad/s", 2.0, 2.0) for rate in ("roll", "pitch", "yaw")),
-            Element("distance from the middle, to the left", "m", 1.0, 2.0),
-            Element("heading on the course", "rad", np.pi),
-            *(Element(f"{side} belt speed", "m/s", world.servos.top_speed) for side in ("left", "right")),
-            *(Element(f"{name} angle", "rad", quarter, 2.0) for name in flippers),
-            *(Element(f"{name} set point", "rad", quarter, 2.0) for name in flippers),
-            *(Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0) for y in ASIDE for x in AHEAD),
+        observed = (
+            *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
+            *((Element(f"{rate} rate", "rad/s", 2.0, 2.0), noise.rate) for rate in ("roll", "pitch", "yaw")),
+            (Element("distance from the middle, to the left", "m", 1.0, 2.0), noise.position),
+            (Element("heading on the course", "rad", np.pi), noise.heading),
+            *((Element(f"{side} belt speed", "m/s", world.top_speed), noise.speed) for side in ("left", "right")),
+            *((Element(f"{name} angle", "rad", quarter, 2.0), noise.flipper) for name in flippers),
+            *((Element(f"{name} set point", "rad", quarter, 2.0), 0.0) for name in flippers),
+            *(
+                (Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0), noise.height)
+                for y in ASIDE
+                for x in AHEAD
+            ),
         )
+        self.elements = tuple(element for element, _ in observed)
         """Names, units, scales and bounds."""
+        self._noise = np.array([deviation for _, deviation in observed])
         self._scale = np.array([element.scale for element in self.elements])
         self._bound = np.array([element.bound for element in self.elements], np.float32)
-        f, heights = len(flippers), len(ASIDE) * len(AHEAD)
-        parts = (
-            *((3, noise.attitude), (3, noise.rate), (1, noise.position), (1, noise.heading), (2, noise.speed)),
-            *((f, noise.flipper), (f, 0.0), (heights, noise.height)),
-        )
-        self.noise = np.repeat([deviation for _, deviation in parts], [count for count, _ in parts])
-        """Standard deviations (n,) of the quantities, in their units."""
         self._lowest = world.tracked.robot.lowest
         across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
@@ -107,12 +99,10 @@ class CrossingLayout:
             ],
             axis=1,
         )
-        if self.noise.any():
+        if self._noise.any():
             steps = np.rint(world.time / world.period).astype(int)
-            draws = [
-                np.random.default_rng(both).standard_normal(len(self.noise)) for both in zip(seeds, steps, strict=True)
-            ]
-            whole = whole + self.noise * np.array(draws)
+            generators = map(np.random.default_rng, zip(seeds, steps, strict=True))
+            whole += self._noise * [generator.standard_normal(len(self._noise)) for generator in generators]
         return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)
 
 
@@ -131,6 +121,8 @@ class CrossingReward(Checked):
     and fails earns more than who waits.
     """
 
+    TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
+
     weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward per way [1/m]."""
     weight_energy: float = checked(0.001, require_non_negative, MAX_WEIGHT)
@@ -143,6 +135,24 @@ class CrossingReward(Checked):
     """CrossingReward, once, for crossing the course [-]."""
     weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for failing [-]."""
+
+    def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
+        """The terms (N,) in the order of `TERMS`.
+
+        They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the
+        actions (N, A), and the outcome of this step (N,).
+        """
+        failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
+        return (
+            *(self.weight_progress * gain, -self.weight_energy * work, -self.weight_time * took),
+            -self.weight_change * one_by_one(change**2) / change.shape[1],
+            self.weight_reached * (outcome == Outcome.REACHED) - self.weight_failed * failed,
+        )
+
+
+def one_by_one(values: Array) -> Array:
+    """Sums (N,) of values (N, n), with the same bits for any N."""
+    return np.add.accumulate(values, axis=1)[:, -1]
 
 
 @dataclass(frozen=True)
@@ -162,33 +172,23 @@ class TraverseConfig(OwnTerms):
     """Kinds of obstacles that random courses have."""
     action: str = "direct"
     """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
-    what is added to the set points of `scripted`."""
+    what is added to the set points of the scripted controller, in units of 0.3 m/s and 0.8 rad."""
     flippers: str = "each"
     """One action for "each" flipper, or for each of the front and rear "pairs"."""
-    speed_authority: float = checked(0.3, require_positive, MAX_SPEED, "m/s")
-    """Largest correction of a belt's speed [m/s]."""
-    flipper_authority: float = checked(0.8, require_positive, math.pi, "rad")
-    """Largest correction of a flipper's set point [rad]."""
-    scripted: Scripted = field(default_factory=Scripted)
-    """The scripted controller."""
     start_offset: float = checked(0.1, require_non_negative)
     """Largest offset of the start to either side, drawn evenly [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
     """Largest heading at the start, in either direction, drawn evenly [rad]."""
     mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
     """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
-    period: float = PERIOD
+    period: float = 0.1
     """Control period: time between actions, a multiple of 0.02 s [s]."""
-    preset: str = "fast"
-    """Contact preset of the tracks."""
     reward: CrossingReward = field(default_factory=CrossingReward)
     """The reward of a step."""
     noise: SensorNoise = field(default_factory=SensorNoise)
     """Noise of the observations."""
     limits: Limits = field(default_factory=Limits)
     """Limits that end an episode."""
-    servos: Servos | None = None
-    """Servos of belts and flippers; by default with the lag and the top speed of the motors in the robot's file."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -209,9 +209,3 @@ class TraverseConfig(OwnTerms):
     def courses(self) -> tuple[str | Course, ...]:
         """Courses from which episodes draw."""
         return (self.course,) if isinstance(self.course, str | Course) else tuple(self.course)
-
-    def servos_of(self, robot: TrackedRobot) -> Servos:
-        """The servos of belts and flippers."""
-        if self.servos is None and robot.drive != Drive():
-            return Servos(robot.drive.lag, robot.drive.top_speed)
-        return self.servos or Servos()

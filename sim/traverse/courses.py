@@ -15,10 +15,12 @@ import numpy as np
 from sim.terrain import Beams, Blocks, Course, Flat, Gap, Piece, Ramp, Stairs, Step
 from trackslip.errors import require, require_within
 
+RANDOM = "random"
+"""Name of courses of random obstacles."""
 MAX_BOXES = 9
-"""Largest number of boxes of a course that `draw_course` draws."""
+"""Largest number of boxes of such a course."""
 OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
-"""Kinds of obstacles that it draws."""
+"""Kinds of obstacles of random courses."""
 WIDTH = 2.0
 """Width of drawn courses [m]."""
 APART = 0.7
@@ -33,6 +35,8 @@ KINDS = (
 PUBLISHED = "_published"
 FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
 """Names of courses of FTR-Bench."""
+DRAWN = (RANDOM, *FTR_COURSES)
+"""Names of courses that are drawn anew for each run."""
 FTR_BOXES = 18
 """Largest number of boxes of such a course."""
 _RADIUS = 0.1  # of the track wheels of FTR-Bench's robot [m]
@@ -41,38 +45,31 @@ _GRIP = 1.15  # friction coefficient over the tangent of the steepest slope, at 
 
 
 def draw_course(
-    rng: np.random.Generator, difficulty: float, obstacles: int = 2, kinds: Sequence[str] = OBSTACLES
+    name: str,
+    difficulty: float,
+    rng: np.random.Generator,
+    hull: Sequence[Sequence[float]],
+    obstacles: int = 2,
+    kinds: Sequence[str] = OBSTACLES,
 ) -> Course:
-    """Draw a course with a `difficulty` from 0 (hardly an obstacle) to 1 (the rescue robot's limits).
+    """Draw a course by its name in `DRAWN`, for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
 
-    It has one or two `obstacles` of these `kinds`. Raises InvalidValueError for values that aren't allowed.
+    A random course has one or two `obstacles` of these `kinds`, from hardly any (`difficulty` 0) to the rescue robot's
+    limits (1). Others have the smallest published heights and angles (0) to the largest (1); other sizes are drawn
+    evenly. Raises InvalidValueError for another name or difficulty.
     """
+    require(name in DRAWN, "course", name, f"one of {', '.join(DRAWN)}")
     require_within("difficulty", difficulty, 0.0, 1.0)
-    require(1 <= obstacles <= 2, "obstacles", obstacles, "1 or 2")
-    require_kinds(kinds)
-    drawn = [_obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng) for _ in range(obstacles)]
-    return _between_platforms(drawn, rng)
-
-
-def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull: Sequence[Sequence[float]]) -> Course:
-    """Draw a course of FTR-Bench by its name, for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
-
-    A `difficulty` of 0 gives the smallest published heights and angles, 1 the largest; other sizes are drawn evenly.
-    Raises InvalidValueError for another name or difficulty.
-    """
-    require(name in FTR_COURSES, "course", name, f"one of {', '.join(FTR_COURSES)}")
-    require_within("difficulty", difficulty, 0.0, 1.0)
-    kind = name.removesuffix(PUBLISHED)
-    scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
-    kinds = [kind]
-    if kind == "mixed":
-        kinds = rng.choice([each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False).tolist()
-    return _between_platforms([_ftr_obstacle(each, difficulty, scale, rng) for each in kinds], rng)
-
-
-def _between_platforms(obstacles: Sequence[Sequence[Piece]], rng: np.random.Generator) -> Course:
-    """A course of obstacles, with a friction coefficient that robots don't slide with on its steepest slope."""
-    pieces = [piece for obstacle in obstacles for piece in (Flat(APART), *obstacle)][1:]
+    if name == RANDOM:
+        drawn = [_obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng) for _ in range(obstacles)]
+    else:
+        kind = name.removesuffix(PUBLISHED)
+        scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
+        parts = [kind]
+        if kind == "mixed":
+            parts = rng.choice([each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False).tolist()
+        drawn = [_ftr_obstacle(each, difficulty, scale, rng) for each in parts]
+    pieces = [piece for obstacle in drawn for piece in (Flat(APART), *obstacle)][1:]
     slopes = [abs(math.tan(piece.angle)) for piece in pieces if isinstance(piece, Ramp)]
     slopes += [abs(piece.rise / piece.run) for piece in pieces if isinstance(piece, Stairs)]
     friction = max(float(rng.uniform(0.6, 0.9)), _GRIP * max(slopes, default=0.0))

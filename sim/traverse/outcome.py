@@ -17,6 +17,8 @@ from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
 """Outcomes (N,) as the numbers of `Outcome`."""
+_WAITING = 0.1  # belt travel, mean of left and right, below which a robot waits or turns [m]
+_SHARE = 0.1  # of the belt travel that a robot moves unless it is stuck [-]
 
 
 class Outcome(IntEnum):
@@ -49,18 +51,8 @@ class Limits(Checked):
 
     time: float = checked(60.0, require_positive, 1e6)
     """Longest run [s]."""
-    lean: float = checked(1.3, require_positive, np.pi, "rad")
-    """Angle between the chassis' and the world's vertical beyond which a robot has tipped over [rad]."""
-    drop: float = checked(0.3, require_positive, 1e6)
-    """Depth below the lowest ground of the course at which a robot has fallen [m]."""
     stuck_time: float = checked(5.0, require_positive, 1e6)
     """Time within which a robot must make progress while its belts run [s]."""
-    stuck_travel: float = checked(0.1, require_positive, 1e6)
-    """Belt travel in that time, mean of left and right, below which a robot counts as waiting or turning [m]."""
-    stuck_share: float = checked(0.1, require_positive, 1e6)
-    """Share of the belt travel that the robot must move in that time [-]."""
-    speed: float = checked(10.0, require_positive, 1e6)
-    """Speed of the chassis beyond which the simulation has diverged [m/s]."""
 
 
 class StuckWatch(Restorable):
@@ -70,7 +62,7 @@ class StuckWatch(Restorable):
 
     def __init__(self, limits: Limits, size: int, period: float) -> None:
         """`size` robots, observed once in every control `period` [s]."""
-        self._limits, self._period = limits, period
+        self._period = period
         self._history = max(1, round(limits.stuck_time / period))
         self._position: deque[Array] = deque(maxlen=self._history + 1)  # (N, 3) each [m]
         self._travel: deque[Array] = deque(maxlen=self._history + 1)  # (N,) each, since the first observation [m]
@@ -89,7 +81,7 @@ class StuckWatch(Restorable):
         self._age += 1
         moved = np.linalg.norm(position - self._position[0], axis=1)
         travelled = np.abs(self._travelled - self._travel[0])
-        idle = (travelled < self._limits.stuck_travel) | (moved >= self._limits.stuck_share * travelled)
+        idle = (travelled < _WAITING) | (moved >= _SHARE * travelled)
         return (self._age > self._history) & ~idle
 
 

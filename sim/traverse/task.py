@@ -13,18 +13,19 @@ from sim.robot.named import load_tracked
 from sim.settings import options_of
 from sim.task import Element, Floats, Task
 from sim.terrain import Course, load_course
-from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingLayout, CrossingReward, TraverseConfig
-from sim.traverse.courses import FTR_BOXES, MAX_BOXES, draw_course, draw_ftr_course
+from sim.traverse.config import MASSES, SAMPLE, CrossingLayout, TraverseConfig, one_by_one
+from sim.traverse.courses import DRAWN, FTR_BOXES, MAX_BOXES, RANDOM, draw_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Outcome, Outcomes
+from sim.traverse.policy import scripted
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_range, require_within
 from trackslip.kinematics import Array
 
-TERMS = ("progress", "energy", "time", "change", "end")
-"""Names of the terms of the reward."""
 _OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float, "mass": float}
 _QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
+_NOT_DRAWN = -1.0  # difficulty of a course that was not drawn
+_CORRECTION = 0.3, 0.8  # largest of belts' speeds [m/s] and of flippers' angles [rad]
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class CourseRun:
     """One robot's task in one episode."""
 
     course: Course
-    difficulty: float  # its difficulty; NaN for a course that was not drawn [-]
+    difficulty: float  # its difficulty; -1 for a course that was not drawn [-]
     start: tuple[float, float, float]  # start pose (x, y, heading) [m, m, rad]
     seed: int = 0  # of its sensors' noise
     mass: float = 1.0  # factor on the mass of the chassis [-]
@@ -48,9 +49,9 @@ class Actions:
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
         self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
-        self._scale, kind = (world.servos.top_speed, _QUARTER), "set point"
+        self._scale, kind = (world.top_speed, _QUARTER), "set point"
         if config.action == "correction":
-            self._scale, kind = (config.speed_authority, config.flipper_authority), "correction"
+            self._scale, kind = _CORRECTION, "correction"
         speed, angle = self._scale
         self.elements = (
             *(Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right")),
@@ -63,8 +64,8 @@ class Actions:
         speed, angle = self._scale
         belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
         if self._config.action == "correction":
-            scripted = self._config.scripted.command(self._world)
-            return Command(scripted.speed + belts, scripted.flippers + flippers)
+            by_script = scripted(self._world)
+            return Command(by_script.speed + belts, by_script.flippers + flippers)
         return Command(belts, flippers)
 
 
@@ -82,7 +83,9 @@ class Crossing(Task):
         self._listed = {
             course: self._footprint.fit(load_course(course) if isinstance(course, str) else course) for course in listed
         }  # by name, or by the course that was given
-        drawn = [self._footprint.fit(draw_course(np.random.default_rng(0), 0.0))] if self._drawn else []
+        drawn = (
+            [self._footprint.fit(draw_course(RANDOM, 0.0, np.random.default_rng(0), self._hull))] if self._drawn else []
+        )
         courses = [*self._listed.values(), *drawn]
         widest = min(course.width for course in courses) / 2
         require_at_most("start_offset", config.start_offset, widest, "m, half the width of a course")
@@ -91,8 +94,6 @@ class Crossing(Task):
             courses,
             size,
             boxes=max((MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn), default=0),
-            preset=config.preset,
-            servos=config.servos_of(robot),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,
@@ -100,9 +101,9 @@ class Crossing(Task):
         )
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
-        super().__init__(config, size, threads, config.period, self.layout.elements, self.actions.elements, TERMS)
+        super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
         self.difficulty = config.difficulty  # range from which the difficulty of the next courses is drawn [-]
-        self._difficulty: Array = np.full(size, np.nan)
+        self._difficulty: Array = np.full(size, _NOT_DRAWN)
         self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
@@ -127,28 +128,24 @@ class Crossing(Task):
         """
         options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
-        config, own = self.config, np.random.default_rng(seed)
-        chosen = config.courses[generator.integers(len(config.courses))]
-        low, high = self.difficulty
-        difficulty = options.get("difficulty", low + (high - low) * float(generator.random()))
-        offset, heading = (
-            options.get(name, generator.uniform(-1.0, 1.0) * largest)
-            for name, largest in (("start_offset", config.start_offset), ("start_heading", config.start_heading))
-        )
+        config, own, (low, high) = self.config, np.random.default_rng(seed), self.difficulty
+        drawn = {
+            "course": config.courses[generator.integers(len(config.courses))],
+            "difficulty": low + (high - low) * float(generator.random()),
+            "start_offset": generator.uniform(-1.0, 1.0) * config.start_offset,
+            "start_heading": generator.uniform(-1.0, 1.0) * config.start_heading,
+        } | options
+        difficulty, offset, heading = (drawn[name] for name in ("difficulty", "start_offset", "start_heading"))
         require_within("difficulty", difficulty, 0.0, 1.0)
         require_within("start_heading", heading, -np.pi, np.pi, "rad")
-        course = options.get("course", chosen)
+        course = drawn["course"]
         if course in self._drawn:
-            if course == RANDOM:
-                course = draw_course(own, difficulty, config.obstacles, config.kinds)
-            else:
-                course = draw_ftr_course(str(course), difficulty, own, self._hull)
+            course = draw_course(course, difficulty, own, self._hull, config.obstacles, config.kinds)
         else:
-            difficulty = np.nan
-            if not isinstance(course, Course):
-                names = [name for name in self._listed if isinstance(name, str)]
-                allowed = f"a course, or one of {', '.join((*names, *self._drawn))}"
-                require(course in names, "course", course, allowed)
+            difficulty = _NOT_DRAWN
+            names = [name for name in (*self._listed, *self._drawn) if isinstance(name, str)]
+            valid = isinstance(course, Course) or course in names
+            require(valid, "course", course, f"a course, or one of {', '.join(names)}")
         course = self._listed.get(course) or self._footprint.fit(course)
         _, y, _, ahead = course.start
         require_within("start_offset", offset, -course.width / 2, course.width / 2, "m")
@@ -176,14 +173,14 @@ class Crossing(Task):
         before = self.world.way
         self.world.step(self.actions.command(action))
         contact = self.world.contact
-        work = np.where(running, _sum(self.world.work), 0.0)
+        work = np.where(running, one_by_one(self.world.work), 0.0)
         self._work += work
         self._penetration = np.maximum(self._penetration, np.where(running, contact.depth.max(axis=1), 0.0))
         gain = np.where(running, before - self.world.way, 0.0)
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
-        terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
-        self._earn(terms.values(), running)
+        change = np.where(running[:, None], change, 0.0)
+        self._earn(self.config.reward.terms(gain, work, took, change, ended), running)
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
@@ -196,7 +193,7 @@ class Crossing(Task):
         return {
             "time": world.time,  # [s]
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
-            "difficulty": np.where(np.isfinite(self._difficulty), self._difficulty, -1.0),  # -1: not drawn
+            "difficulty": self._difficulty,
             "progress": 1 - world.way / self._length,  # share of the way [-]
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
@@ -207,32 +204,3 @@ class Crossing(Task):
             "penetration": self._penetration,  # largest so far [m]
             "work": self._work,  # of the belts so far [J]
         }
-
-
-def reward_terms(
-    reward: CrossingReward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
-) -> dict[str, Array]:
-    """The terms (N,) of `config.CrossingReward`, by name.
-
-    They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the actions
-    (N, A), and the outcome of this step (N,).
-    """
-    return {
-        "progress": reward.weight_progress * gain,
-        "energy": -reward.weight_energy * work,
-        "time": -reward.weight_time * took,
-        "change": -reward.weight_change * _sum(change**2) / change.shape[1],
-        "end": np.select(
-            [outcome == Outcome.REACHED, (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME)],
-            [reward.weight_reached, -reward.weight_failed],
-            0.0,
-        ),
-    }
-
-
-def _sum(values: Array) -> Array:
-    """Sums (N,) of values (N, n), with the same bits for any N."""
-    total = np.zeros(len(values))
-    for column in values.T:
-        total = total + column
-    return total

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import Drive, Servos, ServoState
+from sim.drive.drive import Drive, ServoState
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
@@ -26,6 +25,10 @@ from trackslip.kinematics import Array
 _BROKEN = [
     int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
+_TOP_SPEED = 0.6  # of belts that nothing stops [m/s]
+_DROP = 0.3  # depth below the lowest ground of a course at which a robot has fallen [m]
+_LEAN = 1.3  # angle between the chassis' and the world's vertical from which a robot has tipped over [rad]
+_FASTEST = 10.0  # speed of a chassis in a simulation that has not diverged [m/s]
 _GAP = 0.002  # above the ground at which robots are put down [m]
 
 
@@ -50,7 +53,7 @@ class Traverse(World):
         *,
         boxes: int = 0,
         preset: str = "fast",
-        servos: Servos | None = None,
+        top_speed: float | None = None,
         limits: Limits | None = None,
         period: float = 0.1,
         sample: float = 0.02,
@@ -59,12 +62,12 @@ class Traverse(World):
         """Prepare `size` robots; `begin` starts their runs.
 
         Args:
-            robot: the robot; without a drive of its own, belts have the speeds of their servos at once.
+            robot: the robot; without a drive of its own, nothing stops the belts.
             courses: those that runs may take place on.
             size: number of robots.
             boxes: allow other courses, too, of this many boxes or less and without height fields.
             preset: contact preset of the tracks.
-            servos: servos of belts and flippers.
+            top_speed: of the belts; by default the drive's, or 0.6 without one [m/s].
             limits: where runs end.
             period: time between set points [s].
             sample: time between changes of the belts' speeds [s].
@@ -75,31 +78,29 @@ class Traverse(World):
                 physics step.
         """
         require(len(courses) > 0, "courses", list(courses), "at least one")
-        shared = len(courses) == 1 and not boxes
-        self._slots = None if shared else Slots(courses, boxes)
-        friction = courses[0].friction
-        self.terrain = courses[0] if self._slots is None else self._slots
+        self.slots = Slots(courses, boxes)
         """Terrain of the model."""
-        self.tracked = build_tracked(robot, self.terrain, preset=preset, friction=(friction, friction))
+        self.tracked = build_tracked(robot, self.slots, preset=preset)
         """The robot's model."""
         model = self.tracked.model
         belts = self.tracked.belts
         super().__init__(model, size, threads, self.tracked.free)
         self.period, self.sample = period, sample
-        self.limits, self.servos = limits or Limits(), servos or Servos()
+        self.limits = limits or Limits()
         self._substeps = steps_in("sample", sample, "the physics step", float(model.opt.timestep))
         self._samples = steps_in("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
         self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
         self._limited = robot.drive != Drive()
-        self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
-        if self._slots is not None:
-            self._slots.bind_batch(self.batch)
+        self.top_speed = top_speed or (robot.drive.top_speed if self._limited else _TOP_SPEED)
+        """Largest speed of the belts [m/s]."""
+        self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), live
+        self.slots.bind_batch(self.batch)
         self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked)
-        self.servo = ServoState(self.servos, size, len(self.flippers.length))
+        self.servo = ServoState(robot.drive.lag, self.top_speed, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
         self.contact = Reading.none(size, len(self.track_names))
         """Contacts of the tracks (N, T), means over the last control period."""
@@ -222,22 +223,13 @@ class Traverse(World):
         return self.goal - self.state.position[:, 0]
 
     def _lay(self, row: int, course: Course) -> None:
-        if self._slots is None:
-            require(course is self.course[row], "courses", course, "the one that the robots were made for")
-        else:
-            self._slots.lay(row, course)
+        self.slots.lay(row, course)
         self.course[row] = course
-        if self._friction is not None:
-            self._friction[row, :, :2] = course.friction
+        self._friction[row, :, :2] = course.friction
         bounds = course.bounds
-        self._bottom[row] = bounds[0, 2] - self.limits.drop
+        self._bottom[row] = bounds[0, 2] - _DROP
         self._side[row] = np.abs(bounds[:, 1]).max()
         self.goal[row] = self.footprint.goal(course)
-
-    def show(self, row: int, model: mujoco.MjModel) -> None:
-        """Put the course of a robot into another model on the same `terrain`, such as one that is drawn."""
-        if self._slots is not None:
-            self._slots.show(row, self.course[row], model)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
         """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under their tracks."""
@@ -260,7 +252,7 @@ class Traverse(World):
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)
         finite = np.isfinite(self.batch.qpos[rows]).all(axis=1) & np.isfinite(self.batch.qvel[rows]).all(axis=1)
         warned = self.batch.warning[rows][:, _BROKEN, 1].any(axis=1)
-        broken[rows] = warned | ~finite | ~(speed < self.limits.speed)
+        broken[rows] = warned | ~finite | ~(speed < _FASTEST)
         return broken
 
     def _judge(self, rows: NDArray[np.int_], broken: NDArray[np.bool_]) -> None:
@@ -272,7 +264,7 @@ class Traverse(World):
             (Outcome.STUCK, self._stuck.observe(state.position, belts)),
             (Outcome.REACHED, self.way <= 0),
             (Outcome.FELL, (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side)),
-            (Outcome.TIPPED, state.upright < np.cos(self.limits.lean)),
+            (Outcome.TIPPED, state.upright < np.cos(_LEAN)),
             (Outcome.EXPLODED, broken),
         )
         for outcome, where in conditions:

@@ -12,8 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from results import assert_same
 
-from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, Reflex, RobotParameters, SensorNoise
-from sim.drive.drive import Servos
+from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, RobotParameters, SensorNoise
 from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.settings import from_options
 from sim.terrain import Course, Flat, Ramp, Step
@@ -104,7 +103,7 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
     [
         (TRAVERSE, {"reward": CrossingReward(weight_energy=0.01), "noise": SensorNoise(height=0.1)}),
         (TRAVERSE, {"difficulty": (0.1, 0.2), "course": ("step10", Course((Flat(0.5), Step(0.05), Ramp(0.2, 1.0))))}),
-        (TRACKING, {"randomization": Randomization.typical(), "drive": Drive(lag=0.1), "robot": RobotParameters()}),
+        (TRACKING, {"randomization": Randomization.typical(), "robot": RobotParameters(drive=Drive(lag=0.1))}),
         (TRACKING, {"robot": {"mass": 30.0}, "randomization": {"mass": [0.9, 1.1]}}),
         (TRACKING, TWIST | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)}),
     ],
@@ -160,9 +159,7 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize(
-    "configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits, Servos, Reflex]
-)
+@pytest.mark.parametrize("configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits])
 def test_hostile_options_are_accepted_or_refused_in_one_line(configuration):
     tries, messages = list(itertools.product([f.name for f in fields(configuration)], HOSTILE)), []
     for name, value in tries:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from results import assert_same
 
-from sim import Drive, LaserScanner, Limits, Pull
+from sim import Drive, LaserScanner, Limits, Pull, RobotParameters
 from sim.ground.ground import Change, Ground
 from trackslip.laws.icr import IcrLoad
 
@@ -20,8 +20,9 @@ TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
 LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy", "compensation": "online_cold"}
 ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
+WEAK = Drive(lag=0.127, torque_limit=3.0)
 STATES = [
-    (BATCH, TRACKING, DRAWN | {"drive": Drive(lag=0.127, torque_limit=3.0)}, {"reference": "circle"}),
+    (BATCH, TRACKING, DRAWN | {"robot": RobotParameters(drive=WEAK)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
     (BATCH, TRACKING, TWIST | LEARNING, {"ground": CHANGING}),
     (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.0, stuck_time=0.4), "period": 0.2}, {}),

@@ -10,7 +10,7 @@ import pytest
 from bags import open_bag
 
 import trackslip
-from sim.policy import load_network
+from sim.policy import Policy
 from trackslip.errors import (
     InvalidValueError,
     LogError,
@@ -75,7 +75,7 @@ def test_only_regular_files_are_read(tmp_path, make, reason):
     make(path)
     with pytest.raises(OSError, match=reason):
         regular_file(path)
-    readers = (read_json, trackslip.load, load_reference, open_bag, lambda path: load_network(path, "policy"))
+    readers = (read_json, trackslip.load, load_reference, open_bag, Policy.load)
     for read in readers[:3] if path.is_dir() else readers:
         with pytest.raises(trackslip.TrackslipError, match=r"input\.csv"):
             read(path)

@@ -20,7 +20,7 @@ from experiments.drive.config import Config
 from experiments.drive.config import Config as DriveConfig
 from experiments.drive.course import STOPPED, drive_course
 from experiments.drive.world import driver, make_world
-from sim.policy import CrossingPolicy, Network
+from sim.policy import Network, Policy
 from sim.robot.named import load_tracked
 from sim.settings import from_options
 from sim.terrain import Course, Flat, Ramp
@@ -104,7 +104,7 @@ def test_pictures_follow_the_robot(trackslip):
 def test_a_policy_drives_as_in_its_environment(tmp_path):
     options = OPTIONS | {"course": "flat"}
     network = Network((np.random.default_rng(0).normal(0, 0.05, (63, 4)),), (np.array([0.0, 0.3, 0.3, -0.3]),))
-    policy = CrossingPolicy(network, options)
+    policy = Policy(network, options)
     policy.save(tmp_path / "policy.npz")
     config = Config(course="flat", policy=tmp_path, duration=3.0, preset="fast")
     world = make_world(config)

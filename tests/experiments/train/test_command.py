@@ -7,7 +7,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.train.training import UNFINISHED
-from sim.policy import CrossingPolicy, Policy
+from sim.policy import Policy, TrackingPolicy
 from sim.traverse.policy import OPTIONS
 
 pytest.importorskip("stable_baselines3")
@@ -24,7 +24,7 @@ def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path
     trained = trackslip("train", *sized(TINY), "--steps", "256")
     assert not [*tmp_path.glob("SB3-*")]
     assert [point["steps"] for point in trained.summary["curve"]] == [128, 256]
-    assert Policy.load(trained.folder).authority == (0.12, 0.6)
+    assert TrackingPolicy.load(trained.folder).authority == (0.12, 0.6)
     options = ("--references", "slalom", "--starts", "zero", "--seeds", "0", "--localization", "truth", "--jobs", "1")
     controllers = ("--controllers", "feedforward", f"ppo:{trained.folder}")
     table = trackslip("benchmark", *options, *controllers, "--compensations", "icr_radius")
@@ -85,6 +85,6 @@ def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     rates = found.summary["rates"]
     assert [(row["controller"], row["courses"]) for row in rates] == [("scripted", 1), ("policy", 1)]
     assert (found.folder / "curve.png").is_file()
-    policy = CrossingPolicy.load(found.folder)
+    policy = Policy.load(found.folder)
     assert policy.options == {**OPTIONS, "robot": "rescue", "course": ["random"]}
     assert policy.action(np.zeros((3, 63))).shape == (3, 4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.train.crossing import crossing_rates
-from sim.policy import CrossingPolicy, Network
+from sim.policy import Network, Policy
 from sim.terrain import Course, Flat
 from sim.traverse.policy import OPTIONS
 
@@ -13,7 +13,7 @@ NO_CORRECTION = Network((np.zeros((63, 4)),), (np.zeros(4),))
 
 def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_does():
     short = Course((Flat(0.1),), start_length=0.4, goal_length=0.4)
-    policy = CrossingPolicy(NO_CORRECTION, OPTIONS | {"course": short})
+    policy = Policy(NO_CORRECTION, OPTIONS | {"course": short})
     scripted, learned = crossing_rates(policy, (0.1, 0.1), 2, seed=0, threads=1)
     assert (scripted["controller"], learned["controller"]) == ("scripted", "policy")
     assert scripted | {"controller": "policy"} == learned
@@ -23,7 +23,7 @@ def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_doe
 
 @pytest.mark.slow
 def test_several_kinds_of_courses_have_a_row_for_each_controller():
-    policy = CrossingPolicy(NO_CORRECTION, OPTIONS | {"course": ["steps_down", "rails"]})
+    policy = Policy(NO_CORRECTION, OPTIONS | {"course": ["steps_down", "rails"]})
     rows = crossing_rates(policy, (0.0, 0.2), 2, seed=0, threads=1)
     assert [row["course"] for row in rows] == ["steps_down"] * 2 + ["rails"] * 2
     assert rows[0]["crossed"] == rows[1]["crossed"] == 2

@@ -5,7 +5,6 @@ from sim import Fleet, Ground, Pilot, Pull, Randomization, RobotParameters, clos
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import NAMED_GROUNDS
 from sim.path_tracking.config import TrackingReward
-from sim.path_tracking.tracking import TERMS
 from trackslip import se2
 from trackslip.controllers.feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError
@@ -139,7 +138,7 @@ def test_rewards_are_the_sum_of_their_terms():
         assert info["reward_position"] == pytest.approx(-2 * place / (1 + place))
         assert info["reward_heading"] == pytest.approx(-0.2 * turn / (1 + turn))
         assert info["reward_change"] == pytest.approx(-0.1 * np.mean((action.astype(float) - previous) ** 2) / 4)
-        assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in TERMS))
+        assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in TrackingReward.TERMS))
         previous = action.astype(float)
 
 

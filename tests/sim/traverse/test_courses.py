@@ -10,7 +10,7 @@ import pytest
 from experiments.common.choices import FTR_NAMES
 from sim import Command, TrackedRobot, Traverse, load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
-from sim.traverse.courses import FTR_BOXES, FTR_COURSES, KINDS, MAX_BOXES, OBSTACLES, draw_course, draw_ftr_course
+from sim.traverse.courses import FTR_BOXES, FTR_COURSES, KINDS, MAX_BOXES, OBSTACLES, draw_course
 from sim.traverse.ground import Footprint
 from trackslip.errors import InvalidValueError
 
@@ -54,7 +54,7 @@ def test_courses_without_room_are_refused(world):
 
 
 def test_every_course_fits_the_slots():
-    courses = [draw_course(np.random.default_rng(seed), 1.0) for seed in range(400)]
+    courses = [draw_course("random", 1.0, np.random.default_rng(seed), HULL) for seed in range(400)]
     assert max(len(course.solids) for course in courses) == MAX_BOXES
     assert {course.width for course in courses} == {2.0}
 
@@ -63,7 +63,7 @@ def test_every_course_fits_the_slots():
 def test_a_harder_course_has_larger_obstacles(kind):
     sizes = []
     for difficulty in (0.0, 0.5, 1.0):
-        course = draw_course(np.random.default_rng(5), difficulty, 1, (kind,))
+        course = draw_course("random", difficulty, np.random.default_rng(5), HULL, 1, (kind,))
         height = np.ptp(course.height(np.linspace(-0.5, course.goal, 400), 0.0))
         sizes.append(course.goal if kind == "gap" else height)
     assert sizes == sorted(set(sizes))
@@ -113,7 +113,7 @@ HULL = load_tracked("rescue").hull  # its wheels have a radius of 0.08 m, those 
 
 
 def drawn(name, difficulty, seed=0):
-    return draw_ftr_course(name, difficulty, np.random.default_rng(seed), HULL)
+    return draw_course(name, difficulty, np.random.default_rng(seed), HULL)
 
 
 def highest(course):

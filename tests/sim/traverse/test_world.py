@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim import Command, Scripted, Traverse, build_tracked, load_tracked
-from sim.drive.drive import Servos, ServoState
+from sim import Command, Traverse, build_tracked, load_tracked, scripted
+from sim.drive.drive import ServoState
 from sim.robot.tracked_model import FlipperGeometry
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
 from sim.traverse.outcome import ContactPoints, Limits, Outcome, StuckWatch
-from sim.traverse.policy import SAMPLES, Reflex
+from sim.traverse.policy import PUSH, REACH, SAMPLES, TOLERATED, reflex, reflex_angles
 from sim.world import quietly
 from trackslip.errors import InvalidValueError
 
@@ -79,46 +79,46 @@ def test_traction_and_load_are_means_of_the_period():
 
 
 def test_the_servo_follows_its_lag_exactly():
-    servo, fine = (ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1) for _ in range(2))
+    servo, fine = (ServoState(0.1, 0.5, 2, 1) for _ in range(2))
     for each in (servo, fine):
         each.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
     mean = servo.advance(0.05)
     np.testing.assert_allclose(mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12)
     assert mean[0, 0] == pytest.approx(0.4 * (1 + np.expm1(-0.5) / 0.5))
     np.testing.assert_allclose(servo.speed, np.array([[0.4, -0.5], [0.0, 0.2]]) * -np.expm1(-0.5), atol=1e-12)
-    np.testing.assert_allclose(servo.angle, [[0.05], [-0.02]])
+    np.testing.assert_allclose(servo.angle, [[1.5 * 0.05], [-0.02]])
 
 
 def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behind():
     hinges = np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]])
     shape = FlipperGeometry(hinges, np.full(2, 0.25), np.full(2, 0.05), np.array([True, False]), np.zeros(2))
-    reflex, up = Reflex(highest=1.5), np.full((1, 2), 0.08)
+    up = np.full((1, 2), 0.08)
     far = SAMPLES[0] * 0.25
     for height in (0.0, 0.1, 0.3):
         ground = np.tile([height, 0.0, 0.0], (1, 2, 1))
-        angle = reflex.angles(ground, np.zeros(1), up, shape)[0, 0]
+        angle = reflex_angles(ground, np.zeros(1), up, shape)[0, 0]
         # distance of the point at `far` from the line through the hinge
         away = -far * np.sin(angle) + (height - 0.08) * np.cos(angle)
         assert away == pytest.approx(-0.05) if height else angle == 0
-        tilted = reflex.angles(ground, np.full(1, 0.2), up, shape)[0, 0]
+        tilted = reflex_angles(ground, np.full(1, 0.2), up, shape)[0, 0]
         assert tilted == pytest.approx(angle - 0.2) or height == 0.0
     pitch = np.array([-0.4, 0.0, 0.4])
-    rear = reflex.angles(np.zeros((3, 2, 3)), pitch, np.full((3, 2), 0.08), shape)[:, 1]
-    assert reflex.lowest <= rear[0] < -0.3
+    rear = reflex_angles(np.zeros((3, 2, 3)), pitch, np.full((3, 2), 0.08), shape)[:, 1]
+    assert -REACH <= rear[0] < -0.3
     assert rear[0] < rear[1] < 0
-    assert rear[2] == pytest.approx(-reflex.push * (0.4 - reflex.tolerated))  # it pushes what leans back
+    assert rear[2] == pytest.approx(-PUSH * (0.4 - TOLERATED))  # it pushes what leans back
 
 
 def test_flippers_feel_the_ground_under_them_that_courses_have():
-    course, reflex = Course((Ramp(0.3, 4.0),), start_length=3.0), Reflex()
+    course = Course((Ramp(0.3, 4.0),), start_length=3.0)
     world = Traverse(load_tracked("rescue"), [course], threads=1)
     world.begin([0], start=[[-0.38, 0.0, 0.0]])
     shape = world.flippers
     hinge = world.state.position[0] + shape.hinge  # it stands level and looks along x
     x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
     ground = course.height(x, hinge[:, 1:2])
-    expected = reflex.angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
-    np.testing.assert_allclose(reflex.set_points(world), expected, atol=1e-3)
+    expected = reflex_angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
+    np.testing.assert_allclose(reflex(world), expected, atol=1e-3)
     assert expected[0, shape.front].min() > 0.05
 
 
@@ -126,7 +126,7 @@ def test_the_scripted_controller_comes_back_to_the_middle():
     world = Traverse(load_tracked("rescue"), [Course((Flat(3.0),))], 2, threads=1)
     world.begin([0, 1], start=[[-1.0, 0.3, 0.3], [-1.0, -0.3, -0.3]])
     for _ in range(80):
-        world.step(Scripted().command(world))
+        world.step(scripted(world))
     assert np.abs(world.state.position[:, 1]).max() < 0.05
     np.testing.assert_allclose(world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6)
 
