@@ -47,7 +47,6 @@ def scanned(tmp_path_factory):
 
 
 def words(printed, start):
-    """The words of the printed row that begins with `start`."""
     return next(line.split() for line in printed.splitlines() if line.strip().startswith(start))
 
 

@@ -22,15 +22,12 @@ PARAMETERS = {
 
 @dataclass(frozen=True)
 class DiffDrive:
-    """The controller with its parameters."""
-
     separation: float
     left_radius: float
     right_radius: float
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> Self:
-        """Multipliers default to 1."""
         radius = parameters["wheel_radius"]
         return cls(
             parameters["wheel_separation"] * parameters.get("wheel_separation_multiplier", 1.0),
@@ -61,14 +58,12 @@ class DiffDrive:
 
 
 def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:
-    """Parse YAML by the rules of a version."""
     reader = YAML(typ="safe", pure=True)
     reader.version = version  # type: ignore[assignment]
     return reader.load(io.StringIO(text))
 
 
 def parameters_in(text: str) -> dict[str, Any]:
-    """The parameters in a YAML file for the controller."""
     content = read_yaml(text)
     assert read_yaml(text, (1, 1)) == content
     assert set(content) == {"diff_drive_controller"}

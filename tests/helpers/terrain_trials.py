@@ -82,7 +82,6 @@ def box(
 
 
 def rescue(terrain, preset, flippers=UP):
-    """The rescue robot with its flippers held."""
     robot = load_tracked("rescue")
     built = build_tracked(robot, terrain, preset=preset)
     model, control = built.model, np.zeros(built.model.nu)

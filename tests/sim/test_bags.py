@@ -38,8 +38,6 @@ def read(path):
 
 
 def numbers(rows, *paths):
-    """Values (M, len(paths)) of fields of messages."""
-
     def field(message, path):
         for name in path.split("."):
             message = getattr(message, name)

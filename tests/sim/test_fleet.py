@@ -136,7 +136,6 @@ SHEARING = [
 
 
 def known(fleet, rows=slice(None)):
-    """Everything that a fleet knows of some of its robots."""
     drive, shear = fleet.drive, fleet.shear
     of_drive = drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time
     of_ground = () if shear is None else (shear.displacement, shear.share)

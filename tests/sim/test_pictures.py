@@ -20,7 +20,6 @@ TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0
 
 @pytest.fixture(scope="module")
 def opengl():
-    """Name of an OpenGL that works without a display."""
     for backend in ("egl", "osmesa"):
         try:
             context = importlib.import_module(f"mujoco.{backend}").GLContext(8, 8)
@@ -32,7 +31,6 @@ def opengl():
 
 
 def pixels(picture, colour):
-    """How many pixels of a picture (H, W, 3) have a colour."""
     red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
     path, trail = (blue > red + 60) & (blue > green), (red > blue + 90) & (red > green + 40)
     return int({"blue": path, "orange": trail}[colour].sum())

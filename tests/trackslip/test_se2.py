@@ -14,7 +14,6 @@ motions = arrays(float, (4, 3), elements=st.floats(-3, 3))
 
 
 def matrix(pose):
-    """The homogeneous matrix (3, 3) of a pose (3,)."""
     x, y, phi = pose
     return np.array([[np.cos(phi), -np.sin(phi), x], [np.sin(phi), np.cos(phi), y], [0, 0, 1]])
 

@@ -34,7 +34,6 @@ def contents(folder):
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
-    """A folder with results; tests work on copies."""
     folder = tmp_path_factory.mktemp("tracked") / "track"
     main([*TRACK, "--out", str(folder)])
     return folder
@@ -42,7 +41,6 @@ def tracked(tmp_path_factory):
 
 @pytest.fixture
 def old(tracked, tmp_path):
-    """A folder with results."""
     return Path(shutil.copytree(tracked, tmp_path / "track"))
 
 
@@ -69,7 +67,6 @@ def test_output_that_nobody_takes(tmp_path):
 
 
 def test_what_is_not_replaced(refused, tmp_path):
-    """A folder in which another command writes, what is no regular file, and files of others."""
     with results_folder(tmp_path / "out", overwrite=False):
         assert refused("predict", "--out", "out") == "out = 'out': another command is writing there"
     os.mkfifo(tmp_path / "pipe")

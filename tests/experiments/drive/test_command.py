@@ -1,9 +1,7 @@
 """`trackslip drive`: stored runs, recordings, pages, and policies that drive."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet
@@ -21,9 +19,7 @@ from experiments.drive.config import Config as DriveConfig
 from experiments.drive.course import STOPPED, drive_course
 from experiments.drive.world import driver, make_world
 from sim.policy import CrossingPolicy, Network
-from sim.robot.named import load_tracked
 from sim.settings import from_options
-from sim.terrain import Course, Flat, Ramp
 from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import OPTIONS
 from sim.traverse.task import Crossing
@@ -35,7 +31,6 @@ SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
-    """A drive of the rescue robot over a step."""
     out = tmp_path_factory.mktemp("drive")
     main(["drive", *SHORT, "--out", str(out)])
     return out
@@ -128,15 +123,6 @@ def driven(change=lambda world: True, **options):
     return drive_course(world, lambda world: steady(world) if change(world) else None)
 
 
-@pytest.mark.parametrize("heading", [0.0, np.pi, np.pi / 2, 0.7])
-def test_slope_of_a_ramp_is_that_along_the_robot(heading):
-    angle = 0.3
-    course = Course((Ramp(angle=angle, length=4.0), Flat(1.0)))
-    state = SimpleNamespace(position=np.array([[2.0, 0.1, 0.0]]), heading=np.array([heading]))
-    slope = replace(driven(duration=0.1), robot=load_tracked("box"), course=course, state=state).slope
-    assert slope == pytest.approx(np.arctan(np.tan(angle) * np.cos(heading)), abs=1e-9)
-
-
 @pytest.mark.slow
 def test_a_path_is_followed_to_its_end(tmp_path):
     path = tmp_path / "path.csv"
@@ -169,7 +155,7 @@ def test_motors_of_the_robot_file_climb_what_their_torque_allows(tmp_path, limit
     box = Path(models.__file__).parent / "box_robot.toml"
     text = box.read_text().replace("box_robot.xml", str(box.with_suffix(".xml")))
     (tmp_path / "box.toml").write_text(f"{text}\n[drive]\ntorque_limit = {limit}\n")
-    run = driven(robot=str(tmp_path / "box.toml"), course="ramp20", duration=6.0)
+    run = driven(robot=str(tmp_path / "box.toml"), course="ramp20", duration=4.0)
     assert (run.state.position[-1, 2] > 0.2) == climbs
     assert (run.contact.belt[-1] > 0.25).all() == climbs
     assert run.contact.traction.max() * 0.08 < 1.1 * limit

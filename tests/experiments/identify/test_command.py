@@ -37,7 +37,6 @@ def written(runs, path, columns=COLUMNS):
 
 
 def written_drive(log, path, columns=COLUMNS):
-    """Write a CSV file with empty cells where no pose was measured."""
     count, rows = len(columns) - 4, []
     for k, valid in enumerate(log.is_valid):
         rows.append([log.run, log.time[k], *log.omega[k], *(log.pose[k, :count] if valid else [""] * count)])
@@ -57,16 +56,6 @@ def test_steady_samples_with_encoders_before_a_gear(trackslip, tmp_path):
     assert result.summary["laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.09, abs=0.01)
     assert (result.summary["best"], result.summary["samples"]) == ("icr_radius", 12)
     assert (result.folder / "runs.parquet").is_file()
-
-
-@pytest.mark.usefixtures("few_laws")
-def test_an_unknown_unit_is_an_alarm_that_deploy_minds(trackslip, refused, tmp_path):
-    runs = [[[*row[:2], 30 * row[2], 30 * row[3], *row[4:]] for row in run] for run in rows_of()]
-    result = trackslip("identify", written(runs, tmp_path / "log.csv"), *OF_ROBOT)
-    assert result.printed.startswith("ALARM: the poses move 0.0338 times as far as the wheels: check the units")
-    assert result.summary["alarms"][0]["kind"] == "units"
-    assert "trackslip deploy" not in result.printed
-    assert "ALARM the poses move" in refused("deploy", str(result.folder))
 
 
 def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):
@@ -118,15 +107,6 @@ def test_a_drive_is_chosen_by_itself(trackslip, refused, tmp_path):
     assert "Whole drives" in (result.folder / "report.html").read_text(encoding="utf-8")
     assert (result.folder / "runs.parquet").is_file()
     assert "steady" in refused("identify", log, *OF_DRIVES, "--method", "steady")
-
-
-@pytest.mark.usefixtures("few_laws")
-def test_a_drive_without_headings_and_with_a_sensor_that_is_given(trackslip, tmp_path):
-    log = written_drive(wandered(headings=False, duration=24.0), tmp_path / "log.csv", COLUMNS[:-1])
-    result = trackslip("identify", log, *OF_DRIVES, "--sensor", "0.0", "-0.001", "0.0")
-    assert result.summary["prediction"]["icr_radius"]["2"]["heading"] is None
-    law = result.summary["drive"]["laws"]["icr_radius"]
-    assert (law["held"]["sensor_y"], law["extras"]["sensor_y"]) == ("given", -0.001)
 
 
 def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):

@@ -15,7 +15,6 @@ SHORT = ("--half-gauge", "0.168", "--sprocket-radius", "0.06", "--duration", "30
 
 @pytest.fixture(autouse=True)
 def few_routes(monkeypatch):
-    """A search of a quarter of a second."""
     monkeypatch.setattr(planning, "_EVALUATIONS", 30)
     monkeypatch.setattr(planning, "_FEWEST", 30)
 

@@ -22,7 +22,6 @@ TRACK = "track --reference circle --circle-duration 10 --circle-radius 0.8 --sta
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
-    """Two recorded runs on a circle among posts."""
     logs, folder = [], tmp_path_factory.mktemp("recording")
     for compensation in ("none", "icr_radius"):
         out = folder / compensation
@@ -95,7 +94,6 @@ def test_nothing_is_the_plates_where_it_was_not_found(driven, tmp_path):
 
 
 def test_scan_points_lie_on_the_plate(driven):
-    """In the world's frame, not the scanner's."""
     log, plate = driven[1][0], Plate()
     rows = rows_of(driven[0] / FILES["none"], "/run/scan/plate", "positions")
     points = np.array([point for row in rows for point in row])
@@ -122,10 +120,8 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
 @pytest.mark.parametrize(
     "odd",
     [
-        {"geometry": {"half_gauge": 0.2}},
         {"geometry": {"half_gauge": "x", "sprocket_radius": {}}, "robot": {"mass": 10**400}},
-        {"ground": {"patches": [None], "slope": "steep"}, "obstacles": {"posts": [{"x": 1}]}},
-        {"ground": [1], "obstacles": [3], "circle": {"radius": []}},
+        {"ground": {"patches": [None], "slope": "steep"}, "obstacles": [3], "circle": {"radius": []}},
     ],
 )
 def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, odd):

@@ -32,7 +32,6 @@ def summary(reproduced):
 
 
 def grid_of(folder):
-    """The runs on circles, without the closed loops."""
     return [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
 
 
@@ -119,7 +118,6 @@ def test_what_is_left_behind(reproduced, summary):
 
 
 def test_the_pages_show_what_is_printed(reproduced):
-    """Line by line, to the digit."""
     page = ROOT / "docs" / "reproduction.md"
     for text in (shown(ROOT / "README.md", "slip law"), shown(page, "slip law"), shown(page, "Tracking errors")):
         assert missing_line(text, reproduced.printed) is None

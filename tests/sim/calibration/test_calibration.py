@@ -107,7 +107,6 @@ def test_folds_are_predicted_by_fits_to_the_others():
 
 
 def drive(time):
-    """Along an arc."""
     omega = np.tile([3.0, 4.0], (len(time), 1))
     twist = np.array([0.21, 0.0, 0.06 / 0.336])
     return RunLog("drive", time, omega, se2.exp(time[:, None] * twist))

@@ -37,7 +37,6 @@ def link(name, mass, shape="", place="0 0 0", look=""):
 
 
 def joint(parent, child, place, kind="continuous", rest=""):
-    """A joint about y."""
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
     return f'<joint name="{child}_joint" type="{kind}">{ends}{rest}</joint>'
 
@@ -46,7 +45,6 @@ CYLINDER = '<cylinder radius="0.1" length="0.1"/>'
 
 
 def rover(wheel='<sphere radius="0.1"/>', heights=(0.0, 0.0, 0.0, 0.0), parent="base", **options):
-    """A rover with four wheels on its chassis."""
     parts = [link("base", 10, '<box size="0.4 0.3 0.05"/>', "0 0 0.1")]
     for (name, (x, y)), z in zip(WHEELS.items(), heights, strict=True):
         parts += [link(name, 1, wheel), joint(parent, name, f"{x} {y} {z}", **options)]
@@ -194,7 +192,6 @@ def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
 
 
 def fixed(part, parent="base", place="0 0 0"):
-    """A part, and the joint that fixes it."""
     return [part, joint(parent, re.search('name="(.*?)"', part)[1], place, "fixed")]
 
 

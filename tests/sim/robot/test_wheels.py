@@ -39,7 +39,6 @@ def turned(parameters, belts, ground, settle=1.5, top_speed=9.0):
 
 
 def ratio(parameters, belts, twist):
-    """b / (b + D) (M,)."""
     return 2 * parameters.half_gauge * twist[:, 2] / (belts[:, 1] - belts[:, 0])
 
 
@@ -50,7 +49,6 @@ def arcs(parameters, speed=0.1, radii=(0.0, 1.5, 6.0)):
 
 
 def train(axles):
-    """A robot of that many axles, 0.2 m apart."""
     return wheels(0.4, tuple(0.2 * (np.arange(axles) - (axles - 1) / 2)), 75.0, patch_length=0.08)
 
 

@@ -25,7 +25,6 @@ def motion():
 
 
 def measure(source, motion, seed=1):
-    """Stamps (S,), measured and true poses (S, 3)."""
     stamps, poses = source.measure(motion, np.random.default_rng(seed))
     return stamps, poses, motion.at(stamps)
 

@@ -12,7 +12,7 @@ from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import read_bags
 from trackslip.errors import LogError
 
-LOG = drive_log(0, 14.0)
+LOG = drive_log(0, 10.0)
 TIME = np.arange(LOG.time[0], LOG.time[-1], 0.04)  # 25 Hz
 YAW = np.unwrap(LOG.truth.pose[:, 2])
 RATE = np.gradient(np.interp(TIME, LOG.time, YAW), TIME)
@@ -22,7 +22,6 @@ UPRIGHT = Rotation.identity()
 
 
 def imus(mounting=UPRIGHT, rows=slice(None), **others):
-    """Messages of an IMU that is mounted so in the robot."""
     rates = mounting.inv().apply(RATE[:, None] * [0.0, 0.0, 1.0] + 0.001)
     return [imu(stamp(t), w, **others) for t, w in zip(TIME[rows], rates[rows].tolist(), strict=True)]
 
@@ -42,7 +41,7 @@ def require_true(log):
 
 @pytest.mark.parametrize(
     ("mounting", "shown", "kind"),
-    [(UPRIGHT, "[0. 0. 1.]", "ros1"), (UPSIDE_DOWN, "[ 0.  0. -1.]", "mcap"), (TILTED, "-0.87]", "mcap")],
+    [(UPRIGHT, "[0. 0. 1.]", "ros1"), (TILTED, "-0.87]", "mcap")],
 )
 def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
     found = read(tmp_path, imus(mounting), kind=kind)
@@ -102,7 +101,6 @@ def test_an_imu_without_a_gyro_leaves_the_log_without(tmp_path, messages, words)
 
 
 def without_poses(path, heading=None, **others):
-    """The log of encoders and an IMU alone."""
     headings = np.interp(TIME, LOG.time, YAW) if heading is None else heading
     messages = [
         imu(stamp(t), (0.0, 0.0, w), heading=h, **others)

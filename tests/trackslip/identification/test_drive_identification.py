@@ -20,7 +20,6 @@ from trackslip.logs.runlog import RunLog
 
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
-    """Fit few laws: those that are tabulated take most of the time, and have tests of their own."""
     monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius"))
 
 

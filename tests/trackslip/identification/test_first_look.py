@@ -205,7 +205,6 @@ def test_degrees_are_no_unit_of_the_wheels(seed):
 
 
 def counts(omega: np.ndarray, per_turn: int) -> np.ndarray:
-    """Ticks counted by each row."""
     return np.floor(np.cumsum(omega * ENCODER_STEP, axis=0) * per_turn / (2 * np.pi))
 
 

@@ -133,13 +133,11 @@ def displaced(pose, way, direction, turn):
 
 
 def samples_of(time, pose, twist):
-    """The steady sample of a robot without slip."""
     omega = np.tile((twist[0] + np.array([-1, 1]) * 0.168 * twist[1]) / 0.06, (len(time), 1))
     return usable_samples([RunLog("run", time, omega, pose)], GEOMETRY).samples
 
 
 def errors_of(samples, twist):
-    """Of v and w, in standard errors."""
     return (samples.twist[0] - twist) / np.sqrt(np.diag(samples.covariance[0]))
 
 

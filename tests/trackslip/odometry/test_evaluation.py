@@ -21,7 +21,6 @@ MOUNTED = PoseSource(rate=7.0, ahead=PLACE.x, left=PLACE.y, mounting=PLACE.yaw, 
 
 
 def largest(found):
-    """Largest errors of position of all kinds."""
     relative = [*found.after_metres.values(), *found.after_seconds.values()]
     return max(part.position.largest for part in relative), relative
 

@@ -15,7 +15,6 @@ MIRROR = [1, -1, -1]
 
 
 def offset(speeds, contact=LEVEL, **options):
-    """D [m] of turns at belt speeds (..., 2)."""
     speeds = np.asarray(speeds, float)
     return (speeds[..., 1] - speeds[..., 0]) / (2 * steady_twist(speeds, contact, **options)[..., 2]) - B
 
