@@ -1,5 +1,3 @@
-"""Whatever is in a log or a drive: laws or one line that says why not, never a traceback."""
-
 import json
 import warnings
 from dataclasses import replace
@@ -48,11 +46,12 @@ MISTAKES = {
 
 
 @settings(
-    max_examples=12,
+    max_examples=5,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 @example(["one sprocket at rest", "units of headings"], 14)  # a gain of turns of 0
+@example(["nearly at rest", "same pose"], 1)  # no part between jumps
 @given(st.lists(st.sampled_from(sorted(MISTAKES)), min_size=1, max_size=3, unique=True), st.integers(0, 20))
 def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
     rng = np.random.default_rng(seed)
