@@ -1,5 +1,3 @@
-"""The command line: help, examples, completion, what it imports, unwritable folders and interrupts."""
-
 import shlex
 import signal
 import subprocess

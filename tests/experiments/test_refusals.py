@@ -1,5 +1,3 @@
-"""What commands refuse: the message names the field, the value and what is allowed, and nothing is written."""
-
 import shlex
 
 import pytest

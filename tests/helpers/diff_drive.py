@@ -47,15 +47,6 @@ class DiffDrive:
         left, right = left * self.left_radius, right * self.right_radius
         return np.stack([(right + left) / 2, (right - left) / self.separation], axis=-1)
 
-    def odometry(self, time: Array, omega: Array) -> Array:
-        """Poses (T, 3) by exact arcs from times (T,) and mean wheel speeds (T, 2) since the previous time."""
-        v, w = self.twist(omega[1:]).T
-        turned = w * np.diff(time)
-        heading = np.append(0.0, np.cumsum(turned))
-        chord = v * np.diff(time) * np.sinc(turned / (2 * np.pi)) * np.exp(1j * (heading[:-1] + turned / 2))
-        place = np.append(0.0, np.cumsum(chord))
-        return np.column_stack([place.real, place.imag, heading])
-
 
 def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:
     reader = YAML(typ="safe", pure=True)

@@ -1,5 +1,3 @@
-"""Bags: read back with rosbags' and Foxglove's readers, and compared with what the log says."""
-
 from collections import Counter
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Fleets: turns and slides by theory, robots of odd shapes in odd places, and the same bits in any company."""
-
 import itertools
 
 import numpy as np

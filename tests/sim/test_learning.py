@@ -1,5 +1,3 @@
-"""Both environments train with Stable-Baselines3, whose vectorised environments are ours."""
-
 import warnings
 
 import gymnasium as gym

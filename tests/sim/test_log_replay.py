@@ -1,5 +1,3 @@
-"""Replays of simulated drives, whose motion is known."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""States of both environments: what follows from them is the same to the bit."""
-
 import pickle
 from functools import partial
 

@@ -1,5 +1,3 @@
-"""Motion in the plane, against matrices of SE(2) and their exponentials."""
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,5 +1,3 @@
-"""The runs of benchmarks, their means over seeds, and the leaderboard with its intervals."""
-
 import numpy as np
 import pytest
 

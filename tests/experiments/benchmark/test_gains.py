@@ -1,5 +1,3 @@
-"""Tuned gains: files, which compensation takes which, and the search."""
-
 import json
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""Bounds of options and exclusions between them: what each kind refuses, by the name of the option."""
-
 import re
 from dataclasses import dataclass
 from typing import Annotated, ClassVar

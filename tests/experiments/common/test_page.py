@@ -1,5 +1,3 @@
-"""Pages: figures as files, tables, captions and the format of numbers."""
-
 import math
 import re
 import xml.etree.ElementTree as ET

@@ -1,5 +1,3 @@
-"""Workers that fail, die or are killed, and interrupted commands."""
-
 import contextlib
 import multiprocessing
 import os

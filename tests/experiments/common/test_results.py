@@ -1,5 +1,3 @@
-"""Folders of results when disks are full, commands collide or versions differ; manifests without local paths."""
-
 import json
 import os
 import resource
@@ -55,15 +53,6 @@ def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert line == f"out = {str(old)!r}: can't be written (File too large)"
     assert contents(old) == before
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-def test_output_that_nobody_takes(tmp_path):
-    with open("/dev/full", "w") as full:
-        process = command("--help", stdout=full, cwd=tmp_path)
-    _, message = process.communicate()
-    assert process.returncode == 2
-    assert message == "trackslip: can't write (No space left on device)\n"
 
 
 def test_what_is_not_replaced(refused, tmp_path):

@@ -1,12 +1,9 @@
-"""`trackslip drive`: stored runs, recordings, pages, and policies that drive."""
-
 import json
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
 import pytest
-from matplotlib.image import imread
 from rerun.chunk import RrdReader
 from rrd import component
 from tracked_files import write_robot
@@ -15,7 +12,6 @@ import models
 import trackslip as library
 from experiments.cli import main
 from experiments.drive.config import Config
-from experiments.drive.config import Config as DriveConfig
 from experiments.drive.course import STOPPED, drive_course
 from experiments.drive.world import driver, make_world
 from sim.policy import CrossingPolicy, Network
@@ -88,14 +84,6 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     assert page.count("<svg ") == len(list((result.folder / "figures").glob("*.svg"))) == 2
 
 
-@pytest.mark.slow
-def test_pictures_follow_the_robot(trackslip):
-    result = trackslip("drive", "--course", "flat", "--robot", "box", "--duration", "0.6", "--pictures", "2")
-    first, last = (imread(file) for file in sorted((result.folder / "pictures").glob("*.png")))
-    assert first.shape[:2] == (540, 960)
-    assert np.abs(last - first).max() > 0.2
-
-
 def test_a_policy_drives_as_in_its_environment(tmp_path):
     options = OPTIONS | {"course": "flat"}
     network = Network((np.random.default_rng(0).normal(0, 0.05, (63, 4)),), (np.array([0.0, 0.3, 0.3, -0.3]),))
@@ -115,12 +103,10 @@ def test_a_policy_drives_as_in_its_environment(tmp_path):
         driver(Config(robot="box", policy=tmp_path), make_world(Config(robot="box", course="flat")))
 
 
-def driven(change=lambda world: True, **options):
-    """A drive; `change` may change the world before each command, and ends the drive by False."""
-    config = DriveConfig(**{"robot": "box", "course": "flat", "preset": "fast", **options})
+def driven(**options):
+    config = Config(**{"robot": "box", "course": "flat", "preset": "fast", **options})
     world = make_world(config)
-    steady = driver(config, world)
-    return drive_course(world, lambda world: steady(world) if change(world) else None)
+    return drive_course(world, driver(config, world))
 
 
 @pytest.mark.slow
@@ -137,25 +123,13 @@ def test_a_path_is_followed_to_its_end(tmp_path):
     assert np.abs(run.command.speed).max() <= 0.5 + 1e-12
 
 
-def test_explosions_and_drivers_that_stop_end_a_run_by_name():
-    def blow_up(world):
-        if world.time[0] > 0.1:
-            world.batch.qvel[0, :3] = 1e9
-        return True
-
-    assert driven(lambda world: world.time[0] < 0.1).outcome == STOPPED
-    run = driven(blow_up)
-    assert run.outcome == "exploded"
-    assert np.isfinite([*run.state.qpos.ravel(), *run.state.qvel.ravel(), *run.contact.load.ravel()]).all()
-
-
 @pytest.mark.parametrize(("limit", "climbs"), [(3.4, False), (4.0, True)])
 def test_motors_of_the_robot_file_climb_what_their_torque_allows(tmp_path, limit, climbs):
     """25 kg on 20 degrees take 3.36 N m at either sprocket, and 0.3 N m of the gear's friction."""
     box = Path(models.__file__).parent / "box_robot.toml"
     text = box.read_text().replace("box_robot.xml", str(box.with_suffix(".xml")))
     (tmp_path / "box.toml").write_text(f"{text}\n[drive]\ntorque_limit = {limit}\n")
-    run = driven(robot=str(tmp_path / "box.toml"), course="ramp20", duration=4.0)
+    run = driven(robot=str(tmp_path / "box.toml"), course="ramp20", duration=6.0)
     assert (run.state.position[-1, 2] > 0.2) == climbs
     assert (run.contact.belt[-1] > 0.25).all() == climbs
     assert run.contact.traction.max() * 0.08 < 1.1 * limit

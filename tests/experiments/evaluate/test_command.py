@@ -1,5 +1,3 @@
-"""`trackslip evaluate`: laws and simulated robots on drives, the log in parts, data sets, and what is refused."""
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +15,6 @@ from plain_drives import identified_from, wandered
 from experiments.common.plain_json import write_json
 from experiments.evaluate.data_set import load_data_set
 from experiments.evaluate.log import parts
-from sim.wander.motion import LASTING
 from trackslip.errors import TrackslipError
 from trackslip.identification.result import identification_to_json
 from trackslip.laws.file import save_laws
@@ -100,18 +97,6 @@ def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     assert len(list((result.folder / "recordings").glob("*.rrd"))) == 3
 
 
-def test_the_first_law_comes_once_more_with_the_logs_gyro(trackslip, files, tmp_path):
-    log = drive_log(6, 60.0, EXACT, LASTING)
-    rate = np.append(0.0, np.diff(np.unwrap(log.truth.pose[:, 2])) / np.diff(log.time))
-    write_parquet([replace(log, gyro=rate + 0.002)], tmp_path / "gyro.parquet")
-    true = f"{files / 'true.json'}:icr_radius"
-    models = trackslip("evaluate", str(tmp_path / "gyro.parquet"), "--law", "none", "--law", true).summary["models"]
-    assert list(models) == ["none", "icr_radius", "icr_radius with gyro"]
-    without, gyro = (models[name]["after_seconds"]["5"] for name in ("icr_radius", "icr_radius with gyro"))
-    assert gyro["position"]["rms"] < 0.75 * without["position"]["rms"]
-    assert gyro["heading"]["rms"] < 0.5 * without["heading"]["rms"]
-
-
 @pytest.mark.slow
 def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_path):
     def errors(*options):
@@ -124,15 +109,6 @@ def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_pa
     assert ahead["robot"]["position"]["rms"] < 0.6 * ahead["none"]["position"]["rms"]
     other = errors("--ground.across", "1.4")
     assert other["robot"]["heading"]["rms"] > 1.5 * ahead["robot"]["heading"]["rms"]
-
-
-def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
-    slow = tmp_path / "slow.toml"
-    slow.write_text("radius_error = 0.0066\n[drive]\nlag = 0.5\n")
-    options = ("--robot", str(slow), "--robot", "shipped", "--inputs", "commands")
-    models = ran(tmp_path / "out", "evaluate", str(wander), *options).summary["models"]
-    slow, shipped = (models[name]["after_seconds"]["1"]["position"]["rms"] for name in ("robot", "robot_2"))
-    assert slow > 1.2 * shipped
 
 
 @pytest.mark.slow
@@ -218,8 +194,7 @@ def data_set(tmp_path_factory):
     table = pq.read_table(LOGS / "husky_windows.parquet")
     pq.write_table(table.filter(pc.less(table["command"], 4)), folder / "log.parquet")
     text = TOML.replace("log.csv", "log.parquet").replace('"ice"', '"asphalt"')
-    text += 'law = ["icr_radius"]\nfree = ["friction_ratio"]\n'
-    text += BOUND.format("icr_radius", 0.5) + BOUND.format("calibrated", 0.5)
+    text += 'law = ["icr_radius"]\n' + BOUND.format("icr_radius", 0.5) + BOUND.format("two_gains", 0.5)
     (folder / "mine.toml").write_text(text)
     return folder / "mine.toml"
 
@@ -228,9 +203,8 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
     result = ran(tmp_path / "out", "evaluate", str(data_set))
     models = result.summary["models"]
     heading = {name: model["after_seconds"]["1"]["heading"]["rms"] for name, model in models.items()}
-    assert list(heading) == ["today", "two_gains", "icr_radius", "robot", "calibrated"]
+    assert list(heading) == ["today", "two_gains", "icr_radius", "robot"]
     assert heading["two_gains"] < 0.6 * heading["today"]
-    assert heading["calibrated"] < 0.6 * heading["today"]
     assert [check["holds"] for check in result.summary["checks"]] == [True, True]
     assert "2 of 2 checks passed" in result.printed
     assert "Best after 1 s: " in (result.folder / "report.html").read_text()
@@ -239,7 +213,7 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
 @pytest.mark.slow
 def test_a_missed_bound_ends_with_1_and_the_page_is_written(data_set, tmp_path):
     path = data_set.with_name("broken.toml")
-    path.write_text(data_set.read_text().partition("free")[0] + BOUND.format("today", 0.05))
+    path.write_text(data_set.read_text().partition("[[")[0] + BOUND.format("today", 0.05))
     with pytest.raises(SystemExit) as stop:
         ran(tmp_path / "out", "evaluate", str(path))
     assert stop.value.code == 1

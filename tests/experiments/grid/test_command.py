@@ -1,5 +1,3 @@
-"""`trackslip grid`: stored files, repeatability, and the options of the world."""
-
 import pytest
 
 from experiments.cli import parse
@@ -26,18 +24,6 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     assert (radii["commanded"], radii["published"]) == ([0.6, 1.5], [None, 2.05])
     names = [log.run for log in read_runs(one.folder / "runs.parquet")]
     assert names == [f"radius={r} speed={v}" for r in (0.6, 1.5) for v in (0.1, 0.2)]
-
-
-def test_runs_that_cannot_be_used_are_stored_and_named(trackslip):
-    """A short-sighted scanner loses the faster run before it is steady."""
-    grid = ("--radii", "3.0", "--speeds", "0.05", "0.25", "--duration", "10")
-    result = trackslip("grid", *grid, "--scanner.max-range", "1.5")
-    assert len(read_runs(result.folder / "runs.parquet")) == 2
-    (warning,) = result.summary["warnings"]
-    assert "speed=0.25" in warning
-    assert warning in result.printed
-    (observed,) = result.summary["grids"][0]["radius"]["observed"]
-    assert observed == pytest.approx(result.summary["runs"][0]["observed_radius"])
 
 
 # the world

@@ -1,5 +1,3 @@
-"""`trackslip grid` over axes: rows, ids, common scans, chosen runs; runs that fail, are interrupted or killed."""
-
 import subprocess
 import sys
 import time

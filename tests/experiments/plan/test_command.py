@@ -1,5 +1,3 @@
-"""`trackslip plan`: a plan that can be driven, and a second round."""
-
 import csv
 import json
 

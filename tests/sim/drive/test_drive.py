@@ -1,5 +1,3 @@
-"""Drives: lag, limits and energy; at their limits, ground, rotors and gears take what the motors give."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Turning, climbing and standing, against theory, on narrow and on wide belts."""
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,5 +1,3 @@
-"""What a pose source does to true poses, measured from its poses; scans of the plate in closed form."""
-
 from dataclasses import replace
 
 import numpy as np

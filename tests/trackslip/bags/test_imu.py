@@ -1,5 +1,3 @@
-"""The yaw rate by the IMU in a bag: which one, about which axis, and when."""
-
 import numpy as np
 import pytest
 from bags import fix, imu, in_order, joints_of, poses_of, stamp, write_bag
@@ -12,7 +10,7 @@ from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import read_bags
 from trackslip.errors import LogError
 
-LOG = drive_log(0, 10.0)
+LOG = drive_log(0, 14.0)
 TIME = np.arange(LOG.time[0], LOG.time[-1], 0.04)  # 25 Hz
 YAW = np.unwrap(LOG.truth.pose[:, 2])
 RATE = np.gradient(np.interp(TIME, LOG.time, YAW), TIME)

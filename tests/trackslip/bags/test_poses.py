@@ -1,5 +1,3 @@
-"""Poses from every type of message, which topic they are taken from, and what means nothing."""
-
 from functools import reduce
 
 import numpy as np

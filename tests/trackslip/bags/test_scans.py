@@ -1,5 +1,3 @@
-"""Scans of a plate in bags that other libraries write, against the truth."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""What every controller must do, whatever its law."""
-
 import dataclasses
 
 import numpy as np
@@ -49,10 +47,8 @@ def test_without_errors_the_references_twist_is_driven(make, radius, speed):
         np.testing.assert_allclose(twist, np.tile(reference.twist(time), (2, 1)), atol=3e-3 if sampled else 1e-6)
 
 
-@pytest.mark.parametrize(
-    "reference", [circle(0.8, 0.15, 45.0, start=(1.0, 2.0, 3.0)), circle(-1e6, -0.15, 45.0)], ids=["left", "reverse"]
-)
-def test_start_errors_die_out_on_an_ideal_robot(feedback, reference):
+def test_start_errors_die_out_on_an_ideal_robot(feedback):
+    reference = circle(0.8, 0.15, 45.0, start=(1.0, 2.0, 3.0))
     robots = 1 if isinstance(feedback, ModelPredictive | PathIntegral) else 4  # which optimise for each robot
     pose = pose_with_error(reference.pose(0.0), start_errors(robots, np.random.default_rng(1)))
     step, steps = 0.2, 200
@@ -69,7 +65,7 @@ def test_start_errors_die_out_on_an_ideal_robot(feedback, reference):
 def test_a_stop_and_a_cusp_are_passed(feedback):
     reference = stop_and_reverse()
     pose = pose_with_error(reference.pose(0.0), np.array([[0.0, 0.0, 0.0], [0.02, 0.02, 0.05], [-0.02, -0.02, -0.05]]))
-    step = 0.1
+    step = 0.2
     for k in range(round(reference.duration / step) + 10):
         twist = feedback.twist(k * step, pose, reference)
         assert (np.abs(twist) < [0.3, 0.6]).all()

@@ -1,5 +1,3 @@
-"""Parameters of diff_drive_controller, by a model of it, and what deployed laws say of themselves."""
-
 import json
 import re
 import shutil

@@ -1,5 +1,3 @@
-"""Whole drives through the front door."""
-
 import json
 from dataclasses import replace
 from functools import cache

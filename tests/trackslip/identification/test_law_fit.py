@@ -1,5 +1,3 @@
-"""Laws fitted to whole drives: values within their errors, limits, and parameters that are given or not told."""
-
 from dataclasses import replace
 
 import numpy as np

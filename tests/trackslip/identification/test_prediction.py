@@ -1,5 +1,3 @@
-"""Predictions from pose to pose, and the choice of a law by them."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Laws of steady runs: the one that made them is found, within its errors, and is the best; others are refused."""
-
 import warnings
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""Slip in proportion to the traction."""
-
 import numpy as np
 import pytest
 

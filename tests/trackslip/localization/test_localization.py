@@ -1,5 +1,3 @@
-"""Poses of a plate in scans, against the truth and the Cramér-Rao bound."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Files of runs: every bit comes back, columns have units, and what is damaged is named in one line."""
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Errors of odometry on logs: exact where the law is, and those of the closed form where it isn't."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Odometry against closed forms, numerical derivatives, and simulated motion exactly by a law with white slip."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Errors of trajectories, beside those that evo computes from the same poses."""
-
 import numpy as np
 import pytest
 from evo.core import metrics, sync

@@ -1,5 +1,3 @@
-"""The theory of skid steering, compared with closed forms, integrated paths and its limits."""
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
