@@ -64,7 +64,6 @@ def box(
     half_gauge=0.2,
     mass=25.0,
     half_size=(0.22, 0.16, 0.05),
-    flippers=None,
 ):
     """A box with two tracks; its centre of mass is ahead and above the ground by `centre_of_mass` [m]."""
     (x, z), spec = centre_of_mass, mujoco.MjSpec()

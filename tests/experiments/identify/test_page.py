@@ -49,13 +49,12 @@ def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(fou
 
 def test_turns_to_both_sides_straight_and_on_the_spot_have_a_page():
     on_the_spot = [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6)]
-    found = identified(
-        driven([*circles(), *circles(side=-1), (0.1, 0.0), (0.2, 0.0), *on_the_spot]), ("icr", "icr_radius")
-    )
-    assert plots(found) == OF_STEADY
-    turns = Turns.of(found.samples, GEOMETRY)
-    for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
-        assert_readable(figure)
+    for twists in ([*circles(), *circles(side=-1), (0.1, 0.0), (0.2, 0.0)], [*on_the_spot, *circles()[:4]]):
+        found = identified(driven(twists), ("icr", "icr_radius"))
+        assert plots(found) == OF_STEADY
+        turns = Turns.of(found.samples, GEOMETRY)
+        for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
+            assert_readable(figure)
 
 
 def test_left_and_right_turns_have_the_same_inner_and_outer_slips():

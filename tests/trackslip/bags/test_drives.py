@@ -24,7 +24,7 @@ from trackslip.bags.drives import read_bags
 from trackslip.errors import LogError
 from trackslip.kinematics import body_twist
 
-LOG = wandered(duration=8.0)
+LOG = wandered(duration=11.0)
 TURNED = sprocket_angles(LOG)
 WHEELS = ("front_left_wheel_joint", "front_right_wheel_joint", "rear_left_wheel_joint", "rear_right_wheel_joint")
 FOUR = TURNED[:, [0, 1, 0, 1]]
@@ -101,7 +101,7 @@ def test_rows_are_those_of_readings_and_poses(tmp_path):
 
 
 REPEATED = "/odom: its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
-NO_FIX = "topic /fix: 20 of 80 messages left out: they have no fix"
+NO_FIX = "topic /fix: 20 of 110 messages left out: they have no fix"
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_start_errors_die_out_on_an_ideal_robot(feedback):
 def test_a_stop_and_a_cusp_are_passed(feedback):
     reference = stop_and_reverse()
     pose = pose_with_error(reference.pose(0.0), np.array([[0.0, 0.0, 0.0], [0.02, 0.02, 0.05], [-0.02, -0.02, -0.05]]))
-    step = 0.2
+    step = 0.1
     for k in range(round(reference.duration / step) + 10):
         twist = feedback.twist(k * step, pose, reference)
         assert (np.abs(twist) < [0.3, 0.6]).all()
