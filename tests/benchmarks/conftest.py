@@ -43,7 +43,6 @@ def compare(benchmark, within):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Print the ratio of each test and its bound."""
     reports = [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]
     ratios = {report.nodeid: dict(report.user_properties).get("ratio") for report in reports}
     for name, ratio in ratios.items():

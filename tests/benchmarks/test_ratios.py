@@ -74,7 +74,6 @@ def test_scanner(compare, robot, size, least):
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.12), (10, 0.4), (25, 0.5), (256, 0.6)])
 def test_closed_loop(compare, robot, size, least):
-    """Robots that localize themselves and follow a circle by the paper's controller."""
     path = circle(RADIUS, SPEED, SCAN * periods(size, SCAN, 0.1), before_scanner(robot))
     loop = []
 
@@ -89,19 +88,8 @@ def test_closed_loop(compare, robot, size, least):
     compare(lambda: closed_loop(*loop), motion.repeat, least, start)
 
 
-def test_the_bare_engine_repeats_the_motion_of_a_closed_loop(robot):
-    path = circle(RADIUS, SPEED, 2.0, before_scanner(robot))
-    fleet = Fleet(robot, path.pose(0.0) + np.array([[0, 0, 0], [0.1, 0, 0.1]]), threads=1)
-    motion = SameMotion(fleet)
-    closed_loop(fleet, [Pilot(CONTROLLERS["linear"](), [0, 1])], path, progress=motion.note)
-    for _ in range(2):
-        motion.repeat()
-        np.testing.assert_allclose(motion.bare.qpos, fleet.batch.qpos, atol=1e-9)
-
-
 @pytest.mark.parametrize(("size", "least"), [(1, 0.25), (25, 0.75), (256, 0.75)])
 def test_path_tracking(compare, size, least):
-    """Robots that follow their references; a single one in the environment of one robot."""
     references = ("circle", "figure_eight", "slalom", "spiral")
     options = {"reference": references, "action": "twist", "compensation": "icr_radius"}
     single = size == 1
@@ -168,7 +156,6 @@ def test_traverse(compare, size, least):
 
 @pytest.mark.parametrize(("course", "least"), [("stairs", 0.33), ("random", 0.5)])
 def test_traverse_over_level_ground(compare, course, least):
-    """Contacts are harder to find on a course than on level ground."""
     (level, still), (env, _) = (traversing(64, course=ground) for ground in (Course((Flat(6.0),)), course))
     for one in (level, env):
         one.reset(seed=0)
@@ -178,7 +165,6 @@ def test_traverse_over_level_ground(compare, course, least):
 
 
 def grid_physics(world: World, grid: GridConfig) -> float:
-    """Time of the bare engine for the grid's runs [s]."""
     robot, cells = world.robot, cells_of(grid)
     fleet = Fleet(robot, np.tile(before_scanner(robot), (len(cells), 1)), threads=grid.threads)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
@@ -188,7 +174,6 @@ def grid_physics(world: World, grid: GridConfig) -> float:
 
 
 def test_localization_over_its_physics(benchmark, within):
-    """Localization of the paper's 25 runs."""
     grid, watch = GridConfig(seed=0, threads=1), Stopwatch()
     world = World.of(grid)
     benchmark.pedantic(drive_grid, (grid, world), {"watch": watch})

@@ -83,5 +83,4 @@ def short(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="session")
 def two_drives():
-    """Laws identified from two drives, one of them with outlying poses."""
     return identified_from(wandered(outliers=4, duration=25.0), wandered(name="again", duration=15.0, seed=1))

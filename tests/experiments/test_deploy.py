@@ -1,5 +1,3 @@
-"""`trackslip deploy`: output, files and refusals."""
-
 import json
 
 import pytest

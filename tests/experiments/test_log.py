@@ -1,13 +1,10 @@
-"""`trackslip log`, bags written by --bag, and the way from teleoperation by a bag to ros2_control and back."""
-
 import csv
 
 import numpy as np
 import pyarrow.parquet
 import pytest
-from bags import in_order, joints_of, odometry, open_bag, pose_with_covariance, poses_of, write_bag, write_session
+from bags import in_order, joints_of, odometry, pose_with_covariance, poses_of, write_bag, write_session
 from beside import drive, room, teleoperated
-from diff_drive import DiffDrive, parameters_in
 from plain_drives import wandered
 
 import trackslip as package
@@ -15,8 +12,6 @@ from experiments.cli import main, parse
 from experiments.identify.command import source_of
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.schema import COLUMNS
-from trackslip.metrics import rms
-from trackslip.odometry.evaluation import Trajectory, errors_after_metres
 
 LOG = wandered(duration=20.0)
 ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"
@@ -47,7 +42,6 @@ def scanned(tmp_path_factory):
 
 
 def words(printed, start):
-    """The words of the printed row that begins with `start`."""
     return next(line.split() for line in printed.splitlines() if line.strip().startswith(start))
 
 
@@ -133,19 +127,6 @@ def test_what_is_refused(bags, scanned, refused, line, message):
     assert message in refused(*line.format(bags=bags, scanned=scanned[1]).split())
 
 
-def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):
-    result = trackslip("grid", "--radii", "0.5", "--speeds", "0.1", "--duration", "8", "--obstacles", "posts", "--bag")
-    (place,) = result.summary["bags"].values()
-    (log,), plain = read_runs(result.folder / "runs.parquet"), read_runs(grid / "runs.parquet")[0]
-    bag = open_bag(result.folder / place)
-    assert set(bag.topics) >= {"/joint_states", "/odom", "/tf", "/cmd_vel", "/ground_truth", "/pose", "/tf_static"}
-    scans = list(bag.messages("/scan"))
-    assert [scan.stamp - 1_767_225_600 * 10**9 for scan in scans] == [round(t * 1e9) for t in log.time.tolist()]
-    ranges = np.array([scan.content.ranges for scan in scans])
-    assert (np.isfinite(ranges).sum(axis=1) > log.scans.cluster.count).all()  # posts, too
-    np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
-
-
 @pytest.mark.parametrize("source", ["slam", "gnss"])
 def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     result = trackslip("wander", "--motion", "law", "--source", source, "--duration", "10", "--bag")
@@ -156,28 +137,3 @@ def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     places = [run.pose[run.is_valid, :2] for run in (log, again)]
     first = places[0][0] if source == "gnss" else 0.0  # fixes have the first one as origin
     np.testing.assert_allclose(places[1], places[0] - first, atol=1e-6)
-
-
-def heading_errors(controller, log):
-    """Root mean square heading errors (3,) of the controller's odometry after 1, 2 and 5 m [rad]."""
-    true = log.truth.pose
-    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T)))
-    drive = Trajectory("drive", log.time, way, true, controller.odometry(log.time, log.omega), true[:, 2])
-    return np.array([rms(errors_after_metres(drive, length)[2]) for length in (1.0, 2.0, 5.0)])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_odometry_with_deployed_parameters_turns_as_the_robot_does(seed, tmp_path, monkeypatch, capsys):
-    """Identified from the bag of a drive, deployed, and compared on another drive."""
-    monkeypatch.chdir(tmp_path)
-    main(["wander", "--drives", "2", "--duration", "60", "--seed", str(seed), "--bag", "--out", "driven"])
-    main(["identify", "driven/bags/random_1", *ROBOT.split(), "--out", "mine"])
-    main(["deploy", "mine", "--to", "ros2_control", "--out", "controller.yaml"])
-    parameters = parameters_in((tmp_path / "controller.yaml").read_text())
-    nominal = parameters | {key: 1.0 for key in parameters if key.endswith("multiplier")}
-    (other,) = (log for log in package.load("driven") if log.run == "random 2")
-    before, after = (heading_errors(DiffDrive.of(values), other) for values in (nominal, parameters))
-    with capsys.disabled():
-        print(f"\nseed {seed}: heading errors smaller by {np.round(before / after, 1)}")
-    assert (before > 5 * after).all()

@@ -1,5 +1,3 @@
-"""Any robot in every command: from runs to laws to controllers, with its tracks."""
-
 from dataclasses import replace
 
 import pytest

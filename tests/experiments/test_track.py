@@ -1,5 +1,3 @@
-"""`trackslip track`: one run in closed loop, and runs that fail."""
-
 import json
 
 import numpy as np

@@ -50,7 +50,6 @@ def rooms(package: str) -> dict[str, list[str]]:
 
 
 def main() -> None:
-    """Write the pages."""
     FOLDER.mkdir(exist_ok=True)
     for package in PACKAGES:
         (FOLDER / f"{package}.md").write_text(page(package), encoding="utf-8")

@@ -108,7 +108,6 @@ def _built(types, kind, fields):
 
 
 def open_bag(path):
-    """The only bag in a file or folder."""
     (bag,) = open_bags(path)
     return bag
 
@@ -197,7 +196,6 @@ def joints_of(log, names=("left_wheel", "right_wheel"), start=START, **others):
 
 
 def poses_of(log, make=pose_stamped, start=START, **others):
-    """Messages made of a log's measured poses."""
     return [
         make(stamp(time, start), where, **others)
         for time, where in zip(log.time[log.is_valid], log.pose[log.is_valid].tolist(), strict=True)
@@ -205,7 +203,6 @@ def poses_of(log, make=pose_stamped, start=START, **others):
 
 
 def in_order(*messages):
-    """Messages by arrival."""
     return sorted((one for some in messages for one in some), key=lambda one: one[2])
 
 
@@ -220,12 +217,10 @@ def chain_of(log, correction=lambda t: (1.0 + 0.01 * np.floor(t), 2.0, 0.3)):
 
 
 def contents(messages):
-    """Name, stamp and numbers of joint states."""
     return [(m.topic, m.arrival, m.stamp, tuple(m.content.name), *m.content.position) for m in messages]
 
 
 def expected(messages):
-    """The same of the joint states among written messages."""
     return [
         (topic, at, at - 1_000_000, ("left_wheel", "right_wheel"), *fields["position"])
         for topic, kind, at, fields in messages
@@ -242,7 +237,6 @@ def imu(at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_00
 
 
 def scan_messages(session: Session):
-    """A message for each scan."""
     made = []
     for time, row in zip(session.time, session.ranges.astype(np.float32).tolist(), strict=False):
         fields = {
@@ -261,6 +255,5 @@ def scan_messages(session: Session):
 
 
 def write_session(path, kind, session: Session, *more):
-    """A bag of encoders, scans and what else is given."""
     encoders = SimpleNamespace(time=session.encoder_time, omega=session.omega)
     return write_bag(path, kind, in_order(joints_of(encoders, JOINT_NAMES), scan_messages(session), *more))

@@ -52,7 +52,6 @@ class SameMotion:
 
 
 def seconds(act) -> float:
-    """Time that a call takes [s]."""
     began = perf_counter()
     act()
     return perf_counter() - began

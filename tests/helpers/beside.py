@@ -21,8 +21,6 @@ Thing = Callable[[Array, Array, Array], Array]
 
 @dataclass(frozen=True)
 class Session:
-    """Encoders, scans and the truth."""
-
     encoder_time: Array  # (E,) [s]
     omega: Array  # (E, 2) mean since the previous reading [rad/s]
     time: Array  # (S,) of the first rays [s]
@@ -147,7 +145,6 @@ def post(x: float, y: float, radius: float = 0.05) -> Thing:
 
 
 def room() -> list[Thing]:
-    """Walls behind and beside the field, and posts."""
     corners = [(-4.0, -0.5), (-4.0, 7.0), (4.0, 7.0), (4.0, -0.5)]
     walls = [wall(a, b) for a, b in pairwise(corners)]
     return [*walls, post(-2.5, 1.0), post(2.6, 5.2), post(1.5, 6.5, 0.15)]

@@ -23,13 +23,9 @@ _STEP = 1e-7  # of differences [m], [rad]
 
 
 def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Array:
-    """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from a scan beats; NaN where undetermined.
+    """Covariances (S, 3, 3) of poses (S, 3) in the LRF's frame that no unbiased estimator beats; NaN: undetermined.
 
-    Args:
-        pose: true poses (S, 3) of the plate in the LRF's frame [m, m, rad].
-        plate: the plate in the scan.
-        bearings: of the beams (B,), equally spaced, ascending [rad].
-        noise: standard deviation of a range [m].
+    The bearings (B,) ascend in equal steps; `noise` is the standard deviation of a range [m].
     """
     size = plate.length, plate.thickness
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
@@ -63,7 +59,6 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
 
 
 def _jacobian(values, pose: Array) -> Array:
-    """Derivatives (S, n, 3) of `values` (S, n) by the poses (S, 3)."""
     return np.stack([(values(pose + h) - values(pose - h)) / (2 * _STEP) for h in _STEP * np.eye(3)], axis=-1)
 
 
@@ -73,14 +68,7 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
 
 
 def beside_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> tuple[Array, Array]:
-    """Errors (R, 3) in the world and their bounds (R, 3, 3), of the R scans that determine the pose.
-
-    Args:
-        pose: estimated poses (S, 3) in the world.
-        true_pose: the true ones (S, 3).
-        plate: the plate in the scan.
-        scan: its bearings, noise and mount are used, not its ranges.
-    """
+    """Errors (R, 3) in the world and their bounds (R, 3, 3), of the R scans that determine the pose."""
     local = scan.from_world(true_pose)
     rows = viewing_angle(local) > MIN_ANGLE
     error = (pose - true_pose)[rows]

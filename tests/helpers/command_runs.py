@@ -12,8 +12,6 @@ from experiments.cli import main
 
 @dataclass(frozen=True)
 class Result:
-    """Output and results of a command."""
-
     folder: Path
     summary: dict[str, Any]
     manifest: dict[str, Any]

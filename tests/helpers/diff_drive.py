@@ -22,15 +22,12 @@ PARAMETERS = {
 
 @dataclass(frozen=True)
 class DiffDrive:
-    """The controller with its parameters."""
-
     separation: float
     left_radius: float
     right_radius: float
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> Self:
-        """Multipliers default to 1."""
         radius = parameters["wheel_radius"]
         return cls(
             parameters["wheel_separation"] * parameters.get("wheel_separation_multiplier", 1.0),
@@ -50,25 +47,14 @@ class DiffDrive:
         left, right = left * self.left_radius, right * self.right_radius
         return np.stack([(right + left) / 2, (right - left) / self.separation], axis=-1)
 
-    def odometry(self, time: Array, omega: Array) -> Array:
-        """Poses (T, 3) by exact arcs from times (T,) and mean wheel speeds (T, 2) since the previous time."""
-        v, w = self.twist(omega[1:]).T
-        turned = w * np.diff(time)
-        heading = np.append(0.0, np.cumsum(turned))
-        chord = v * np.diff(time) * np.sinc(turned / (2 * np.pi)) * np.exp(1j * (heading[:-1] + turned / 2))
-        place = np.append(0.0, np.cumsum(chord))
-        return np.column_stack([place.real, place.imag, heading])
-
 
 def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:
-    """Parse YAML by the rules of a version."""
     reader = YAML(typ="safe", pure=True)
     reader.version = version  # type: ignore[assignment]
     return reader.load(io.StringIO(text))
 
 
 def parameters_in(text: str) -> dict[str, Any]:
-    """The parameters in a YAML file for the controller."""
     content = read_yaml(text)
     assert read_yaml(text, (1, 1)) == content
     assert set(content) == {"diff_drive_controller"}

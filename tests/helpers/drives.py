@@ -50,15 +50,12 @@ def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:
 
 
 def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:
-    """The log without the poses of `rows` (T,) bool."""
     return replace(log, valid=log.is_valid & ~rows, pose=np.where(rows[:, None], np.nan, log.pose))
 
 
 def model(name: str = REFERENCE) -> DriveModel:
-    """The model of a family of laws for the robot of these tests."""
     return DriveModel(FAMILIES[name], GEOMETRY)
 
 
 def fitted(name: str, *logs: RunLog, **options) -> DriveFit:
-    """A law fitted to logs; options as of `fit_drives`."""
     return fit_drives(name, drives_of(logs)[0], GEOMETRY, **options)

@@ -28,7 +28,6 @@ def _collide(*boxes):
 
 
 def _ticks(axes):
-    """Visible tick labels of the horizontal axis."""
     low, high = sorted(axes.get_xlim())
     texts = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
     return [text for text in texts if text.get_visible() and text.get_text() and low <= text.get_position()[0] <= high]

@@ -31,8 +31,6 @@ _BLOCK = re.compile(r"(?:^<!-- ([a-z ]+)(?:: (.+))? -->\n)?^(```+|~~~+)(.*)\n((?
 
 @dataclass(frozen=True)
 class Block:
-    """A code block."""
-
     line: int  # of its beginning, counted from 1
     language: str
     directive: str  # one of DIRECTIVES
@@ -66,7 +64,6 @@ def commands(text: str) -> list[list[str]]:
 
 
 def links(page: str) -> list[str]:
-    """Files that a page links to or shows."""
     return [link for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page) if "://" not in link]
 
 

@@ -30,8 +30,6 @@ _SETTLING = 0.4  # time constant with which the robot takes up new speeds [s]
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot and its law."""
-
     half_gauge: float = 0.285
     radius: float = 0.165
     offset: float = 0.2
@@ -40,12 +38,10 @@ class Robot:
 
     @property
     def geometry(self) -> RobotGeometry:
-        """Its geometry."""
         return RobotGeometry(self.half_gauge, self.radius)
 
     @property
     def turn_gain(self) -> float:
-        """Real turn over that of the wheels."""
         return self.half_gauge * (1 + self.radius_error) / (self.half_gauge + self.offset)
 
 
@@ -61,7 +57,6 @@ class Drive:
     pose: Array  # (T, 3) true [m, m, rad]
 
     def with_wheels(self, omega: Array) -> Self:
-        """The same motion with other readings of the encoders."""
         return replace(self, omega=omega)
 
 
@@ -156,7 +151,6 @@ def table_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> pa.Table
 
 
 def log_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> RunLog:
-    """Encoders and poses as a log, read from their table."""
     (log,) = runs_from_table(table_of(drive, time, pose, run), "a table").runs
     return log
 
@@ -179,7 +173,6 @@ def wandered(*, name="drive", duration=30.0, headings=True, outliers=0, seed=0):
 
 
 def identified_from(*logs, names=("none", "icr", "icr_radius")) -> Identification:
-    """An identification of laws fitted to drives."""
     found = compare_drives(first_look(drives_of(logs)[0], GEOMETRY), GEOMETRY, names=names)
     return Identification(GEOMETRY, "drive", None, found, (), found.warnings, logs)
 
@@ -191,19 +184,16 @@ KINDS = {"poses": [], "positions": [2], "headings": [0, 1]}
 
 
 def look(*logs: RunLog, robot: Robot = HUSKY) -> Look:
-    """The look at logs."""
     drives, refused = drives_of(logs)
     assert not refused
     return first_look(drives, robot.geometry)
 
 
 def look_at(drive: Drive = DRIVE, time: Array = TIME, pose: Array = POSE, robot: Robot = HUSKY) -> Look:
-    """The look at encoders and poses."""
     return look(log_of(drive, time, pose), robot=robot)
 
 
 def without(pose: Array, kind: str) -> Array:
-    """Poses of a kind."""
     pose = pose.copy()
     pose[:, KINDS[kind]] = np.nan
     return pose

@@ -64,7 +64,6 @@ def box(
     half_gauge=0.2,
     mass=25.0,
     half_size=(0.22, 0.16, 0.05),
-    flippers=None,
 ):
     """A box with two tracks; its centre of mass is ahead and above the ground by `centre_of_mass` [m]."""
     (x, z), spec = centre_of_mass, mujoco.MjSpec()
@@ -82,7 +81,6 @@ def box(
 
 
 def rescue(terrain, preset, flippers=UP):
-    """The rescue robot with its flippers held."""
     robot = load_tracked("rescue")
     built = build_tracked(robot, terrain, preset=preset)
     model, control = built.model, np.zeros(built.model.nu)

@@ -41,7 +41,6 @@ def add_flipper(spec, body, name, x, y, mass=1.5):
 
 
 def built(spec, preset="accurate", terrain="ground", half_gauge=HALF_GAUGE, **options):
-    """Model, data and belts of the robot in `spec`, with tracks on the terrain."""
     add_tracks(spec, "robot", Track(half_gauge=half_gauge, hull=HULL, preset=preset, **options), terrain=terrain)
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)

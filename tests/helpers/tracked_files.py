@@ -26,7 +26,6 @@ hull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]
 
 
 def write_robot(folder: Path, text: str = ROBOT, model: str = URDF) -> Path:
-    """Write the robot file and its model, and return the robot file."""
     (folder / "mine.urdf").write_text(model)
     (folder / "mine.toml").write_text(text)
     return folder / "mine.toml"

@@ -1,5 +1,3 @@
-"""Bags: read back with rosbags' and Foxglove's readers, and compared with what the log says."""
-
 from collections import Counter
 from dataclasses import replace
 
@@ -40,8 +38,6 @@ def read(path):
 
 
 def numbers(rows, *paths):
-    """Values (M, len(paths)) of fields of messages."""
-
     def field(message, path):
         for name in path.split("."):
             message = getattr(message, name)

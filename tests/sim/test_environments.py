@@ -1,9 +1,5 @@
-"""Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
-
-import itertools
 import subprocess
 import sys
-from dataclasses import fields
 
 import gymnasium as gym
 import numpy as np
@@ -13,10 +9,7 @@ from gymnasium.vector import AutoresetMode
 from results import assert_same
 
 from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, RobotParameters, SensorNoise
-from sim.path_tracking.config import EnvConfig, TrackingReward
-from sim.settings import from_options
-from sim.terrain import Course, Flat, Ramp, Step
-from sim.traverse.config import CrossingReward, TraverseConfig
+from sim.terrain import Course, Flat, Step
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr import IcrLoad
@@ -101,10 +94,8 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        (TRAVERSE, {"reward": CrossingReward(weight_energy=0.01), "noise": SensorNoise(height=0.1)}),
-        (TRAVERSE, {"difficulty": (0.1, 0.2), "course": ("step10", Course((Flat(0.5), Step(0.05), Ramp(0.2, 1.0))))}),
-        (TRACKING, {"randomization": Randomization.typical(), "robot": RobotParameters(drive=Drive(lag=0.1))}),
-        (TRACKING, {"robot": {"mass": 30.0}, "randomization": {"mass": [0.9, 1.1]}}),
+        (TRAVERSE, {"noise": SensorNoise(height=0.1), "course": ("step10", Course((Flat(0.5), Step(0.05))))}),
+        (TRACKING, {"robot": RobotParameters(mass=30.0, drive=Drive(lag=0.1)), "randomization": {"mass": [0.9, 1.1]}}),
         (TRACKING, TWIST | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)}),
     ],
 )
@@ -153,24 +144,6 @@ def test_who_has_ended_must_be_reset_where_nobody_else_does():
 
 
 NAN, INF = float("nan"), float("inf")
-HOSTILE = [
-    *(None, True, NAN, INF, -1.0, 0, 1e308, 1e-308, 10**400, 1j, "", "x", "x" * 100_000, "a\nb", "\0", b"x", object()),
-    *((), (NAN, NAN), ("x", "y"), ("a",) * 10_000, [[1.0], [2.0]], {}, np.array([0.1, 0.2]), np.array("x"), np.nan),
-]
-
-
-@pytest.mark.parametrize("configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits])
-def test_hostile_options_are_accepted_or_refused_in_one_line(configuration):
-    tries, messages = list(itertools.product([f.name for f in fields(configuration)], HOSTILE)), []
-    for name, value in tries:
-        try:
-            from_options(configuration, {name: value}) if "Config" in str(configuration) else configuration(
-                **{name: value}
-            )
-        except TrackslipError as error:
-            messages.append(str(error))
-    assert all("\n" not in message and len(message) < 600 for message in messages)
-    assert len(messages) > 0.7 * len(tries)
 
 
 @pytest.mark.parametrize("name", [TRACKING, TRAVERSE])

@@ -1,5 +1,3 @@
-"""Settings in TOML files: what they hold, and one line with file and field for those with mistakes."""
-
 import dataclasses
 import re
 from pathlib import Path
@@ -72,7 +70,6 @@ MISTAKES = [
     (load_ground, f"changes = [{LATE}, {EARLY}]", "changes = [2.0, 1.0]: must be in ascending order"),
     # robots
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
-    (load_robot, "[drive.motor]\ngear = 0", "drive: motor: gear = 0.0: must be a finite number > 0"),
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
     (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
     # obstacles
@@ -105,7 +102,7 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
     ],
 )
 def test_names_that_are_neither_known_nor_files_and_files_that_cannot_be_read(tmp_path, load, known):
-    for name in ("", "mud", "x" * 5000, "/dev/null/below"):
+    for name in ("", "mud", "x" * 5000):
         with pytest.raises(InvalidValueError, match=known):
             load(name)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")

@@ -1,5 +1,3 @@
-"""Fleets: turns and slides by theory, robots of odd shapes in odd places, and the same bits in any company."""
-
 import itertools
 
 import numpy as np
@@ -40,7 +38,7 @@ SHARP = np.array([[-2.0, 2.0], [3.0, 2.0], [-3.0, -2.0]])
 """On the spot, to the right and backwards [rad/s]."""
 
 
-@pytest.mark.parametrize("ratio", [0.7, 0.778 / 0.7, 1.4])
+@pytest.mark.parametrize("ratio", [0.7, 1.4])
 def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     omega = np.concatenate([grid_commands(robot), SHARP])
     fleet = drive(robot, omega, ground=Ground(0.7, 0.7 * ratio), radius_error=0.0067)
@@ -136,7 +134,6 @@ SHEARING = [
 
 
 def known(fleet, rows=slice(None)):
-    """Everything that a fleet knows of some of its robots."""
     drive, shear = fleet.drive, fleet.shear
     of_drive = drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time
     of_ground = () if shear is None else (shear.displacement, shear.share)

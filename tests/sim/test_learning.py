@@ -1,5 +1,3 @@
-"""Both environments train with Stable-Baselines3, whose vectorised environments are ours."""
-
 import warnings
 
 import gymnasium as gym
@@ -100,7 +98,6 @@ def test_it_trains():
 @pytest.mark.parametrize("kind", OPTIONS)
 @pytest.mark.parametrize("algorithm", SETTINGS)
 def test_it_learns(algorithm, kind):
-    """The last episodes earn more than the first."""
     updates = (30 if algorithm is SAC else 150) if kind is PathTrackingVecEnv else 15
     returns = learnt(algorithm, kind, updates)
     quarter = len(returns) // 4

@@ -1,5 +1,3 @@
-"""Libraries that make environments by id, or again from their specification; each is skipped where it is missing."""
-
 import gymnasium as gym
 import numpy as np
 import pytest

@@ -1,5 +1,3 @@
-"""Replays of simulated drives, whose motion is known."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +25,6 @@ def driven():
 
 
 def missed(logs, replayed):
-    """Errors of position [m] and heading [rad] at the ends."""
     apart = [se2.between(a.truth.pose[-1], b.pose[-1]) for a, b in zip(logs, replayed, strict=True)]
     return np.hypot(*np.array(apart)[:, :2].T), np.abs(np.array(apart)[:, 2])
 

@@ -1,5 +1,3 @@
-"""Policies: what they do, on the benchmark and as ONNX files too, and files of them that are refused."""
-
 import json
 from itertools import pairwise
 

@@ -1,5 +1,3 @@
-"""What classes and functions of `sim` refuse: one line that names the field, its value and what is allowed."""
-
 import re
 from functools import partial
 
@@ -16,9 +14,8 @@ from sim.env import PathTrackingEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.robot.named import load_parameters
 from sim.scanner.scanner import Wall
-from sim.terrain import Beams, Blocks, Course, Flat, Ramp, Rough, Stairs
+from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
-from sim.wander.motion import Driver, track_commands
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError
 
@@ -27,13 +24,11 @@ PATCH, CHANGE = partial(Patch, (0, 1), (0, 1), 1.0, 1.0), partial(Change, 0.0, 1
 TRAVERSE = partial(gym.make_vec, "sim:trackslip/Traverse-v0", num_envs=1)
 WORLD = partial(Traverse, load_tracked("box"))
 LEVEL = [Course((Flat(4.0),))]
-COMMANDS = partial(track_commands, rate=50.0, driver=Driver(), rng=np.random.default_rng(0))
 WHEELS = Hull.from_wheels
 FLEET = partial(Fleet, load_robot(), np.zeros((2, 3)))
 CALIBRATE = partial(calibrate, PublishedTurns(), Candidate())
 HUSKY = load_parameters("husky")[0]
 ROVER = partial(RobotParameters, **{name: value for name, value in vars(HUSKY).items() if name != "contact_length"})
-BLOCKS = partial(Blocks, length=1.0)
 
 REFUSED = [
     (Motor, {"friction": 40.0}, "friction = 40.0: must be less than gear * stall_torque = 30 N m"),
@@ -42,29 +37,22 @@ REFUSED = [
     (RobotParameters, {"com_x": 0.0566}, "com_x = 0.0566: must be between -0.05525 and 0.05525 m"),
     (RobotParameters, {"com_x": 0.04, "com_y": 0.1}, "com_x, com_y = (0.04, 0.1): must be closer to the centre"),
     (LaserScanner, {"field_of_view": 7.0}, "field_of_view = 7.0: must be greater than the resolution"),
-    (LaserScanner, {"quantisation": 1e-320}, "quantisation = 1e-320: must be 0, or at least 1e-06 m"),
     (partial(Wall, 0.0, 1.0, 0.0), {"y1": 1.0}, "must be another place than x0, y0"),
-    (WHEELS, {"wheels": [(0.01 * k, 0.1, 0.1) for k in range(101)]}, "must be from 2 to 100 wheels"),
     (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.01, 0.1, 0.05)]}, "two wheels or more that don't lie inside one another"),
     (Ramp, {"angle": 1.5}, "angle = 1.5: must be from -1.2 to 1.2 rad (69 degrees)"),
-    (BLOCKS, {"blocks": ((0.5, 0.0, 0.1, 0.1, 0.0, 0.0),)}, "height of a block = 0.0: must be from 0.0001 to 10 m"),
     (Beams, {"size": 0.5, "spacing": 0.4}, "spacing = 0.4: must be greater than the beams' size, 0.5 m"),
     (Rough, {"length": 1.0, "blend": 0.6}, "blend = 0.6: must be from 0 to 0.5 m, at most half of the length"),
     (Course, {"pieces": (Rough(15.0, cell=0.01),), "width": 15.0}, "samples of rough ground = 2253001"),
     (Course, {"pieces": (Stairs(0.001, 0.1, 500),) * 5}, "solids of the course = 2001: must be at most 2000"),
     (WORLD, {"courses": LEVEL, "period": 0.03}, "period = 0.03: must be a multiple of sample, 0.02 s"),
-    (PathTrackingEnv, {"action": "torque"}, "action = 'torque': must be one of sprockets, twist"),
     (PathTrackingEnv, {"scanner": LaserScanner(rate=10.0)}, "scanner.rate = 10.0: must be 20 Hz"),
     (PathTrackingEnv, {"pull": Pull(160.0, 0.6)}, "tips over"),
     (PathTrackingEnv, {"laws": "/nowhere"}, "laws = '/nowhere': must be None unless compensation names a law"),
     (PathTrackingEnv, {"action": "twist", "compensation": "magic"}, "compensation = 'magic': must be one of none,"),
-    (PathTrackingEnv, {"preview_spacing": 0.12}, "preview_spacing = 0.12: must be a multiple of 0.05 s"),
     (PathTrackingEnv, {"randomization": Randomization(start_distance=(0.0, 0.6))}, "start_distance = (0.0, 0.6)"),
     (TRAVERSE, {"start_offset": 2.0}, "start_offset = 2.0: must be at most 1 m, half the width of a course"),
     (Randomization, {"slope": (0.2, 0.1)}, "slope = (0.2, 0.1): must be two ascending numbers"),
-    (COMMANDS, {"driving": "zigzag", "duration": 9.0}, "driving = 'zigzag': must be one of random, eights"),
     (PoseSource, {"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
-    (FLEET, {"ground": [Ground()] * 3}, "ground"),
     (FLEET, {"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
     (FLEET, {"drive": Drive(period=0.007)}, "drive.period"),
     (partial(Fleet, load_robot()), {"start": [[0.0, NAN, 0.0]]}, "start"),
@@ -72,10 +60,8 @@ REFUSED = [
     (ROVER, {"axles": ()}, "axles = []: must be 2 to 10 positions"),
     (ROVER, {"axles": (0.0, 0.5)}, "axles = [0.0, 0.5]: must be positions ahead of the middle of all, whose mean is 0"),
     (ROVER, {"axles": (-0.04, 0.04)}, "patch_length = 0.1: must be less than the distance of the axles"),
-    (ROVER, {"patch_length": 0.4}, "patch_length = 0.4: must be less than"),
     (ROVER, {"contact_length": 0.5}, "contact_length = 0.5: must be left out: the axles make it 0.612 m"),
     (CALIBRATE, {"free": ("mass",)}, "free = 'mass': must be one of half_gauge"),
-    (CALIBRATE, {"free": ("com_y", "com_y")}, "free = 'com_y': must be named once"),
     (CALIBRATE, {"free": ("radius_error", "radius_left")}, "either radius_error, of both sides, or radius_left"),
 ]
 

@@ -1,5 +1,3 @@
-"""Runs of fleets: open and closed loops, what they log, pilots of many robots, and what ends them."""
-
 import re
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""States of both environments: what follows from them is the same to the bit."""
-
 import pickle
 from functools import partial
 
@@ -30,7 +28,6 @@ STATES = [
 
 
 def continued(env, steps):
-    """Everything that an environment says now and in the next steps."""
     task, forward = env.unwrapped.task, np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])
     results = [(task.observation(), {name: values.copy() for name, values in task.info().items()})]
     for shake in np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, len(task.commanded))):

@@ -1,5 +1,3 @@
-"""Own terms of rewards and observations."""
-
 import sys
 import types
 

@@ -1,5 +1,3 @@
-"""Numbers out of range, what isn't a number, and files that aren't what they are taken for: one line names them."""
-
 import os
 import pickle
 from collections.abc import Callable

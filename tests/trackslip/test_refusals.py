@@ -1,5 +1,3 @@
-"""What classes and functions of `trackslip` refuse: one line names the field, its value and what is allowed."""
-
 import re
 from functools import partial
 
@@ -10,8 +8,8 @@ from trackslip.bags.choice import BagChoice
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip
-from trackslip.laws.exponential import Exponential, ExponentialSpeed
-from trackslip.laws.icr import ConstantIcr, IcrLoad, IcrSides
+from trackslip.laws.exponential import Exponential
+from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss
 from trackslip.localization.scan import Plate
 from trackslip.odometry.slip_odometry import SlipOdometry
@@ -38,20 +36,13 @@ REFUSED = [
     # laws
     (lambda: Exponential(0.07, 0.1, -0.15, -0.6), "beta_outer"),
     (lambda: ConstantIcr(-0.2, 0.168), "offset"),
-    (lambda: ConstantIcr(0.04, 0.168, -1.0), "radius_error"),
-    (lambda: IcrSides(0.04, -0.2, 0.0, 0.0, 0.168), "offset_right"),
     (lambda: TurnLoss(0.04, 0.168, 0.0, 1.0), "turn_loss"),
     (lambda: Centrifugal(0.04, 0.168, centrifugal_slip=-0.1), "centrifugal_slip = -0.1: must be finite and >= 0"),
-    (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, NAN, 0.0), "gamma_outer"),
-    (lambda: IcrLoad(0.04, 0.168, compliance=1.5), "compliance"),
     (lambda: ConstantIcr(10**400, 0.168), "offset"),
     # theory
     (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.8)), "load"),
-    (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.3, hitch_height=0.3)), "load"),
-    (lambda: steady_twist([0.1, 0.1], LEVEL, shear=NAN), "shear"),
     (lambda: steady_twist([0.5, 3.5], HIGH, 9.81), "surface_speeds"),
     (lambda: wheel_contact(0.168, (-0.2, 0.2), 0.0, 0.7, 0.8), "patch_length"),
-    (lambda: line_contact(0.168, 0.17, -0.7, 0.8), "along"),
     (lambda: line_contact(0.168, 0.17, 0.7, 0.8, centre_of_mass=(0.2, 0.0, 0.1)), "centre_of_mass"),
     # odometry and the filter
     (lambda: ODOMETRY.update([1.0, NAN], 0.1), "omega = nan: must be finite"),
@@ -69,24 +60,19 @@ REFUSED = [
     (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
-    (lambda: waypoints([(0, 0), (NAN, 0), (1, 1)]), "point 2, column x = nan: must be from -100 to 100"),
     (lambda: waypoints([(0, 0), (1, 0), (1, 0)]), "point 3 = (1.0, 0.0): must be at least 0.001 m from point 2"),
     (lambda: waypoints([(0, 0), (1, 0), (0.5, 0)]), "path = 'turns back sharply at "),
     (lambda: waypoints([(0, 0), (1, 0.05), (0.5, 0)]), "must be large enough to drive at 0.001 m/s"),
     (lambda: waypoints(ZIGZAG), "way through all points = "),
     # plans
-    (lambda: LIMITS((3.0, 3.0), 5.0), "duration = 5.0: must be from 10 to 3600 s"),
     (lambda: LIMITS((3.0, 3.0), 40.0, 1.5), "area = '3x3': must be more than twice the clearance, 1.5 m"),
     (lambda: PLAN(LIMITS((3.0, 0.6), 40.0)), "area = '3x0.6': must be more than 0.672 m long and wide"),
-    (lambda: PLAN(LIMITS((3.0, 3.0), 40.0), law="none"), "law = 'none': must be one of icr_radius, turn_loss"),
     # what is taken from bags
     (lambda: BagChoice(left=("a",)), "right = None: must be given where left is"),
-    (lambda: BagChoice(left=(), right=("a",)), "left = (): must be names of joints"),
     (
         lambda: BagChoice(left=("a", "b"), right=("b",)),
         "right = 'b': must be the name of a joint that is not on the left",
     ),
-    (lambda: BagChoice(reversed="up"), "reversed = 'up': must be left, right or both"),
     (lambda: BagChoice(poses="tf:map:map"), "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
     (lambda: BagChoice(plate=Plate(), poses="/pose"), "poses = "),
 ]

@@ -1,5 +1,3 @@
-"""Motion in the plane, against matrices of SE(2) and their exponentials."""
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +12,6 @@ motions = arrays(float, (4, 3), elements=st.floats(-3, 3))
 
 
 def matrix(pose):
-    """The homogeneous matrix (3, 3) of a pose (3,)."""
     x, y, phi = pose
     return np.array([[np.cos(phi), -np.sin(phi), x], [np.sin(phi), np.cos(phi), y], [0, 0, 1]])
 

@@ -3,7 +3,6 @@
 `pytest -m slow tests/validation/test_plan_trials.py -s` prints the tables of docs/shortest_experiment.md, in minutes.
 """
 
-from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -13,17 +12,13 @@ from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes, rep
 from experiments.common.check import Check
 from experiments.common.laws import symbol, unit_of
 from experiments.common.table import Table, significant
-from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco
-from experiments.simulate.options import Simulation
-from experiments.simulate.world import World
-from sim import Description, Drive
+from experiments.simulate.drives import driven_by_law
+from sim import Drive
 from sim.seeds import generator
-from sim.wander.motion import Driver, LawMotion, SlipVariation, track_commands
+from sim.wander.motion import LawMotion, SlipVariation
 from sim.wander.pose_source import SOURCES
-from trackslip import se2
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
-from trackslip.metrics import rms
 from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_of_paper, paper_runs, plan_drive
@@ -34,14 +29,11 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 SLAM = SOURCES["slam"]
 PLANNED, PAPER = 400, 100
 """Drives of the plan by the law, and repeats of the paper's 25 runs."""
-MEASUREMENTS = 20
-"""Measurements of the same drives in MuJoCo."""
 PAPER_RATE = 10.0  # of the encoders in the paper's runs, whose speeds are constant [Hz]
 AGREEMENT = (0.8, 1.2)
 """Real errors over predicted ones."""
 OVER_PAPER = {"offset": 1.0, "radius_error": 1.5}
 """Largest errors of a plan of 120 s over those predicted for the paper's runs."""
-HORIZON, EVERY = 5.0, 0.5  # of predictions, and between them [s]
 ROUNDING = 1 + 1e-6
 
 
@@ -87,27 +79,6 @@ def test_a_plan_and_the_papers_runs_by_a_law():
     report("The plan and the paper's runs", checks)
 
 
-def test_in_mujoco_the_law_of_a_plan_predicts_like_that_of_the_papers_runs():
-    plan = planned(60.0)
-    driver = Driver(plan.limits.max_speed, plan.limits.acceleration, plan.knowledge.reach)
-    rows = round(PAPER_DURATION * RATE) + 1
-    plans = mujoco_drives("plan", [plan.speeds])
-    circles = mujoco_drives("circle", [np.tile(speeds, (rows, 1)) for speeds in paper_runs(GEOMETRY)])
-    others = mujoco_drives(
-        "other", [track_commands("random", 60.0, RATE, driver, generator(0, f"plan other {k}")) for k in range(4)]
-    )
-    trials = [(case, drives, k) for case, drives in (("plan", plans), ("paper", circles)) for k in range(MEASUREMENTS)]
-    errors = np.reshape(outcomes(partial(predict, others=others), trials), (2, MEASUREMENTS, 2))
-    own, of_paper = np.sqrt(np.mean(errors**2, axis=1))
-    report(
-        f"Other drives predicted {HORIZON:g} s ahead, {MEASUREMENTS} measurements",
-        [
-            Check("plan of 60 s", f"{what}, error over that of the paper's runs", float(own[k] / of_paper[k]), 1.2)
-            for k, what in enumerate(("position", "heading"))
-        ],
-    )
-
-
 def law_motion(plan: DrivePlan) -> LawMotion:
     law = FAMILIES[LAW].law(np.array([*TRUE_LAW.values()]), GEOMETRY)
     return LawMotion(law, GEOMETRY, SlipVariation(*plan.knowledge.slip))
@@ -133,30 +104,3 @@ def drive_paper_runs(number: int, plan: DrivePlan) -> dict[str, Estimate]:
         for k, omega in enumerate(np.array(paper_runs(GEOMETRY)) / GEOMETRY.sprocket_radius)
     ]
     return identified([drive.measured(SLAM, rng) for drive in drives], GEOMETRY)
-
-
-def mujoco_drives(name: str, speeds: Sequence[Array]) -> list[KnownDrive]:
-    """Drives of the shipped robot on the shipped ground at belt speeds (T, 2) [m/s]."""
-    world = World.of(Simulation(seed=0))
-    about = [Description(f"{name} {k}", world.metadata("truth")) for k in range(len(speeds))]
-    omega = [belts / GEOMETRY.sprocket_radius for belts in speeds]
-    return driven_in_mujoco(world.fleet(np.zeros((len(speeds), 3))), omega, RATE, about, lambda seconds: None)
-
-
-def predict(trial: tuple[str, Sequence[KnownDrive], int], others: Sequence[KnownDrive]) -> tuple[float, float]:
-    """Root mean square errors of position [m] and heading [rad] of other drives, by the law of measured ones."""
-    case, drives, number = trial
-    rng = generator(0, f"trial {number} of {case}")
-    estimates = identified([drive.measured(SLAM, rng) for drive in drives], GEOMETRY)
-    errors = np.concatenate([_ahead(estimates, other) for other in others])
-    return rms(np.hypot(errors[:, 0], errors[:, 1])), rms(se2.wrap_angle(errors[:, 2]))
-
-
-def _ahead(estimates: Mapping[str, Estimate], other: KnownDrive) -> Array:
-    """Errors (n, 3) of the motion over the horizon, in the frame where each prediction begins [m, m, rad]."""
-    law = FAMILIES[LAW].law(np.array([estimates[name].value for name in TRUE_LAW]), GEOMETRY)
-    v, w = law.twist(other.log.omega[1:], GEOMETRY).T
-    path = se2.chain(np.zeros(3), se2.exp(np.column_stack([v, 0 * v, w]) / RATE))
-    begin = np.arange(0, len(path) - round(HORIZON * RATE), round(EVERY * RATE))
-    end, true = begin + round(HORIZON * RATE), other.motion.pose
-    return se2.between(path[begin], path[end]) - se2.between(true[begin], true[end])

@@ -109,8 +109,11 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     left, right = float(turns.clip(min=0.0).sum()), float((-turns).clip(min=0.0).sum())
     duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))
     cut = [without_jumps(drive, geometry, gains, clock) for drive in drives]
+    parts = tuple(part for kept, _ in cut for part in kept)
+    if not parts:
+        raise LogError(f"run {drives[0].name!r}: its poses jump so often that too few lie between jumps")
     return Look(
-        tuple(part for parts, _ in cut for part in parts),
+        parts,
         gains,
         clock,
         left,

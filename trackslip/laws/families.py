@@ -70,7 +70,7 @@ class LawFamily:
 
     def under(self, load: Array | None) -> LawFamily:
         """The family of the laws under tractions per unit load (...) [-]; the same for laws without load."""
-        if not self.loaded or load is None:
+        if load is None:
             return self
         return replace(self, build=lambda values, geometry: self.build(values, geometry).under(load))
 

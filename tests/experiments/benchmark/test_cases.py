@@ -1,5 +1,3 @@
-"""The runs of benchmarks, their means over seeds, and the leaderboard with its intervals."""
-
 import numpy as np
 import pytest
 
@@ -76,7 +74,6 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
 
 
 def test_entries_are_compared_pair_by_pair():
-    """Plants differ far more than the second entry from the first; the third can't be told from the second."""
     rng = np.random.default_rng(0)
     plant = rng.uniform(0.001, 0.1, 32)
     errors = {"first": plant, "second": plant + 0.001, "third": plant + 0.001 + 3e-5 * rng.normal(size=32)}

@@ -1,5 +1,3 @@
-"""`trackslip benchmark`: rows match the stored runs, faulty controllers fail alone, and the claims of Sec. IV hold."""
-
 import re
 
 import numpy as np

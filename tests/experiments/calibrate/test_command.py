@@ -1,11 +1,6 @@
-"""`trackslip calibrate`: published numbers, and logs of known robots."""
-
-import csv
-
 import pytest
 from command_runs import ran
 
-from experiments.cli import main
 from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
@@ -87,22 +82,3 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     models = ran(tmp_path / "evaluate", "evaluate", str(driven / "out"), *known).summary["models"]
     ahead = {name: model["after_seconds"]["5"]["position"]["rms"] for name, model in models.items()}
     assert ahead["robot"] < 0.6 * ahead["none"]
-
-
-@pytest.mark.slow
-def test_another_log_is_predicted_with_a_clock_of_its_own(driven, tmp_path):
-    """Poses of the second log are stamped 0.1 s later."""
-    late = tmp_path / "late.csv"
-    main(["log", str(driven / "out"), "--out", str(late)])
-    table = list(csv.reader(late.read_text().splitlines()))
-    run, *columns = (table[0].index(name) for name in ("run", "x", "y", "phi", "valid"))
-    for k in range(len(table) - 1, 6, -1):
-        for column in columns:
-            table[k][column] = table[k - 6][column] if table[k - 6][run] == table[k][run] else ""
-    with late.open("w") as file:
-        csv.writer(file).writerows(table)
-    options = ("--target", str(driven / "out"), "--robot", str(driven / "start.toml"), "--test", str(late))
-    found = ran(tmp_path / "out", "calibrate", *options, "--free", "friction_ratio", "radius_error", "clock").summary
-    test = found["test"]
-    assert test["clock_offset"] - found["sensor"]["clock_offset"] == pytest.approx(-0.1, abs=0.02)
-    assert test["calibrated"]["position_5s_median"] < 1.1 * test["before"]["position_5s_median"]

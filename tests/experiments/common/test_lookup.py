@@ -1,5 +1,3 @@
-"""Controllers by name: their arguments, and what the robot makes of the rest."""
-
 import dataclasses
 from pathlib import Path
 

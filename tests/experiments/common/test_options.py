@@ -1,108 +1,45 @@
-"""Every option of every command: its bounds and exclusions are kept.
-
-The cases are generated from the options' fields: a new command or option is tested without a line here.
-"""
-
-import dataclasses
-import shlex
-import typing
-from functools import cache
-from pathlib import Path
+import re
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import pytest
 
-from experiments.cli import commands, config_module, parse
-from experiments.common.options import (
-    Distinct,
-    Excludes,
-    NonNegative,
-    Options,
-    Positive,
-    Whole,
-    Within,
-    bounds_of,
-    exclusions_of,
-)
+from experiments.common.options import Distinct, Excludes, Needs, NonNegative, Options, Positive, Whole, Within
 from trackslip.errors import InvalidValueError
 
-CONFIGS = {name: config_module(name).Config for name in commands()}
-WITH_BOUNDS = {name: config for name, config in CONFIGS.items() if issubclass(config, Options)}
-BOUNDED = [(name, *bound) for name, config in WITH_BOUNDS.items() for bound in bounds_of(config)]
-EXCLUDED = [
-    (name, exclusion, option)
-    for name, config in WITH_BOUNDS.items()
-    for exclusion in exclusions_of(config)
-    for option in exclusion.names
-]
+NAN, INF = float("nan"), float("inf")
 
 
-@cache
-def example(name):
-    """The options of a command's first example."""
-    return parse(shlex.split(config_module(name).EXAMPLES[0][1])[1:])
+@dataclass(frozen=True)
+class Config(Options):
+    speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3
+    radii: Annotated[tuple[float, ...], Positive(3.0, "m")] = (1.0,)
+    noise: Annotated[float | None, NonNegative()] = None
+    jobs: Annotated[int, Whole(1, 8)] = 1
+    seeds: Annotated[tuple[int, ...], Distinct("seed")] = (0,)
+    method: str = "arc"
+    bag: bool = False
+    exclusions: ClassVar = (Excludes(("noise",), "method", ("paper",)), Needs(("jobs",), "bag"))
 
 
-def outside(bound):
-    """Values that a bound refuses."""
-    match bound:
-        case Within():
-            return bound.least - 1, bound.most + 1, float("nan")
-        case Positive():
-            return 0.0, -1.0, float("nan"), float("inf")
-        case NonNegative():
-            return -1.0, float("nan"), float("inf")
-        case Whole():
-            return (bound.least - 1, *(() if bound.most is None else (bound.most + 1,)))
-        case Distinct():
-            return (), ("a", "a")
-    raise NotImplementedError(bound)
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        *(({"speed": speed}, "must be from 0.1 to 2 m/s") for speed in (0.0, 2.1, NAN)),
+        *(({"radii": (1.0, radius)}, "radii = ") for radius in (0.0, -1.0, 3.1, NAN, INF)),
+        *(({"noise": noise}, "noise = ") for noise in (-1.0, NAN, INF)),
+        *(({"jobs": jobs, "bag": True}, "must be an integer from 1 to 8") for jobs in (0, 9)),
+        ({"seeds": ()}, "seeds = (): must be at least one seed"),
+        ({"seeds": (1, 1)}, "seeds = (1, 1): must be all different"),
+        ({"noise": 0.1, "method": "paper"}, "noise = 0.1: must be left out with --method paper"),
+        ({"jobs": 2}, "jobs = 2: must be left out without --bag"),
+    ],
+)
+def test_what_is_out_of_bounds_or_without_effect_is_refused(given, message):
+    with pytest.raises(InvalidValueError, match=re.escape(message)):
+        Config(**given)
 
 
-@pytest.mark.parametrize(("name", "option", "bound"), BOUNDED)
-def test_a_value_out_of_bounds_is_refused(name, option, bound):
-    config = example(name)
-    usual, listed = getattr(config, option), (option, Distinct) in {(n, type(b)) for n, b in bounds_of(CONFIGS[name])}
-    tuples = (isinstance(usual, tuple) or listed) and not isinstance(bound, Distinct)
-    for value in outside(bound):
-        given = (*(usual or ())[:-1], value) if tuples else value
-        with pytest.raises(InvalidValueError, match=f"{option} = ") as refusal:
-            dataclasses.replace(config, **{option: given})
-        assert refusal.value.field == option
-
-
-def another(default, hint, unlike=()):
-    """A value other than an option's default, and none of those in `unlike`."""
-    if isinstance(default, bool):
-        return not default
-    if isinstance(default, int | float):
-        return type(default)(default + 1)
-    if isinstance(default, tuple):
-        return default[:-1]
-    choices = typing.get_args(hint)
-    if float in choices:
-        return 0.01
-    if int in choices:
-        return 2
-    if tuple[int, ...] in choices:
-        return (2,)
-    if typing.get_origin(hint) is typing.Literal:
-        return next(choice for choice in choices if choice not in (default, *unlike))
-    return Path("x") if Path in (hint, *choices) else "x"
-
-
-@pytest.mark.parametrize(("name", "exclusion", "option"), EXCLUDED)
-def test_an_option_without_effect_is_refused(name, exclusion, option):
-    """A bound or another exclusion may refuse the combination first."""
-    config = CONFIGS[name]
-    base = example(name)
-    hints = typing.get_type_hints(config)
-    given = {option: another(getattr(base, option), hints[option])}
-    if not exclusion.applies(base):
-        if exclusion.values and isinstance(exclusion, Excludes):
-            other = exclusion.values[0]
-        else:
-            other = another(getattr(base, exclusion.option), hints[exclusion.option], exclusion.values)
-        given[exclusion.option] = other
-    with pytest.raises(InvalidValueError) as refusal:
-        dataclasses.replace(base, **given)
-    assert "left out" in refusal.value.allowed or refusal.value.field == option
+def test_what_is_within_bounds_is_taken():
+    for given in ({"speed": 2.0, "radii": (3.0, 0.1), "noise": 0.0}, {"jobs": 8, "bag": True, "method": "paper"}):
+        Config(**given)

@@ -1,5 +1,3 @@
-"""Folders of results when disks are full, commands collide or versions differ; manifests without local paths."""
-
 import json
 import os
 import resource
@@ -34,7 +32,6 @@ def contents(folder):
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
-    """A folder with results; tests work on copies."""
     folder = tmp_path_factory.mktemp("tracked") / "track"
     main([*TRACK, "--out", str(folder)])
     return folder
@@ -42,7 +39,6 @@ def tracked(tmp_path_factory):
 
 @pytest.fixture
 def old(tracked, tmp_path):
-    """A folder with results."""
     return Path(shutil.copytree(tracked, tmp_path / "track"))
 
 
@@ -59,17 +55,7 @@ def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
     assert contents(old) == before
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-def test_output_that_nobody_takes(tmp_path):
-    with open("/dev/full", "w") as full:
-        process = command("--help", stdout=full, cwd=tmp_path)
-    _, message = process.communicate()
-    assert process.returncode == 2
-    assert message == "trackslip: can't write (No space left on device)\n"
-
-
 def test_what_is_not_replaced(refused, tmp_path):
-    """A folder in which another command writes, what is no regular file, and files of others."""
     with results_folder(tmp_path / "out", overwrite=False):
         assert refused("predict", "--out", "out") == "out = 'out': another command is writing there"
     os.mkfifo(tmp_path / "pipe")

@@ -1,5 +1,3 @@
-"""`trackslip evaluate`: laws and simulated robots on drives, the log in parts, data sets, and what is refused."""
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +15,6 @@ from plain_drives import identified_from, wandered
 from experiments.common.plain_json import write_json
 from experiments.evaluate.data_set import load_data_set
 from experiments.evaluate.log import parts
-from sim.wander.motion import LASTING
 from trackslip.errors import TrackslipError
 from trackslip.identification.result import identification_to_json
 from trackslip.laws.file import save_laws
@@ -28,7 +25,6 @@ SIZE = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The results of an identification."""
     out = tmp_path_factory.mktemp("mine")
     write_json(out / "summary.json", identification_to_json(identified_from(wandered(duration=15.0))))
     return str(out)
@@ -36,7 +32,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """The true law, and logs of drives that follow it exactly."""
     out = tmp_path_factory.mktemp("logs")
     save_laws(out / "true.json", {"icr_radius": ICR}, GEOMETRY)
     logs = [drive_log(seed, duration, EXACT, STILL) for seed, duration in ((0, 90.0), (1, 20.0))]
@@ -48,7 +43,6 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def wander(tmp_path_factory):
-    """Two teleoperated drives of 12 s of the simulated robot."""
     return ran(tmp_path_factory.mktemp("wander") / "out", "wander", "--drives", "2", "--duration", "12").folder
 
 
@@ -71,9 +65,6 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     assert sorted(file.name for file in result.folder.iterdir()) == [
         "figures", "manifest.json", "report.html", "summary.json", "trajectories",
     ]  # fmt: skip
-    page = (result.folder / "report.html").read_text()
-    assert "Predictions of “two.parquet”" in page
-    assert "Best after 10 m: " in page
 
 
 def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip, files, folder):
@@ -106,18 +97,6 @@ def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     assert len(list((result.folder / "recordings").glob("*.rrd"))) == 3
 
 
-def test_the_first_law_comes_once_more_with_the_logs_gyro(trackslip, files, tmp_path):
-    log = drive_log(6, 60.0, EXACT, LASTING)
-    rate = np.append(0.0, np.diff(np.unwrap(log.truth.pose[:, 2])) / np.diff(log.time))
-    write_parquet([replace(log, gyro=rate + 0.002)], tmp_path / "gyro.parquet")
-    true = f"{files / 'true.json'}:icr_radius"
-    models = trackslip("evaluate", str(tmp_path / "gyro.parquet"), "--law", "none", "--law", true).summary["models"]
-    assert list(models) == ["none", "icr_radius", "icr_radius with gyro"]
-    without, gyro = (models[name]["after_seconds"]["5"] for name in ("icr_radius", "icr_radius with gyro"))
-    assert gyro["position"]["rms"] < 0.75 * without["position"]["rms"]
-    assert gyro["heading"]["rms"] < 0.5 * without["heading"]["rms"]
-
-
 @pytest.mark.slow
 def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_path):
     def errors(*options):
@@ -130,15 +109,6 @@ def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_pa
     assert ahead["robot"]["position"]["rms"] < 0.6 * ahead["none"]["position"]["rms"]
     other = errors("--ground.across", "1.4")
     assert other["robot"]["heading"]["rms"] > 1.5 * ahead["robot"]["heading"]["rms"]
-
-
-def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
-    slow = tmp_path / "slow.toml"
-    slow.write_text("radius_error = 0.0066\n[drive]\nlag = 0.5\n")
-    options = ("--robot", str(slow), "--robot", "shipped", "--inputs", "commands")
-    models = ran(tmp_path / "out", "evaluate", str(wander), *options).summary["models"]
-    slow, shipped = (models[name]["after_seconds"]["1"]["position"]["rms"] for name in ("robot", "robot_2"))
-    assert slow > 1.2 * shipped
 
 
 @pytest.mark.slow
@@ -189,13 +159,6 @@ TOML = 'title = "t"\nlog = "log.csv"\nsource = "s"\nlicence = "l"\nrobot = ["hus
 BOUND = '[[bounds]]\nrow = "{}"\nquantity = "heading_rms"\nmost = {}\n'
 
 
-@pytest.mark.parametrize("name", ["husky", "warthog", "ice", "grass"])
-def test_shipped_data_sets_can_be_read(name):
-    data = load_data_set(LOGS / f"{name}.toml")
-    assert data.log.exists()
-    assert (data.log.parent / data.licence.split(", ")[1]).exists()
-
-
 def test_one_command_is_in_one_part_and_parts_are_in_order():
     drives = [SimpleNamespace(run=str(k), command=np.full((3, 2), float(value))) for k, value in enumerate("11222341")]
     np.testing.assert_array_equal(parts(drives, 2, ""), [0, 0, 0, 0, 0, 1, 1, 0])
@@ -231,8 +194,7 @@ def data_set(tmp_path_factory):
     table = pq.read_table(LOGS / "husky_windows.parquet")
     pq.write_table(table.filter(pc.less(table["command"], 4)), folder / "log.parquet")
     text = TOML.replace("log.csv", "log.parquet").replace('"ice"', '"asphalt"')
-    text += 'law = ["icr_radius"]\nfree = ["friction_ratio"]\n'
-    text += BOUND.format("icr_radius", 0.5) + BOUND.format("calibrated", 0.5)
+    text += 'law = ["icr_radius"]\n' + BOUND.format("icr_radius", 0.5) + BOUND.format("two_gains", 0.5)
     (folder / "mine.toml").write_text(text)
     return folder / "mine.toml"
 
@@ -241,9 +203,8 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
     result = ran(tmp_path / "out", "evaluate", str(data_set))
     models = result.summary["models"]
     heading = {name: model["after_seconds"]["1"]["heading"]["rms"] for name, model in models.items()}
-    assert list(heading) == ["today", "two_gains", "icr_radius", "robot", "calibrated"]
+    assert list(heading) == ["today", "two_gains", "icr_radius", "robot"]
     assert heading["two_gains"] < 0.6 * heading["today"]
-    assert heading["calibrated"] < 0.6 * heading["today"]
     assert [check["holds"] for check in result.summary["checks"]] == [True, True]
     assert "2 of 2 checks passed" in result.printed
     assert "Best after 1 s: " in (result.folder / "report.html").read_text()
@@ -252,13 +213,8 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
 @pytest.mark.slow
 def test_a_missed_bound_ends_with_1_and_the_page_is_written(data_set, tmp_path):
     path = data_set.with_name("broken.toml")
-    path.write_text(data_set.read_text().partition("free")[0] + BOUND.format("today", 0.05))
+    path.write_text(data_set.read_text().partition("[[")[0] + BOUND.format("today", 0.05))
     with pytest.raises(SystemExit) as stop:
         ran(tmp_path / "out", "evaluate", str(path))
     assert stop.value.code == 1
     assert (tmp_path / "out" / "report.html").exists()
-
-
-def test_what_a_data_set_states_cannot_be_given_besides(data_set, refused):
-    line = refused("evaluate", str(data_set), "--folds", "3")
-    assert "folds = 3: must be left out with a data set, which states it" in line

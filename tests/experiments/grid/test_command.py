@@ -1,5 +1,3 @@
-"""`trackslip grid`: stored files, repeatability, and the options of the world."""
-
 import pytest
 
 from experiments.cli import parse
@@ -9,8 +7,8 @@ from experiments.grid.runs import GridRuns
 from trackslip.logs.logfile import read_runs
 from trackslip.paper import SPEEDS
 
-SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
-SHORT = ("--radii", "1.0", "--speeds", "0.1", "--duration", "6")
+SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "4")
+SHORT = ("--radii", "1.0", "--speeds", "0.1", "--duration", "4")
 
 
 def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
@@ -26,18 +24,6 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     assert (radii["commanded"], radii["published"]) == ([0.6, 1.5], [None, 2.05])
     names = [log.run for log in read_runs(one.folder / "runs.parquet")]
     assert names == [f"radius={r} speed={v}" for r in (0.6, 1.5) for v in (0.1, 0.2)]
-
-
-def test_runs_that_cannot_be_used_are_stored_and_named(trackslip):
-    """A short-sighted scanner loses the faster run before it is steady."""
-    grid = ("--radii", "3.0", "--speeds", "0.05", "0.25", "--duration", "10")
-    result = trackslip("grid", *grid, "--scanner.max-range", "1.5")
-    assert len(read_runs(result.folder / "runs.parquet")) == 2
-    (warning,) = result.summary["warnings"]
-    assert "speed=0.25" in warning
-    assert warning in result.printed
-    (observed,) = result.summary["grids"][0]["radius"]["observed"]
-    assert observed == pytest.approx(result.summary["runs"][0]["observed_radius"])
 
 
 # the world
@@ -101,9 +87,8 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
 @pytest.mark.parametrize(
     ("duration", "ratios", "workers", "count", "largest"),
     [
-        *((30, 40, *rest) for rest in ((1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63))),
-        *((duration, 1, 2, count, 25) for duration, count in ((30, 1), (79, 1), (160, 2), (300, 2), (3600, 5))),
-        *((duration, 1, 1, -(-25 // most), most) for duration, most in ((120, 25), (1800, 11), (3600, 5))),
+        *((30, 40, *rest) for rest in ((1, 8, 125), (3, 12, 84), (64, 16, 63))),
+        *((duration, 1, 2, count, 25) for duration, count in ((79, 1), (160, 2), (3600, 5))),
     ],
 )
 def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(duration, ratios, workers, count, largest):

@@ -1,5 +1,3 @@
-"""`trackslip plan`: a plan that can be driven, and a second round."""
-
 import csv
 import json
 
@@ -15,7 +13,6 @@ SHORT = ("--half-gauge", "0.168", "--sprocket-radius", "0.06", "--duration", "30
 
 @pytest.fixture(autouse=True)
 def few_routes(monkeypatch):
-    """A search of a quarter of a second."""
     monkeypatch.setattr(planning, "_EVALUATIONS", 30)
     monkeypatch.setattr(planning, "_FEWEST", 30)
 

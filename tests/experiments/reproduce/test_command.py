@@ -1,20 +1,15 @@
-"""`trackslip reproduce` in full against the numbers it must reach."""
-
 import json
 
 import numpy as np
 import pytest
 from bound import beside_bound
 from command_runs import ran
-from figures import assert_readable
 from pages import ROOT, missing_line, shown
 
-from experiments.reproduce import figures
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import stored_geometry
-from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import paper_reference
 
 
@@ -32,7 +27,6 @@ def summary(reproduced):
 
 
 def grid_of(folder):
-    """The runs on circles, without the closed loops."""
     return [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
 
 
@@ -119,7 +113,6 @@ def test_what_is_left_behind(reproduced, summary):
 
 
 def test_the_pages_show_what_is_printed(reproduced):
-    """Line by line, to the digit."""
     page = ROOT / "docs" / "reproduction.md"
     for text in (shown(ROOT / "README.md", "slip law"), shown(page, "slip law"), shown(page, "Tracking errors")):
         assert missing_line(text, reproduced.printed) is None
@@ -138,17 +131,3 @@ def test_slip_error_over_seeds(tmp_path, options):
         assert errors.std(axis=1).max() < most
         assert np.abs(errors.mean(axis=1)).max() < 0.0002
     assert max(over_bound(grid_of(result.folder)).max() for result in results) < 1.1
-
-
-def test_paths_and_errors_are_those_of_the_runs(reproduced):
-    logs = [log for log in read_runs(reproduced.folder / "runs.parquet") if "controller" in log.metadata]
-    runs = figures.runs_of(logs, "linear")
-    log = runs["none"]
-    ground, _ = (assert_readable(figure).axes[0] for figure in figures.paths(runs))
-    (line,) = [line for line in ground.lines if line.get_label() == "none"]
-    assert (line.get_xdata()[0], line.get_ydata()[0]) == pytest.approx(tuple(log.truth.pose[0, :2]))
-    for figure, factor in zip(figures.tracking_errors_over_time(runs), (1.0, 1e3), strict=True):
-        line = assert_readable(figure).axes[0].lines[0]
-        rows = np.searchsorted(log.time, line.get_xdata())
-        expected = body_errors(log.truth.pose, paper_reference().pose(log.time))[rows, 0]
-        np.testing.assert_allclose(line.get_ydata(), factor * expected)

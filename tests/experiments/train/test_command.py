@@ -1,5 +1,3 @@
-"""`trackslip train`: policies learn to track paths and cross courses, resume, and enter benchmarks."""
-
 import contextlib
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Shares of courses crossed, and their confidence intervals."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""`trackslip validate`: robots and grounds within bounds, what does not apply, exit codes, the page."""
-
 import numpy as np
 import pytest
 from command_runs import ran

@@ -1,5 +1,3 @@
-"""`trackslip wander`: stored drives and their summaries."""
-
 import numpy as np
 import pytest
 

@@ -1,20 +1,18 @@
-"""Calibrations to tables of turns, steady rows and drives, against the candidates that made them."""
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sim import Fleet, Ground, RobotParameters
+from sim import Fleet, Ground, RobotParameters, open_loop
 from sim.calibration.calibration import calibrate
 from sim.calibration.candidate import PARAMETERS, Candidate
 from sim.calibration.targets import Drives, SteadyRows
 from sim.robot.named import load_parameters
 from sim.robot.robot import compiled
+from sim.wander.motion import Driver, track_commands
 from trackslip import se2
 from trackslip.identification.samples import SlipSamples
-from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.skid_theory import steady_twist
 
@@ -107,7 +105,6 @@ def test_folds_are_predicted_by_fits_to_the_others():
 
 
 def drive(time):
-    """Along an arc."""
     omega = np.tile([3.0, 4.0], (len(time), 1))
     twist = np.array([0.21, 0.0, 0.06 / 0.336])
     return RunLog("drive", time, omega, se2.exp(time[:, None] * twist))
@@ -146,17 +143,12 @@ def test_intervals_contain_the_truth(robot, ground, free, inputs, noise):
     for seed in range(200, 210):
         rng = np.random.default_rng(seed)
         truth = drawn(base, free, rng)
-        fit = calibrate(Drives(driven(truth, rng, noise=noise), base.geometry, inputs), base, free)
+        fit = calibrate(Drives(driven(truth, rng, noise), base.geometry, inputs), base, free)
         for name, estimate in fit.estimates.items():
             if not estimate.vague:
                 inside.append(estimate.low <= truth.value(name) <= estimate.high)
     assert len(inside) >= 30
     assert np.mean(inside) >= 0.88, np.mean(inside)
-
-
-PERIOD = 0.05
-"""Time between rows [s]: every reading of the encoders, and every second of them a pose."""
-_SERVO = 0.01  # [s]
 
 
 def drawn(base: Candidate, names: Sequence[str], rng: np.random.Generator) -> Candidate:
@@ -169,50 +161,17 @@ def drawn(base: Candidate, names: Sequence[str], rng: np.random.Generator) -> Ca
     return base.with_values(values)
 
 
-def driven(
-    candidate: Candidate, rng: np.random.Generator, *, noise: float = 0.003, count: int = 10, duration: float = 15.0
-) -> list[RunLog]:
-    """Drives by random commands: curves and turns on the spot to both sides, backwards now and then.
-
-    Poses have a noise of `noise` [m] and [rad]; they are the sensor's, by its own clock.
-    """
-    robot, every = candidate.robot, round(PERIOD / _SERVO)
+def driven(candidate: Candidate, rng: np.random.Generator, noise: float) -> list[RunLog]:
+    """Ten drives of 15 s by random commands; every second row has a pose of the sensor, by its own clock."""
+    robot, period, count = candidate.robot, 0.05, 10
     fleet = Fleet(compiled(robot), np.zeros((count, 3)), candidate.ground, robot.radius_error)
-    margin = 10  # rows before the first and after the last, from which late poses come
-    rows = round(duration / PERIOD) + 2 * margin + 1
-    commands = np.stack([_commands(rows, rng) for _ in range(count)], axis=1) * 0.9 * fleet.drive.limit
-    pose, angle = np.empty((rows, every, count, 3)), np.empty((rows, count, 2))
-    for k, command in enumerate(commands):
-        angle[k] = fleet.drive.angle
-        fleet.command(command)
-        for j in range(every):
-            pose[k, j] = fleet.pose()
-            fleet.advance(_SERVO)
-    kept = slice(margin, rows - margin)
-    time = np.arange(rows) * PERIOD
-    fine = np.arange(rows * every) * _SERVO
-    omega = np.concatenate([np.zeros((1, count, 2)), np.diff(angle, axis=0) / PERIOD])
-    seen = (time + candidate.clock)[kept]
+    driver = Driver(0.9 * fleet.drive.limit * robot.sprocket_radius, 5.0, robot.half_gauge)
+    speeds = [track_commands("random", 15.0, 1 / period, driver, rng) for _ in range(count)]
     logs = []
-    for k in range(count):
-        true = pose[:, :, k].reshape(-1, 3)
-        at = np.stack([np.interp(seen, fine, column) for column in true.T], axis=-1)
-        measured = se2.compose(at, candidate.sensor.pose) + noise * rng.standard_normal(at.shape)
-        valid = np.arange(len(seen)) % 2 == 0
-        log = RunLog(f"drive {k}", time[kept], omega[kept, k], measured, commands[kept, k], valid=valid)
-        logs.append(replace(log, pose=np.where(valid[:, None], measured, np.nan)))
+    for log in open_loop(fleet, np.stack(speeds, axis=1) / robot.sprocket_radius, 15.0, period=period):
+        seen = log.time + candidate.clock
+        true = np.stack([np.interp(seen, log.time, column) for column in log.truth.pose.T], axis=-1)
+        pose = se2.compose(true, candidate.sensor.pose) + noise * rng.standard_normal(true.shape)
+        valid = (np.arange(len(seen)) % 2 == 0) & (seen >= 0) & (seen <= log.time[-1])
+        logs.append(replace(log, pose=np.where(valid[:, None], pose, np.nan), valid=valid, truth=None))
     return logs
-
-
-def _commands(rows: int, rng: np.random.Generator) -> Array:
-    """Speeds (T, 2) of the sprockets, of the largest, each held for 1 to 3 s."""
-    speeds = np.empty((rows, 2))
-    row = 0
-    while row < rows:
-        held = rng.integers(round(1 / PERIOD), round(3 / PERIOD))
-        faster, other = rng.uniform(0.4, 1.0), rng.uniform(-0.4, 1.0)
-        kind = rng.choice(4, p=(0.65, 0.15, 0.15, 0.05))
-        pair = np.array([(faster, other * faster), (faster, -faster), (-faster, -other * faster), (0.0, 0.0)][kind])
-        speeds[row : row + held] = pair[:: rng.choice([-1, 1])]
-        row += held
-    return speeds

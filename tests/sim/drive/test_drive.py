@@ -1,5 +1,3 @@
-"""Drives: lag, limits and energy; at their limits, ground, rotors and gears take what the motors give."""
-
 import numpy as np
 import pytest
 
@@ -96,7 +94,6 @@ def run_free(state, periods):
 
 @pytest.mark.parametrize("lag", [0.003, 0.05, 0.58])
 def test_speed_and_angle_follow_a_lag_exactly(lag):
-    """However the time is cut up."""
     drive = Drive(lag=lag)
     whole, pieces = DriveState(drive, 1, 0.06), DriveState(drive, 1, 0.06)
     for state in (whole, pieces):

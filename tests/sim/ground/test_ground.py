@@ -1,5 +1,3 @@
-"""Grounds against theory: patches and changes under each pad, slopes, what is pulled, and ground that shears."""
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize

@@ -1,5 +1,3 @@
-"""Robots by name or file: the shipped model, its contact recipe, and the same robot on flat ground and on terrain."""
-
 import mujoco
 import numpy as np
 import pytest
@@ -43,21 +41,6 @@ def test_models_load_and_stand_without_our_code(name):
         mujoco.mj_step(model, data)
     assert data.ncon == 20
     assert data.qpos[2] == pytest.approx(-0.002, abs=2e-5)
-
-
-def test_springs_of_what_is_added_to_the_model_push(robot):
-    spec = mujoco.MjSpec.from_file(str(FIELD))
-    arm = spec.body("chassis").add_body(name="arm", pos=[0.0, 0.0, 0.3])
-    arm.add_joint(name="hinge", axis=[0, 1, 0], stiffness=np.array([5.0, 0, 0]), damping=np.array([0.1, 0, 0]))
-    arm.add_geom(size=[0.02, 0, 0], mass=0.1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.joint("hinge").qpos, data.joint("hinge").qvel = 0.2, 0.5
-    mujoco.mj_forward(model, data)
-    assert data.qfrc_spring[6] == pytest.approx(-1.0)
-    assert data.qfrc_damper[6] == pytest.approx(-0.05)
-    alone = mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER
-    assert robot.model.opt.disableflags & alone == alone  # which saves time
 
 
 @pytest.mark.parametrize(("width", "shear", "within"), [(1.25, 0.0, 0.01), (3.0, 0.0, 0.01), (2.0, 0.01, 0.02)])

@@ -1,5 +1,3 @@
-"""Robots with tracks: robot files, and what is made of them."""
-
 from dataclasses import replace
 
 import mujoco

@@ -1,5 +1,3 @@
-"""Models as their authors publish them: packages, meshes, xacro, wheels of their own, and what is refused."""
-
 import re
 import warnings
 
@@ -11,7 +9,7 @@ from sim import Fleet, Ground, build_tracked, check, load_robot
 from sim.drive.drive import tireless
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
-from trackslip.errors import RobotWarning, TrackslipError
+from trackslip.errors import TrackslipError
 from trackslip.skid_theory import steady_twist
 
 ENDS = {"front": 0.2, "rear": -0.2}
@@ -37,7 +35,6 @@ def link(name, mass, shape="", place="0 0 0", look=""):
 
 
 def joint(parent, child, place, kind="continuous", rest=""):
-    """A joint about y."""
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
     return f'<joint name="{child}_joint" type="{kind}">{ends}{rest}</joint>'
 
@@ -46,7 +43,6 @@ CYLINDER = '<cylinder radius="0.1" length="0.1"/>'
 
 
 def rover(wheel='<sphere radius="0.1"/>', heights=(0.0, 0.0, 0.0, 0.0), parent="base", **options):
-    """A rover with four wheels on its chassis."""
     parts = [link("base", 10, '<box size="0.4 0.3 0.05"/>', "0 0 0.1")]
     for (name, (x, y)), z in zip(WHEELS.items(), heights, strict=True):
         parts += [link(name, 1, wheel), joint(parent, name, f"{x} {y} {z}", **options)]
@@ -83,20 +79,6 @@ def test_meshes_are_found(tmp_path, filename, at, packages):
     for extra in ("", '<mujoco><compiler strippath="true"/></mujoco>'):
         file = write(tmp_path, [base(f'<mesh filename="{filename}"/>'), extra], TRACKS + packages)
         assert build_tracked(load_tracked(file)).model.nmesh == 1
-
-
-def test_meshes_only_for_looks_are_left_out_in_one_line(tmp_path):
-    meshes = [*(f"package://gone/look{k}.dae" for k in range(4)), "a.stl"]
-    looks = [part for k, mesh in enumerate(meshes) for part in fixed(link(f"look{k}", 0, look=mesh))]
-    robot = load_tracked(write(tmp_path, [base(), *looks], TRACKS))
-    (tmp_path / "rover_description" / "urdf" / "a.stl").write_text(POINTER)
-    plain = build_tracked(robot).model  # says nothing
-    with pytest.warns(RobotWarning) as said:
-        shown = build_tracked(robot, looks=True).model
-    assert len(said) == 1
-    for part in ("without 5 mesh files (", " and 2 more)", "; a.stl is a Git LFS pointer"):
-        assert part in str(said[0].message)
-    np.testing.assert_array_equal(plain.body_mass, shown.body_mass)
 
 
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
@@ -159,23 +141,6 @@ def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
         load_tracked(write(tmp_path, parts, f"wheels = {wheels}\n"))
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (POINTER, "is a Git LFS pointer"),
-        ('<mujoco><asset><texture name="p" type="2d" file="p.png"/></asset></mujoco>', "'p' needs p.png, but it"),
-        ('<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>', "XML of <sdf>; `model` must be an MJCF .* or"),
-        ("#usda 1.0", "is no XML"),
-    ],
-)
-def test_files_that_are_no_models_are_named(tmp_path, text, said):
-    (tmp_path / "r.xml").write_text(text)
-    (tmp_path / "p.png").write_text(POINTER)
-    (tmp_path / "r.toml").write_text('model = "r.xml"\n' + TRACKS)
-    with pytest.raises(TrackslipError, match=rf"r\.xml: .*{said}"):
-        build_tracked(load_tracked(tmp_path / "r.toml"))
-
-
 @pytest.mark.parametrize("unit", ["0.1", "2.54e-2", "1", ""])
 def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
     (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
@@ -194,7 +159,6 @@ def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
 
 
 def fixed(part, parent="base", place="0 0 0"):
-    """A part, and the joint that fixes it."""
     return [part, joint(parent, re.search('name="(.*?)"', part)[1], place, "fixed")]
 
 
@@ -283,17 +247,6 @@ def test_a_rover_on_its_own_wheels_turns_as_theory_says_on_flat_ground_and_on_te
     assert data.qvel[5] == pytest.approx(expected, rel=2e-3)
     looks = robot_looks(parameters)
     assert not any(look.belted for *_, look in looks.tracks)
-
-
-@pytest.mark.parametrize(("wheel", "chassis"), [(0.004, 50.0), (5.0, 0.4)])
-def test_inertias_that_no_body_can_have_are_said(tmp_path, wheel, chassis):
-    """A robot of 14 kg that reaches 0.4 m: as heavy at its ends, it had 2.2 kg m^2."""
-    parts = rover()
-    for k, text in enumerate(parts):
-        parts[k] = re.sub(r'(ixx|iyy|izz)="[^"]*"', rf'\1="{wheel if k else chassis}"', text)
-    said = f"inertia of link {'base' if chassis > 1 else '(left|right)_(front|rear)'} = {max(wheel, chassis):g} kg m"
-    with pytest.warns(RobotWarning, match=said + r".*: with it, 14 kg have a radius of gyration of .* m, and reach"):
-        build_tracked(load_tracked(write(tmp_path, parts)))
 
 
 def test_wheels_of_an_mjcf_go_with_their_motors_and_sensors(tmp_path):

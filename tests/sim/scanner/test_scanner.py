@@ -1,5 +1,3 @@
-"""Scans: rays against formulas and against casting every beam, noise, obstacles, and where the plate is seen."""
-
 import re
 
 import mujoco

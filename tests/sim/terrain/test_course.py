@@ -1,12 +1,9 @@
-"""Courses: the surface that they say is the one that MuJoCo has."""
-
 import mujoco
 import numpy as np
 import pytest
 
 from sim.terrain import Beams, Course, Flat, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
 from sim.terrain.course import course_names, load_course, look_up
-from trackslip.errors import InvalidValueError
 
 
 def look_down(model, points):
@@ -112,25 +109,3 @@ def test_heights_are_those_of_mujocos_rays_and_start_and_goal_are_level(name):
     around = np.linspace(-0.5, 0.5, 11)
     np.testing.assert_allclose(course.height(course.start[0] + around, 0.0), 0.0, atol=1e-12)
     assert np.ptp(course.height(course.goal + around, 0.0)) < 1e-12
-
-
-def test_two_courses_in_one_model():
-    """Whose defaults leave them as they are; the geoms that collide are those named."""
-    spec = mujoco.MjSpec.from_string(
-        """<mujoco><default><geom contype="0" conaffinity="0" condim="1" group="3" friction="9"/></default>
-        <worldbody><body/></worldbody></mujoco>"""
-    )
-    courses, other = (Course((Ramp(0.3, 1.0), Rough())), Course((Stairs(),))), mujoco.MjSpec()
-    names = courses[0].add_to(spec), courses[1].add_to(other)
-    spec.attach(other, prefix="second/", frame=spec.worldbody.add_frame(pos=[3.0, 20.0, 2.0]))
-    colliding = [geom.name for geom in spec.geoms if geom.contype]
-    assert sorted(colliding) == sorted([*names[0], *(f"second/{name}" for name in names[1])])
-    model = spec.compile()
-    solid = model.geom_contype > 0
-    assert (model.geom_condim[solid] == 3).all()
-    assert (model.geom_friction[solid, 0] == 0.7).all()
-    points = np.random.default_rng(0).uniform(*courses[1].bounds[:, :2], (100, 2))
-    height, _ = look_down(model, points + np.array([3.0, 20.0]))
-    np.testing.assert_allclose(courses[1].height(*points.T) + 2.0, height, atol=1e-6)
-    with pytest.raises(InvalidValueError, match="must be one without a course"):
-        courses[0].add_to(spec)

@@ -14,7 +14,6 @@ SIDES = ("left", "right")
 
 
 def on_plane():
-    """A plane with a robot without tracks."""
     spec = plane()
     add_robot(spec)
     return spec
@@ -25,7 +24,6 @@ def tracked(spec, body="robot", terrain=None, **options):
 
 
 def driven(model, belts, speeds=(0.3, 0.3), steps=1000):
-    """The state after some steps at belt speeds."""
     data = mujoco.MjData(model)
     belts.set(speeds)
     mujoco.mj_step(model, data, steps)

@@ -1,5 +1,3 @@
-"""The hull of a track, the belt around it, and the belt drawn into a scene."""
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,5 +1,3 @@
-"""Robots that fall don't bounce higher than they fell from; cores stop what comes down on few points."""
-
 import mujoco
 import numpy as np
 import pytest

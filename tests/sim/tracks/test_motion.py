@@ -1,5 +1,3 @@
-"""Turning, climbing and standing, against theory, on narrow and on wide belts."""
-
 import mujoco
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from trackslip.skid_theory import Contact, line_contact, steady_twist
 
 
 def driven(spec, speeds, time, preset="accurate", **options):
-    """Model, data and belts of the robot in `spec` after `time` at belt speeds."""
     model, data, belts = built(spec, preset, **options)
     belts.set(speeds)
     mujoco.mj_step(model, data, round(time / model.opt.timestep))
@@ -149,7 +146,6 @@ WIDTH, HEIGHT = 0.12, 0.12  # of the belts, and of the centre of mass [m]
 
 
 def even_pressure(along=200, across=12):
-    """Two belts under even pressure."""
     x = ((np.arange(along) + 0.5) / along - 0.5) * 2 * HALF_LENGTH
     y = ((np.arange(across) + 0.5) / across - 0.5) * WIDTH
     x, y = np.repeat(x, across), np.tile(y, along)

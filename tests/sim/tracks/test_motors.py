@@ -1,5 +1,3 @@
-"""Belts with motors, against statics and the balances of momentum and energy."""
-
 import mujoco
 import numpy as np
 import pytest

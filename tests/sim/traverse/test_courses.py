@@ -1,5 +1,3 @@
-"""Courses: drawn ones and those of FTR-Bench, in slots as they are alone, and long enough for the robot."""
-
 from dataclasses import replace
 
 import gymnasium as gym

@@ -1,5 +1,3 @@
-"""trackslip/Traverse-v0 as a task: what is drawn, observations and rewards."""
-
 import gymnasium as gym
 import numpy as np
 import pytest

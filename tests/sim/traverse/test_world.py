@@ -1,7 +1,3 @@
-"""What robots on courses do, against closed forms: slip, work, contacts and flippers; and how runs end."""
-
-from contextlib import ExitStack
-
 import mujoco
 import numpy as np
 import pytest
@@ -13,7 +9,6 @@ from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
 from sim.traverse.outcome import ContactPoints, Limits, Outcome, StuckWatch
 from sim.traverse.policy import PUSH, REACH, SAMPLES, TOLERATED, reflex, reflex_angles
-from sim.world import quietly
 from trackslip.errors import InvalidValueError
 
 LEVEL = Course((Flat(4.0),), friction=0.7)
@@ -160,20 +155,6 @@ def test_forces_of_a_standing_robot_add_up_to_its_weight(speed):
     np.testing.assert_allclose(np.abs(points[:, 1]), 0.17, atol=1e-6)
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-3)
     assert belts.read(data).load.sum() == pytest.approx(forces[:, 2].sum(), rel=1e-3)
-
-
-def test_worlds_in_two_threads_leave_the_engines_log_as_it_was():
-    def setting():
-        config = mujoco.MjLogConfig.get()
-        return bool(config.logto_console), bool(config.logto_file)
-
-    before = setting()
-    with ExitStack() as other:
-        with quietly():
-            other.enter_context(quietly())  # in another thread, while the first one steps
-            assert setting() == (False, False)
-        assert setting() == (False, False)
-    assert setting() == before != (False, False)
 
 
 WALL = Course((Flat(0.2), Step(0.6)), friction=0.5, start_length=1.4, goal_length=1.4)

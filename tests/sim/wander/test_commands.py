@@ -1,5 +1,3 @@
-"""What a driver commands, rows of encoders and poses joined into one log, and motion by a law, against the law."""
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,5 +1,3 @@
-"""What a pose source does to true poses, measured from its poses; scans of the plate."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +22,6 @@ def motion():
 
 
 def measure(source, motion, seed=1):
-    """Stamps (S,), measured and true poses (S, 3)."""
     stamps, poses = source.measure(motion, np.random.default_rng(seed))
     return stamps, poses, motion.at(stamps)
 

@@ -1,5 +1,3 @@
-"""Sprocket speeds from joint states: left and right by name, wrapped or not, any order, gaps, resets, velocities."""
-
 import numpy as np
 import pytest
 from bags import JOINTS, START, joint_states, joints_of, open_bag, sprocket_angles, stamp, write_bag

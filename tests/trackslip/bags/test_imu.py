@@ -1,5 +1,3 @@
-"""The yaw rate by the IMU in a bag: which one, about which axis, and when."""
-
 import numpy as np
 import pytest
 from bags import fix, imu, in_order, joints_of, poses_of, stamp, write_bag
@@ -22,7 +20,6 @@ UPRIGHT = Rotation.identity()
 
 
 def imus(mounting=UPRIGHT, rows=slice(None), **others):
-    """Messages of an IMU that is mounted so in the robot."""
     rates = mounting.inv().apply(RATE[:, None] * [0.0, 0.0, 1.0] + 0.001)
     return [imu(stamp(t), w, **others) for t, w in zip(TIME[rows], rates[rows].tolist(), strict=True)]
 
@@ -42,7 +39,7 @@ def require_true(log):
 
 @pytest.mark.parametrize(
     ("mounting", "shown", "kind"),
-    [(UPRIGHT, "[0. 0. 1.]", "ros1"), (UPSIDE_DOWN, "[ 0.  0. -1.]", "mcap"), (TILTED, "-0.87]", "mcap")],
+    [(UPRIGHT, "[0. 0. 1.]", "ros1"), (TILTED, "-0.87]", "mcap")],
 )
 def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
     found = read(tmp_path, imus(mounting), kind=kind)
@@ -102,7 +99,6 @@ def test_an_imu_without_a_gyro_leaves_the_log_without(tmp_path, messages, words)
 
 
 def without_poses(path, heading=None, **others):
-    """The log of encoders and an IMU alone."""
     headings = np.interp(TIME, LOG.time, YAW) if heading is None else heading
     messages = [
         imu(stamp(t), (0.0, 0.0, w), heading=h, **others)

@@ -1,5 +1,3 @@
-"""Bags of all kinds, written by rosbags and by MCAP's own writer: complete, compressed, cut off, damaged."""
-
 import shutil
 import sys
 

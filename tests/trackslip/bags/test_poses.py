@@ -1,5 +1,3 @@
-"""Poses from every type of message, which topic they are taken from, and what means nothing."""
-
 from functools import reduce
 
 import numpy as np
@@ -68,7 +66,6 @@ def test_headings_are_those_of_the_x_axis_from_above(yaw, pitch, roll):
 
 
 def with_turn(turn, rows=range(80)):
-    """Poses of LOG, with another orientation in some."""
     messages = poses_of(LOG)
     for k in rows:
         topic, kind, at, fields = messages[k]

@@ -1,5 +1,3 @@
-"""The static and dynamic laws, and those that choose their own speed, against their closed forms."""
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,5 +1,3 @@
-"""The linear quadratic regulator and predictive controllers, against optima that are found in other ways."""
-
 import numpy as np
 import pytest
 from linearised import error_gains, pose_with_error

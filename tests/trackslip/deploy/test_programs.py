@@ -1,5 +1,3 @@
-"""Laws as C and as Python compute what trackslip computes."""
-
 import json
 import shutil
 import subprocess

@@ -1,8 +1,3 @@
-"""Logs as people have them, through the front door: the true values within narrow intervals, or a line that says why.
-
-The robot has a half gauge of 0.285 m, D = 200 mm and ε = -3 %: the multiplier of its wheel separation is 1.702.
-"""
-
 from dataclasses import replace
 
 import numpy as np
@@ -23,13 +18,11 @@ TIME, POSE = measured(DRIVE)
 
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
-    """Fit few laws, as others have the same data."""
     laws = ("none", "icr_radius", "icr_sides")
     monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: laws)
 
 
 def answer(*logs: RunLog, robot: Robot = HUSKY) -> Identification:
-    """The laws of drives."""
     return identify(logs, robot.geometry, method="drive")
 
 
@@ -49,12 +42,11 @@ def require_true(found: Identification, robot: Robot = HUSKY, offset: float = 0.
 
 
 def file_of(path, table):
-    """The path of a CSV of a table."""
     pa.csv.write_csv(table, path)
     return path
 
 
-@pytest.mark.parametrize(("rate", "late", "digits"), [(1.0, 0.0, 9), (2.0, 0.0, 9), (10.0, 0.0, 9), (1.0, 0.007, 3)])
+@pytest.mark.parametrize(("rate", "late", "digits"), [(10.0, 0.0, 9), (1.0, 0.007, 3)])
 def test_interpolated_poses(rate, late, digits):
     """Poses at the encoders' rows, linear between those that were measured, at these rows or between them."""
     time, pose = measured(DRIVE, pose_step=1 / rate)
@@ -82,16 +74,9 @@ def test_encoders_that_count_otherwise(factor):
     require_true(answer(log), replace(HUSKY, radius_error=0.97 / factor - 1), offset=0.001, error=0.001 / factor)
 
 
-@pytest.mark.parametrize(
-    "robot",
-    [
-        Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075),
-        Robot(half_gauge=0.15, radius=0.05, offset=0.012, radius_error=0.002, unequal=-0.006),
-    ],
-)
-def test_start_and_end_poses(robot):
+def test_start_and_end_poses():
     """Five squares to each side; on closed squares, ε isn't told, but the difference of its sides is."""
-    logs = []
+    robot, logs = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075), []
     for k in range(10):
         turn = np.pi / 8 * (1 if k < 5 else -1)
         commands = np.array([0.5, 0.0] * 4 + [0.0, 0.0]), np.array([0.0, turn] * 4 + [0.0, 0.0])

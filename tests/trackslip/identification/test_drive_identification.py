@@ -1,5 +1,3 @@
-"""Whole drives through the front door."""
-
 import json
 from dataclasses import replace
 from functools import cache
@@ -20,7 +18,6 @@ from trackslip.logs.runlog import RunLog
 
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
-    """Fit few laws: those that are tabulated take most of the time, and have tests of their own."""
     monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius"))
 
 

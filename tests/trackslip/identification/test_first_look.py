@@ -1,5 +1,3 @@
-"""The first look: clean logs pass, and what they are is told; columns that hold something else are named in a line."""
-
 import json
 
 import numpy as np
@@ -67,17 +65,6 @@ def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind):
     turns = tells != "speed" and not (tells == "turn" and kind == "positions")
     assert holds(found.gains.turn, HUSKY.turn_gain) if turns else found.gains.turn is None
     assert holds(found.gains.speed, 0.97) if tells != "turn" and kind != "headings" else found.gains.speed is None
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth_as_often_as_they_say():
-    hits = []
-    for seed in range(20):
-        drive = drive_of(seed=seed, slip=0.03)
-        found = look_at(drive, *measured(drive, pose_step=0.5, seed=100 + seed))
-        pairs = (found.gains.speed, 1 + HUSKY.radius_error), (found.gains.turn, HUSKY.turn_gain)
-        hits += [gain.low <= truth <= gain.high for gain, truth in pairs]
-    assert np.mean(hits) > 0.84  # 0.95 less three times 0.035
 
 
 def test_a_sensor_anywhere_and_turned_changes_no_gain():
@@ -195,17 +182,15 @@ def test_poses_in_other_units(change, match):
     refused(match, pose=change(POSE))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_degrees_are_no_unit_of_the_wheels(seed):
+def test_degrees_are_no_unit_of_the_wheels():
     """By headings in degrees, distances may be as short as for speeds in deg/s."""
     robot = Robot(half_gauge=0.42, radius=0.11, offset=0.09, radius_error=0.025)
-    drive = drive_of(robot, seed=seed, speed=1.1, yaw_rate=0.7)
+    drive = drive_of(robot, speed=1.1, yaw_rate=0.7)
     time, pose = measured(drive)
     refused("column phi is in degrees", drive=drive, time=time, pose=pose * [1, 1, 180 / np.pi], robot=robot)
 
 
 def counts(omega: np.ndarray, per_turn: int) -> np.ndarray:
-    """Ticks counted by each row."""
     return np.floor(np.cumsum(omega * ENCODER_STEP, axis=0) * per_turn / (2 * np.pi))
 
 
@@ -255,7 +240,6 @@ def test_zeros_for_missing_poses(every):
     refused("columns x, y and phi go to 0 and back .* times: leave cells empty", time=DRIVE.time, pose=pose)
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -266,12 +250,11 @@ def test_zeros_for_missing_poses(every):
         (lambda w: -w[:, ::-1], "or turn phi by pi$"),
     ],
 )
-def test_sides_that_are_swapped_or_reversed(change, words, kind):
-    drive, pose = DRIVE.with_wheels(change(DRIVE.omega)), without(POSE, kind)
-    if kind != "poses":
-        if "phi" in words:  # positions or headings alone look the same
-            assert look_at(drive, pose=pose).alarms == ()
-            return
-        if words.startswith(": exchange") or "both" in words:
-            words = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
-    refused(words, drive=drive, pose=pose)
+def test_sides_that_are_swapped_or_reversed(change, words):
+    refused(words, drive=DRIVE.with_wheels(change(DRIVE.omega)))
+
+
+@pytest.mark.parametrize("kind", ["positions", "headings"])
+def test_without_whole_poses_there_are_two_ways_to_swap_sides(kind):
+    words = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
+    refused(words, drive=DRIVE.with_wheels(DRIVE.omega[:, ::-1]), pose=without(POSE, kind))

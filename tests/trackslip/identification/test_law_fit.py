@@ -1,5 +1,3 @@
-"""Laws fitted to whole drives: values within their errors, limits, and parameters that are given or not told."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -111,9 +109,9 @@ def test_values_stop_at_limits_and_say_so(value):
 
 
 @pytest.mark.parametrize("start", [None, {"radius_error": 0.0}])
-@pytest.mark.parametrize("seed", [84, 0, 1])
-def test_positions_alone_end_in_the_right_minimum_without_a_start(seed, start):
+def test_positions_alone_end_in_the_right_minimum_without_a_start(start):
     """Of 200 drives, fits to shorter windows first, each cut once, took the 84th to D = -271 mm; D's error is 7 mm."""
+    seed = 84
     drive = drive_of(seed=seed, slip=0.05)
     time, pose = measured(drive, position_noise=0.01, seed=10_000 + seed)
     log = log_of(drive, time, pose * [1, 1, np.nan])

@@ -1,5 +1,3 @@
-"""Paths that belts drive: exact arcs, their derivatives, drives in a row, and encoders that are read rarely."""
-
 import numpy as np
 import pytest
 from drives import drive_log, model

@@ -1,5 +1,3 @@
-"""Predictions from pose to pose, and the choice of a law by them."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -69,13 +67,11 @@ def test_noise_of_slip_is_what_longer_predictions_miss_more(source):
 
 
 def law(name):
-    """A law that counts by its parameters."""
     values = dict.fromkeys(FAMILIES[name].names, 0.0)
     return FittedLaw(name=name, law=NoSlip(), values=values, stderr={}, interval95={}, correlation=np.eye(0))
 
 
 def best_of(**errors):
-    """The choice between laws with errors (n, 3) of pairs."""
     return ranked({name: law(name) for name in errors}, paired().criteria(errors))
 
 
@@ -88,7 +84,6 @@ def paired(count=20):
 
 
 def missed(sizes, seed=0):
-    """Errors of a law that are `sizes` at the horizons."""
     rng = np.random.default_rng(seed)
     return np.concatenate([size * np.abs(rng.normal(1.0, 0.2, (200, 3))) for size in sizes])
 

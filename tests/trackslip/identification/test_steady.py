@@ -1,5 +1,3 @@
-"""Laws of steady runs: the one that made them is found, within its errors, and is the best; others are refused."""
-
 import warnings
 from pathlib import Path
 
@@ -13,7 +11,6 @@ from trackslip.identification.samples import SlipSamples, true_samples, usable_s
 from trackslip.identification.source import ReadOptions, read_source
 from trackslip.identification.steady import compare_laws, fit_law, folds
 from trackslip.kinematics import RobotGeometry, advance, track_slip
-from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED, ExponentialSpeed
 from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
@@ -60,7 +57,6 @@ def require_within(fit, law, errors=4.0):
 @pytest.mark.parametrize(
     ("name", "law"),
     [
-        ("none", NoSlip()),
         ("exponential", PUBLISHED),
         ("exponential_speed", ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)),
         ("icr_radius", ICR),

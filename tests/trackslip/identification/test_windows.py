@@ -1,5 +1,3 @@
-"""Residuals of windows, their slopes, and standard errors from blocks of driving."""
-
 from dataclasses import replace
 from pathlib import Path
 

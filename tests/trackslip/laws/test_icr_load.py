@@ -1,5 +1,3 @@
-"""Slip in proportion to the traction."""
-
 import numpy as np
 import pytest
 
@@ -72,7 +70,6 @@ def test_the_filter_learns_what_load_does_not_explain():
 
 
 def _samples(load: np.ndarray | None, noise: float = 1e-4) -> SlipSamples:
-    """30 turns and straight runs under loads, with noise of the twists."""
     rng = np.random.default_rng(4)
     omega = rng.uniform(1.0, 4.0, (30, 2)) * np.array([1.0, rng.choice([-1.0, 1.0])])
     omega[:10, 1] = omega[:10, 0]

@@ -1,5 +1,3 @@
-"""Files of laws: written, read, and refused in a line."""
-
 import json
 
 import pytest

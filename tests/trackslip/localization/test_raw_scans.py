@@ -1,5 +1,3 @@
-"""Poses of a plate in raw scans of rooms and fields, against the truth."""
-
 from dataclasses import replace
 from types import SimpleNamespace
 

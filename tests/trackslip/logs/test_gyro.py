@@ -1,5 +1,3 @@
-"""The column gyro: written and read back, in the right unit, and left out where it measures something else."""
-
 from dataclasses import replace
 
 import numpy as np

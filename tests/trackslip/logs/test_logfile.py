@@ -1,5 +1,3 @@
-"""Files of runs: every bit comes back, columns have units, and what is damaged is named in one line."""
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +28,6 @@ def full():
 
 @pytest.fixture
 def stored(full, tmp_path):
-    """A folder of results with it."""
     write_parquet([full], tmp_path / RUNS)
     return tmp_path / RUNS
 
@@ -128,7 +125,6 @@ def test_malformed_logs_are_named_by_row_and_column(tmp_path, text, message):
 
 
 def damaged(good):
-    """What may become of a file, by name."""
     middle = len(good) // 2
     return {
         "truncated": good[:middle],

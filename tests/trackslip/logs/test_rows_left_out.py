@@ -1,5 +1,3 @@
-"""Logs with damage: only what is damaged is left out, and said so."""
-
 import numpy as np
 import pytest
 

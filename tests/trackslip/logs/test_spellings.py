@@ -1,5 +1,3 @@
-"""Tables as people and their programs write them."""
-
 import numpy as np
 import pyarrow as pa
 import pytest

@@ -1,5 +1,3 @@
-"""The twist of a steady stretch by every method, against the truth, repeats and the Cramér-Rao bound."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +9,6 @@ from trackslip.identification.samples import best_method
 from trackslip.kinematics import advance
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
-from trackslip.logs.logfile import read_runs, write_parquet
 from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.motion.arc import arc, bundle, poses_on_arc
 from trackslip.motion.steady_twist import even_poses, long_run_covariance, paper
@@ -160,20 +157,3 @@ def test_logs_without_ranges_are_refused_and_take_the_arc(logs):
         bundle(log, SCANNED)
     assert best_method(log) == "arc"
     assert best_method(logs[0][0]) == "bundle"
-
-
-def test_ranges_survive_their_file_and_a_cut(logs, tmp_path):
-    log = logs[0][0]
-    hidden = log.scans.cluster.hidden.copy()
-    hidden[3, 1] = np.inf
-    log = replace(log, scans=replace(log.scans, cluster=replace(log.scans.cluster, hidden=hidden)))
-    write_parquet([log, replace(log, run="without", scans=None)], tmp_path / "runs.parquet")
-    back, without = read_runs(tmp_path / "runs.parquet")
-    assert without.scans is None
-    assert back.scans.plate == log.scans.plate
-    np.testing.assert_allclose(back.scans.scan.bearings, log.scans.scan.bearings)
-    for name, values in vars(log.scans.cluster).items():
-        np.testing.assert_allclose(getattr(back.scans.cluster, name), values, rtol=1e-7, atol=1e-12)
-    np.testing.assert_allclose(bundle(back, SCANNED).twist, bundle(log, SCANNED).twist, rtol=1e-6)
-    inner = (6.0, 24.0)
-    np.testing.assert_allclose(bundle(log.between(25, 125), inner).twist, bundle(log, inner).twist, rtol=1e-9)

@@ -1,5 +1,3 @@
-"""Errors of odometry on logs: exact where the law is, and those of the closed form where it isn't."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +19,6 @@ MOUNTED = PoseSource(rate=7.0, ahead=PLACE.x, left=PLACE.y, mounting=PLACE.yaw, 
 
 
 def largest(found):
-    """Largest errors of position of all kinds."""
     relative = [*found.after_metres.values(), *found.after_seconds.values()]
     return max(part.position.largest for part in relative), relative
 

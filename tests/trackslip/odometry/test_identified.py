@@ -1,5 +1,3 @@
-"""Laws with what an identification knows beside them."""
-
 import json
 
 import pytest

@@ -1,5 +1,3 @@
-"""Odometry against closed forms, numerical derivatives, and simulated motion exactly by a law with white slip."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -23,13 +21,11 @@ GYRO = Gyro(0.01, 0.02, 1e-3, 1e-3, 5e-3, -0.1)
 
 
 def driving(seed, duration=30.0):
-    """Times (T,) and sprocket speeds (T, 2) of somebody who drives about."""
     speeds = track_commands("random", duration, RATE, Driver(), np.random.default_rng(seed))
     return np.arange(len(speeds)) / RATE, speeds / GEOMETRY.sprocket_radius
 
 
 def nees(error, covariance):
-    """Normalised squared errors (n,) of poses (n, 3)."""
     return np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
 
 

@@ -1,5 +1,3 @@
-"""Errors of trajectories, beside those that evo computes from the same poses."""
-
 import numpy as np
 import pytest
 from evo.core import metrics, sync
@@ -30,7 +28,6 @@ def trajectory(seed=0, count=400, noise=0.01):
 
 
 def of_evo(time, pose):
-    """The same poses as evo has them."""
     position = np.column_stack([pose[:, :2], np.zeros(len(pose))])
     none, half = np.zeros(len(pose)), pose[:, 2] / 2
     return PoseTrajectory3D(position, np.column_stack([np.cos(half), none, none, np.sin(half)]), time)

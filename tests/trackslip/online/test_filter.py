@@ -1,7 +1,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pytest
 from scipy.stats import chi2
 
 from trackslip import se2
@@ -123,25 +122,3 @@ def test_a_wrong_pose_is_left_out_and_a_robot_carried_away_is_found_again():
     drive.run(10.0)
     np.testing.assert_allclose(drive.found.state[:, :3], drive.pose, atol=0.01)
     np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.1)
-
-
-@pytest.mark.parametrize("law", [None, TRUE])
-def test_robots_start_anew_one_by_one(law):
-    company, other = Drive.begin(5, law), Drive.begin(5, law)
-    for drive in (company, other):
-        drive.run(3.0)
-    rows, start = np.array([3, 1]), np.array([[1.0, 2.0, 0.3], [-1.0, 0.0, 4.0]])
-    company.found.start(rows, start)
-    fresh = IcrFilter(start, GEOMETRY, law)
-    others = [0, 2, 4]
-    for _ in range(50):
-        pose = advance(company.found.state[:, :3], TRUE.twist([2.0, 2.9], GEOMETRY), PERIOD)
-        estimate = PoseEstimate(pose, np.tile(NOISE, (5, 1, 1)), np.ones(5, bool))
-        own = PoseEstimate(pose[rows], estimate.covariance[rows], estimate.valid[rows])
-        omega = np.tile([2.0, 2.9], (5, 1))
-        for found in (company.found, other.found):
-            found.update(omega, PERIOD, estimate)
-        fresh.update(omega[rows], PERIOD, own)
-        for name in ("state", "covariance"):
-            np.testing.assert_array_equal(getattr(company.found, name)[rows], getattr(fresh, name))
-            np.testing.assert_array_equal(getattr(company.found, name)[others], getattr(other.found, name)[others])

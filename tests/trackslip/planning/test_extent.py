@@ -1,5 +1,3 @@
-"""Maneuvers keep to the limits; where they lead is that of exact arcs, and spread by slip that of a simulation."""
-
 from dataclasses import replace
 
 import numpy as np

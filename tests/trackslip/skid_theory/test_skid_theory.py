@@ -1,5 +1,3 @@
-"""The theory of skid steering, compared with closed forms, integrated paths and its limits."""
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -15,7 +13,6 @@ MIRROR = [1, -1, -1]
 
 
 def offset(speeds, contact=LEVEL, **options):
-    """D [m] of turns at belt speeds (..., 2)."""
     speeds = np.asarray(speeds, float)
     return (speeds[..., 1] - speeds[..., 0]) / (2 * steady_twist(speeds, contact, **options)[..., 2]) - B
 

@@ -1,5 +1,3 @@
-"""Shapes and speeds of the references, against closed forms, quadrature and their limits."""
-
 import numpy as np
 import pytest
 from quadrature import integral_miss, times

@@ -15,7 +15,6 @@ coordinate = st.floats(-4, 4, allow_nan=False)
 
 
 def cell(point):
-    """Of a grid of 0.5 m."""
     return tuple(np.floor(np.array(point) / 0.5))
 
 
@@ -68,7 +67,6 @@ def test_headings_say_where_it_reverses_and_speeds_how_fast():
 
 
 def _turned(angle):
-    """What turns rows (x, y, phi) by an angle [rad]."""
     return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
 
 
