@@ -172,7 +172,7 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     try:
         return replace(robot, **{name: value for name, value in own.items() if name not in given})
     except InvalidValueError as error:
-        raise SettingsFileError(f"{path}: of its wheels, {error}") from error
+        raise SettingsFileError(f"{path}: of its wheels, {error}; give `hull`") from error
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         (rover()[:-2], '"replace"', "alike on the left and right; found are left_front"),
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
-        (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels"),
+        (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
         ([*rover(), *RADAR], [*LISTED, "radar"], "'radar': turns endlessly, must be round to be a wheel"),
     ],
 )
@@ -199,7 +199,11 @@ def fixed(part, parent="base", place="0 0 0"):
 
 
 LYING = '<origin rpy="1.5707963 0.7 0" xyz="0 0 0"/><geometry><cyl'
-CAPS = [part for name in LISTED for part in fixed(link(f"{name}_cap", 1, '<sphere radius="0.03"/>'), name)]
+HUBS = [
+    part
+    for name, (_, y) in WHEELS.items()  # which reach further in than the wheels
+    for part in fixed(link(f"{name}_hub", 1, '<sphere radius="0.03"/>'), name, f"0 {-0.4 * y} 0")
+]
 BLOCK = fixed(link("block", 1, '<box size="0.3 0.3 0.3"/>', "0 0.2 0.2"))
 BELT = fixed(link("belt", 1, '<box size="0.6 0.1 0.2"/>', "0 0.25 0.02"))
 OFF = (1e-4, 0.0, 0.0, 1e-4)
@@ -216,7 +220,7 @@ ROLLERS = [
         (rover(**ENDLESS), '"replace"'),
         ([part.replace('<origin xyz="0 0 0"/><geometry><cyl', LYING) for part in rover(CYLINDER)], '"replace"'),
         (rover('<mesh filename="package://rover_description/wheel.obj"/>'), '"replace"'),
-        ([*rover(), *CAPS], [*LISTED, *(f"{name}_cap" for name in LISTED)]),
+        ([*rover(), *HUBS], [*LISTED, *(f"{name}_hub" for name in LISTED)]),
         ([*rover(kind="fixed", parent="block"), *BLOCK, *BELT], [*LISTED, "belt", "block"]),
         ([*rover(), *fixed(link("rider", 0, '<box size="1 1 1"/>', "0 0 1"))], '"replace"'),
         (rover(heights=OFF), '"replace"'),  # a hair apart, and alike
