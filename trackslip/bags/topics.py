@@ -177,7 +177,7 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
         imu = imu_topic(bag, choice)
         if imu is not None:
             return PoseSource(imu.name, PoseOrigin.IMU)
-        needed = f"no topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
+        needed = f"no other topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
         raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
     best = [source for source in sources if source.origin is sources[0].origin]
     best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.clocks import NEAR, Clock, clock_of_drive, median_offset
+from trackslip.identification.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS
 from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
 from trackslip.identification.misread import (
@@ -94,7 +94,8 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     """Look at drives; raises LogError, with one line that says what to do, where the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
-    clock = median_offset(map(_checked_clock, drives))
+    clocks = [_checked_clock(drive) for drive in drives]
+    clock = median_offset(clocks)
     poses = np.bincount(Steps.of(Drives.of(drives), geometry, clock).drive, minlength=len(drives))
     covered = [drive for drive, count in zip(drives, poses, strict=True) if count > 1]
     if not covered:
@@ -109,6 +110,11 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     left, right = float(turns.clip(min=0.0).sum()), float((-turns).clip(min=0.0).sum())
     duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))
     cut = [without_jumps(drive, geometry, gains, clock) for drive in drives]
+    others = [
+        f"run {drive.name!r}: add {own.offset - clock:.2f} s to the times of its poses: other runs have other clocks"
+        for drive, own in zip(drives, clocks, strict=True)
+        if own.distinct and abs(own.offset - clock) > 2 * GRID
+    ]
     return Look(
         tuple(part for parts, _ in cut for part in parts),
         gains,
@@ -116,7 +122,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         left,
         right,
         duration,
-        (*_notes(covered, gains, left, right), *(line for _, lines in cut for line in lines)),
+        (*_notes(covered, gains, left, right), *others, *(line for _, lines in cut for line in lines)),
         tuple(_alarms(covered, gains, duration, matches)),
     )
 
