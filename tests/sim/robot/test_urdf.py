@@ -166,6 +166,7 @@ def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
         ('<mujoco><asset><texture name="p" type="2d" file="p.png"/></asset></mujoco>', "'p' needs p.png, but it"),
         ('<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>', "XML of <sdf>; `model` must be an MJCF .* or"),
         ("#usda 1.0", "is no XML"),
+        ('<robot name="r"><wheels_macro/></robot>', "has no links; .* called as <xacro:NAME/>"),
     ],
 )
 def test_files_that_are_no_models_are_named(tmp_path, text, said):
