@@ -162,13 +162,18 @@ def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
 
 
+def colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """For each geom, True if it collides with others: one of its two masks is enough."""
+    return np.asarray((model.geom_contype | model.geom_conaffinity) > 0)
+
+
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
     """Least and largest coordinates (2, 3) of a link's colliding geoms, else of all, in the chassis' frame [m].
 
     Along y those of its tread, because a hub reaches further in.
     """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
-    collide = own & ((model.geom_contype | model.geom_conaffinity) > 0)
+    collide = own & colliding(model)
     frame, points = chassis.xmat.reshape(3, 3), [np.full((1, 3), np.nan)]
     for geom in np.flatnonzero(collide if collide.any() else own):
         turn = frame.T @ data.geom_xmat[geom].reshape(3, 3)
