@@ -136,14 +136,18 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
 
 def parameter_table(title: str, fit: Calibration) -> Table:
     """Parameters with intervals."""
-    rows = [(name, _parameter_text(name, estimate)) for name, estimate in fit.estimates.items()]
-    return Table(title, ("parameter", "fit (95 % interval)"), rows)
+    return Table(title, ("parameter", "fit (95 % interval)"), parameter_rows(fit))
+
+
+def parameter_rows(fit: Calibration) -> list[tuple[str, str]]:
+    """Names of the parameters, and values with intervals."""
+    return [(name, _parameter_text(name, estimate)) for name, estimate in fit.estimates.items()]
 
 
 def _parameter_text(name: str, estimate: Estimate) -> str:
     unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
     text = with_interval(estimate.value, None if estimate.vague else (estimate.low, estimate.high), unit)
-    return text.replace("no interval", "not told") if estimate.vague else text
+    return text.replace("no interval", "not determined") if estimate.vague else text
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.calibrate.calibration import Test, error_table, parameter_table, remarks
+from experiments.calibrate.calibration import Test, error_table, parameter_rows, remarks
 from experiments.common import style
 from experiments.common.colours import BLACK, BLUE, ORANGE
 from experiments.common.manifest import command_line
@@ -21,16 +21,14 @@ def page(
     fit: Calibration, base: Candidate, target: Target, test: Test | None, use: str, manifest: Mapping[str, Any]
 ) -> Page:
     """The page; `use` are the options by which commands take the robot."""
-    errors, parameters = error_table(fit, test), parameter_table("Parameters", fit)
-    facts = [(name, value) for name, value in parameters.texts]
-    line = gain(fit, test)
+    line, facts = gain(fit, test), parameter_rows(fit)
     answer = Answer(
         f"{line[0].upper()}{line[1:]}", facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"]
     )
     candidates = {"before": (ORANGE, base), "calibrated": (BLUE, fit.candidate)}
     paths = partial(_paths, target, candidates) if isinstance(target, Drives) else None
     plot = Plot("paths", paths, "Measured and simulated paths", "In windows of the log, from the first pose on.")
-    sections = [Section("Errors", [errors, plot, parameters])]
+    sections = [Section("Errors", [error_table(fit, test), plot])]
     made = command_line("calibrate")
     return Page("Calibration of the simulated robot", made, manifest, sections, answer=answer)
 

@@ -79,10 +79,9 @@ def cr3(apart: Array) -> Array:
 
     CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.
     """
-    count = len(apart)
-    if count < FEWEST_BLOCKS:
+    if len(apart) < FEWEST_BLOCKS:
         return np.full((apart.shape[1],) * 2, np.nan)
-    return (count - 1) / count * apart.T @ apart
+    return (1 - 1 / len(apart)) * apart.T @ apart
 
 
 def student(blocks: Array, normal: Array) -> Array:

@@ -167,8 +167,9 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     known = np.isfinite(window.moved) & (np.isfinite(window.turned) if headed else True)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
         aside = (2 * geometry.half_gauge) ** -2  # of the sensor
-        if not headed or _collinear(window.distance[known], window.turned[known]):
-            aside = 1e12  # an offset to the side looks like a gain
+        way, turned = window.distance[known], window.turned[known]
+        if not headed or (way @ turned) ** 2 > 0.9 * (way @ way) * (turned @ turned):
+            aside = 1e12  # nearly on a circle, an offset to the side looks like a gain
         across = window.turned if headed else np.zeros(len(known))
         columns = np.column_stack([window.distance, across, late[:, 0]])
         moved = window.moved if headed else window.moved.real
@@ -178,11 +179,6 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
         speed = _gain((along / ahead).real, (fit.without[:, 0] / ahead).real, fit.quantile)
         heading, arm = float(-np.angle(ahead)), complex(across / 1j / ahead)
     return Gains(speed, turn, heading, arm)
-
-
-def _collinear(first: Array, second: Array) -> bool:
-    """True if values (n,) are nearly proportional to others, as distances to turns on a circle."""
-    return float((first @ second) ** 2) > 0.9 * float((first @ first) * (second @ second))
 
 
 def _tells(values: Array, least: float) -> bool:

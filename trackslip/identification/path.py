@@ -166,14 +166,14 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
     step = np.diff(edges)
     turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
     moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:, :-1])
-    rest, here, here_slope = time - edges[row], motion[:, row], slope[..., row]
-    heading, heading_slope = turned[row], turned_slope[:, row]
+    rest, here, here_slope = time - edges[row], motion[:, row], np.take(slope, row, axis=-1)
+    heading, heading_slope = turned[row], np.take(turned_slope, row, axis=-1)
     beyond, beyond_slope = _displaced(here, here_slope, rest, heading, heading_slope)
     heading = heading + here[2] * rest
     return Path(
         _started(moved)[row] + beyond,
         heading,
-        _started(moved_slope)[:, row] + beyond_slope,
+        np.take(_started(moved_slope), row, axis=-1) + beyond_slope,
         heading_slope + here_slope[2] * rest,
         np.exp(1j * heading) * (here[0] + 1j * here[1]),
         here[2],
@@ -204,4 +204,6 @@ def _displaced(
 
 def _started(increments: np.ndarray) -> np.ndarray:
     """Sums (..., M + 1) from zero of increments (..., M)."""
-    return np.concatenate([np.zeros_like(increments[..., :1]), np.cumsum(increments, axis=-1)], axis=-1)
+    sums = np.zeros((*increments.shape[:-1], increments.shape[-1] + 1), increments.dtype)
+    np.cumsum(increments, axis=-1, out=sums[..., 1:])
+    return sums

@@ -92,16 +92,11 @@ def read_source(
         if not is_bag:
             refuse_choice(path, reading.bag)
             return _of_table(file, reading, chosen)
-        _refuse_choice_of_runs(chosen, "bags")
+        if chosen is not None:
+            raise LogError("holds bags, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, path)  # before a long bag is read
         read = read_bags(path, replace(reading.bag, wheels=geometry))
         return source_of_runs(read.runs, reading, str(path), read)
-
-
-def _refuse_choice_of_runs(chosen: object, kind: str) -> None:
-    """Raise LogError if runs are chosen from a log that has none."""
-    if chosen is not None:
-        raise LogError(f"holds {kind}, not runs of a sweep: --where must be left out")
 
 
 @contextmanager
@@ -139,7 +134,8 @@ def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collect
     """The runs or the samples in a file."""
     table = read_table(file)
     if "x" not in table.column_names and set(SAMPLE_COLUMNS) <= set(table.column_names):
-        _refuse_choice_of_runs(chosen, "steady samples")
+        if chosen is not None:
+            raise LogError("holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
         return Source(str(file), geometry, reading, rows=_sampled(Columns(table, str(file)), reading, geometry))
     read = runs_from_table(table, str(file))

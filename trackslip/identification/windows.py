@@ -37,8 +37,7 @@ class Windows:
     """Windows of the poses of drives in a row. A row is a pose in a window: most poses are in several."""
 
     pose: np.ndarray  # (R,) index of the pose
-    first: np.ndarray  # (W,) first row of each window
-    of: np.ndarray  # (R,) index of the window
+    count: np.ndarray  # (W,) rows of each window
 
     @classmethod
     def cut(cls, drives: Drives, length: float) -> Windows:
@@ -55,13 +54,20 @@ class Windows:
                 if start > time[0] and len(ends) < 4:
                     break  # the same poses once more
                 rows += [begin + np.arange(a, b + 1) for a, b in pairwise(ends)]
-        counts = [len(row) for row in rows]
-        first = np.cumsum([0, *counts[:-1]])
-        return cls(np.concatenate(rows), first, np.repeat(np.arange(len(counts)), counts))
+        return cls(np.concatenate(rows), np.array([len(row) for row in rows]))
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """First rows (W,) of the windows."""
+        return np.cumsum(self.count) - self.count
 
     def sums(self, values: np.ndarray) -> np.ndarray:
         """Sums (..., W) over the windows of values (..., R)."""
         return np.add.reduceat(values, self.first, axis=-1)
+
+    def each(self, values: np.ndarray) -> np.ndarray:
+        """Values (..., W) of the windows at their rows (..., R)."""
+        return np.repeat(values, self.count, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -116,26 +122,28 @@ def residuals(
     `weight` (2, R) is that of places and headings in the alignment of their windows.
     """
     path = model.path(values, drives, free)
-    rows, of, (wp, wh) = windows.pose, windows.of, weight
-    z, h, phi, dphi = drives.place[rows], drives.heading[rows], path.heading[rows], path.heading_slope[:, rows]
-    c, dc = path.place[rows], path.place_slope[:, rows]
+    rows, (wp, wh) = windows.pose, weight
+    z, h = drives.place[rows], drives.heading[rows]
+    c, phi, dc, dphi = (
+        np.take(part, rows, axis=-1) for part in (path.place, path.heading, path.place_slope, path.heading_slope)
+    )
     total = np.maximum(windows.sums(wp), 1e-300)
-    u = z - (windows.sums(wp * z) / total)[of]
-    c = c - (windows.sums(wp * c) / total)[of]
+    u = z - windows.each(windows.sums(wp * z) / total)
+    c = c - windows.each(windows.sums(wp * c) / total)
     off = wh * np.exp(1j * (h - phi))
     q = windows.sums(wp * np.conj(c) * u + off)
     theta = np.angle(q)
+    turned = phi + windows.each(theta)
     back = np.exp(-1j * phi)  # into the robot's frame
-    left = u * np.exp(-1j * (phi + theta[of])) - c * back
-    value = np.stack([left.real, left.imag, wrap_angle(h - phi - theta[of])])
-    # derivatives: of the alignment, by d angle(q) = Im(dq conj(q)) / |q|², then of what it leaves; the turn of the
-    # frame in which residuals are told is of second order
-    per_turn = np.conj(q)[of] / np.maximum(np.abs(q) ** 2, 1e-300)[of]
+    left = u * np.exp(-1j * turned) - c * back
+    value = np.stack([left.real, left.imag, wrap_angle(h - turned)])
+    # derivatives of the alignment, by d angle(q) = Im(dq conj(q)) / |q|², then of what it leaves, to first order
+    per_turn = windows.each(np.conj(q) / np.maximum(np.abs(q) ** 2, 1e-300))
     by_place, by_turn = wp * u * per_turn, (off * per_turn).real
-    dtheta = windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi)
-    middle = (windows.sums(wp * dc) / total)[:, of]
-    dleft = (middle - dc - (1j * c) * dtheta[:, of]) * back
-    slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta[:, of]])
+    dtheta = windows.each(windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi))
+    middle = windows.each(windows.sums(wp * dc) / total)
+    dleft = (middle - dc - (1j * c) * dtheta) * back
+    slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta])
     known = drives.known[[0, 0, 1]][:, rows]
     if not model.gyro:
         return Residuals(value, slope, known)
@@ -258,8 +266,8 @@ def fit_windows(
     spread = rest.spread
     pull, curved = rest.weights(spread)
     block = drives.blocks(2 * length)  # where windows that overlap share little
-    middle = (windows.first + np.append(windows.first[1:], len(windows.pose)) - 1) // 2
-    _, part = np.unique(block[windows.pose[middle]][windows.of], return_inverse=True)
+    middle = windows.pose[windows.first + (windows.count - 1) // 2]
+    part = windows.each(np.unique(block[middle], return_inverse=True)[1])
     blocks = np.zeros((int(part.max()) + 1, len(free), len(free)))
     score = np.zeros(blocks.shape[:2])
     ends = np.flatnonzero(np.diff(part, prepend=-1, append=-1)).tolist()

@@ -19,7 +19,7 @@ MAX_GAP = 0.7
 whose returns can be that far apart when it is seen nearly edge-on."""
 FINER_GAPS = (0.25, 0.1)
 """Smaller gaps, tried where MAX_GAP does not separate the plate from a close object [m]."""
-MIN_RETURNS = 3  # minimum number of returns for a pose
+MIN_RETURNS = 4  # of a pose: three fit exactly, and leave open which of them lie on the long face
 MIN_NOISE = 0.5e-3
 """Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
 _ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
@@ -281,9 +281,9 @@ def returns_of(scan: Scan) -> Returns:
 def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Array:
     """Angles (C, 2) hidden by closer objects, below the beams `low` (C,) of the scans `rows` and above `high` (C,).
 
-    It is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate again,
-    and also if nothing hides the plate but two returns follow that may be from it. (A single one may be a mixture of
-    plate and background.)
+    It is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate again.
+    If nothing hides the plate, the two returns that follow must be such, because a single one may be a mixture of plate
+    and background; one is enough where the background is known, which returns the same range there.
     """
     last = scan.ranges.shape[1] - 1
     beside = scan.ranges[rows, np.maximum(low - 1, 0)], scan.ranges[rows, np.minimum(high + 1, last)]
@@ -296,9 +296,9 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     on = (beam >= 0) & (beam <= last)
     farther = np.where(on, scan.ranges[rows, np.minimum(np.maximum(beam, 0), last)] - own, np.inf)
     goes_on = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0]) & (second >= 0) & (second <= last)
-    angle = np.zeros(len(rows))
-    some = np.flatnonzero(goes_on)
-    angle[some[scan.ranges[rows[some], second[some]] < own[some] + MAX_GAP]] = np.inf
+    if scan.background is None:
+        goes_on &= scan.ranges[rows, np.clip(second, 0, last)] < own + MAX_GAP
+    angle = np.where(goes_on, np.inf, 0.0)
     active = np.flatnonzero((farther < -_IN_FRONT) & (angle == 0))
     while active.size:
         angle[active] += scan.beam_step

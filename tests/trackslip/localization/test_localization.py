@@ -161,21 +161,19 @@ def seen_at(angle, rng, n, distance=(1.5, 6.0)):
 def test_plate_locator_is_within_a_tenth_of_the_bound(scan_rectangle):
     rng, noise = np.random.default_rng(3), 0.010
     everywhere = []
-    for angle, heading in (((3, 10), 1.25), ((10, 30), 1.1), ((30, 60), 1.1), ((60, 90), 1.1)):
+    for angle, share in (((3, 10), 0.94), ((10, 30), 0.99), ((30, 60), 0.99), ((60, 90), 0.99)):
         poses = seen_at(angle, rng, 800)
         estimate = LOCATOR.locate(scan_rectangle(poses, rng, noise=noise))
         good = estimate.valid
-        assert good.mean() > 0.99
+        assert good.mean() > share
         error, deviation = (values[good] for values in errors_of(estimate, poses))
         bound = pose_bound(poses[good], PLATE, BEARINGS, noise)
         ratio = ratio_to_bound(error, bound)
-        assert ratio[:2].max() < 1.1, (angle, ratio)
-        # of a plate that returns three or four beams, 3 to 4 degrees from edge-on, the heading isn't told to the bound
-        assert ratio[2] < heading, (angle, ratio)
+        assert ratio.max() < 1.1, (angle, ratio)
         everywhere.append((error, bound))
         spread = np.sqrt(np.mean(deviation**2, axis=0))
         assert (spread > 0.8).all()
-        assert (spread < [1.15, 1.15, 1.4 if angle[0] < 10 else 1.15]).all()
+        assert (spread < 1.15).all()
     error, bound = (np.concatenate(parts) for parts in zip(*everywhere, strict=True))
     assert ratio_to_bound(error, bound).max() < 1.1
 
