@@ -40,8 +40,7 @@ class Columns:
             if present.count(name) > 1:
                 raise LogError(f"{self._source}: column {name} is there {present.count(name)} times")
         if missing := [name for name in names if name not in present]:
-            found = ", ".join(present)[:200]
-            raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {found!r}")
+            raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {', '.join(present)[:200]!r}")
 
     def cells(self, name: str) -> Cells:
         """A column of numbers, empty if it is missing; raises LogError for another type or unit."""
