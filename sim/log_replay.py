@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
@@ -81,8 +80,8 @@ def replay(
         log: a drive, or several, each of which is replayed from its own start.
         robot: the robot.
         ground: the ground; by default that of the robot's file.
-        inputs: "encoders" for the measured sprocket speeds, which change smoothly from row to row, or "commands" for
-            the logged commands, which hold until the next one.
+        inputs: "encoders" for the measured sprocket speeds, means since the row before, or "commands" for the logged
+            commands, which hold until the next one.
         sensor: place of the sensor of the poses on the robot; by default its middle.
         clock: encoder clock minus pose clock [s].
         threads: number of worker threads, 0 for one per processor.
@@ -162,7 +161,7 @@ class Replayer:
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
         self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # start of the run-up of each log (N,) [s]
-        self._turned = [_angle(log) for log in logs]
+        self._turned = [_turned(log) for log in logs]
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
 
     def run(self, parameters: RobotParameters, ground: Ground, threads: int = 0) -> Replay:
@@ -182,8 +181,8 @@ class Replayer:
         poses, twists = np.empty((2, periods + 1, fleet.size, 3))
         poses[0], twists[0] = fleet.pose(), fleet.twist()
         edges = self.begin[:, None] + period * np.arange(periods + 1)  # (N, P + 1)
-        speeds = [np.diff(angle(at), axis=0) / period for angle, at in zip(self._turned, edges, strict=True)]
-        measured = np.stack(speeds, axis=1)  # (P, N, 2)
+        turned = [[np.interp(at, *side) for side in sides] for sides, at in zip(self._turned, edges, strict=True)]
+        measured = np.moveaxis(np.diff(turned), -1, 0) / period  # (P, N, 2)
         commanded = self._commands(edges[:, :-1]) if self.inputs == "commands" else measured
         for k in range(periods):
             if self.inputs == "commands" and k * period >= RUN_UP:
@@ -206,13 +205,13 @@ class Replayer:
         return np.stack(held, axis=1)
 
 
-def _angle(log: RunLog) -> PchipInterpolator:
-    """Angles of the sprockets over time, which turn on at their first and last speeds before and after the log."""
+def _turned(log: RunLog) -> list[tuple[Array, Array]]:
+    """Times and angles of each sprocket, which turn on at their first and last speeds before and after the log."""
     means = interval_means(log.time, log.omega)
-    ends = log.time[0] - 2 * RUN_UP, log.time[-1] + _BEYOND
-    time = np.concatenate([[ends[0]], log.time, [ends[1]]])
+    time = np.concatenate([[log.time[0] - 2 * RUN_UP], log.time, [log.time[-1] + _BEYOND]])
     speeds = np.concatenate([log.omega[:1], means, means[-1:]])
-    return PchipInterpolator(time, np.append(np.zeros((1, 2)), np.cumsum(speeds * np.diff(time)[:, None], axis=0), 0))
+    angles = np.append(np.zeros((1, 2)), np.cumsum(speeds * np.diff(time)[:, None], axis=0), axis=0)
+    return [(time, side) for side in angles.T]
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:

@@ -12,7 +12,7 @@ from trackslip.kinematics import GEARS
 
 Parameter = Literal[
     "half_gauge", "contact_length", "radius_error", "radius_left", "radius_right", "friction", "friction_ratio",
-    "shear", "com_x", "com_y", "com_height", "yaw_inertia", "sensor_x", "sensor_y", "sensor_yaw", "clock",
+    "shear", "com_x", "com_y", "com_height", "sensor_x", "sensor_y", "sensor_yaw", "clock",
     "lag",
 ]  # fmt: skip
 

@@ -78,8 +78,8 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
         "covariance": np.diag(noise**2),
     }
     if config.source.source == "scanner":
-        scanner, robot, motion = LaserScanner(rate=source.rate), world.robot, Motion(log.time, _true_pose(log))
-        time, scan = plate_scans(scanner, robot.lrf_mount, robot.plate, motion, _random(config, log.run, "scans"))
+        scanner, motion = LaserScanner(rate=source.rate), Motion(log.time, _true_pose(log))
+        time, scan = plate_scans(scanner, world.robot, motion, _random(config, log.run, "scans"))
         contents["scans"] = time + source.delay, scan
     return contents
 

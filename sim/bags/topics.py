@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackslip import se2
-from trackslip.errors import InvalidValueError, require
+from trackslip.errors import require
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog
@@ -41,6 +41,9 @@ JOINTS = ["left_sprocket", "right_sprocket"]
 """Names of the sprockets in /joint_states."""
 FIELD = (52.0, 10.0, 0.0)
 """Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: a field anywhere."""
+START = 1_767_225_600
+"""Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
+_SINCE_1970 = 1e9  # a log that begins later has such times [s]
 _LAST = 2**31 - 1  # of the seconds in a stamp
 # Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
@@ -66,12 +69,9 @@ class Publication:
     fields: Fields
     latched: bool = False  # late subscribers receive the last message, too
 
-    def messages(self) -> Iterator[Any]:
-        """The M messages."""
-        return _messages(self.kind, self.fields)
 
-
-def _messages(kind: str, fields: Fields) -> Iterator[Any]:
+def messages(kind: str, fields: Fields) -> Iterator[Any]:
+    """Messages of a type with these fields."""
     known = definitions()
     columns = (_column(node, detail, fields.get(name)) for name, (node, detail) in known.fielddefs[kind][1])
     return map(known.types[kind], *columns)
@@ -82,14 +82,14 @@ def _column(node: int, detail: Any, value: Any) -> Iterator[Any]:
     from rosbags.interfaces import Nodetype
 
     if node == Nodetype.NAME:
-        return _messages(detail, value or {})
+        return messages(detail, value or {})
     if isinstance(value, np.ndarray):
         return iter(value.tolist() if value.ndim == 1 else value)
     if node == Nodetype.BASE:
         return repeat(value if value is not None else "" if detail[0] == "string" else 0)
     (inner, element), length = detail
     if inner == Nodetype.NAME:
-        return ([message] for message in _messages(element, value))
+        return ([message] for message in messages(element, value))
     return repeat(np.zeros(length, element[0]) if value is None else value)
 
 
@@ -132,9 +132,10 @@ def _in_space(covariance: Array, count: int) -> Array:
 class RunTopics:
     """The topics of a log in groups, which are empty where the log lacks the data."""
 
-    def __init__(self, log: RunLog, geometry: RobotGeometry | None, start: int, readings: np.ndarray | None) -> None:
-        """Stamps are `start` [s] later than the log's times; `readings` (T,) marks the encoders' rows, None for all."""
-        self._log, self._geometry, self._start = log, geometry, start
+    def __init__(self, log: RunLog, geometry: RobotGeometry | None, readings: np.ndarray | None) -> None:
+        """`readings` (T,) marks the encoders' rows, None for all."""
+        self._log, self._geometry = log, geometry
+        self._start = 0 if log.time[0] > _SINCE_1970 else START
         self._read = np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
         self._odom: Array | None = None  # (T, 3) by dead reckoning without slip
         if geometry is not None:
@@ -167,9 +168,7 @@ class RunTopics:
     def poses(self, kind: PoseMessage, covariance: Array | None) -> Iterator[Publication]:
         """The measured poses, and the transforms that localization publishes with them."""
         log = self._log
-        errors = np.zeros((3, 3)) if covariance is None else np.asarray(covariance, float)
-        require(errors.shape == (3, 3), "covariance", errors.shape, "of shape (3, 3)")
-        errors = np.broadcast_to(errors, (len(log.time), 3, 3))
+        errors = np.broadcast_to(_EXACT if covariance is None else covariance, (len(log.time), 3, 3))
         if log.covariance is not None:
             errors = np.where(np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True), log.covariance, errors)
         headed = log.has_heading
@@ -207,10 +206,6 @@ class RunTopics:
         if scans is None or not len(scans[0]):
             return
         time, scan = scans
-        beams = len(scan.bearings)
-        require(len(time) == len(scan.ranges), "scans", f"{len(time)} times", f"{len(scan.ranges)}, one per scan")
-        require((np.diff(time) > 0).all(), "scans", "times that don't ascend", "in order of time")
-        require(beams > 1, "scans", f"{beams} beams", "scans of at least 2")
         stamps = self._stamps(time)
         fields = {
             "header": header(stamps, "laser"),
@@ -229,8 +224,8 @@ class RunTopics:
     def _stamps(self, time: Array) -> Stamps:
         """Stamps (M,) [ns] of times (M,) [s]."""
         whole = np.floor(time)
-        if time.size and not (whole.min() + self._start >= 0 and whole.max() + self._start < _LAST):
-            raise InvalidValueError("start", self._start, f"such that all stamps are from 0 to {_LAST} s")
+        within = ((whole + self._start >= 0) & (whole + self._start < _LAST)).all()
+        require(within, "times of the run", time.tolist()[:1], f"stamps from 0 to {_LAST} s")
         parts = np.rint((time - whole) * 1e9).astype(np.int64)
         return (whole.astype(np.int64) + self._start) * 10**9 + parts
 

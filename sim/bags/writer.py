@@ -14,19 +14,25 @@ from typing import Any
 
 import numpy as np
 
-from sim.bags.topics import POSE_TOPICS, PoseMessage, Publication, RunTopics, command_topic, definitions
+from sim.bags.topics import (
+    POSE_TOPICS,
+    START,
+    PoseMessage,
+    Publication,
+    RunTopics,
+    command_topic,
+    definitions,
+    messages,
+)
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
 
-START = 1_767_225_600
-"""Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
 MCAP = ".mcap"
 """Ending of the file in a bag."""
 _TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
-_SINCE_1970 = 1e9  # a log that begins later has such times [s]
 
 
 def require_topic(name: str, field: str = "topic") -> None:
@@ -43,7 +49,6 @@ def write_bag(
     covariance: Array | None = None,
     readings: np.ndarray | None = None,
     scans: tuple[Array, Scan] | None = None,
-    start: int | None = None,
 ) -> None:
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
 
@@ -53,7 +58,7 @@ def write_bag(
     /joint_states are the sprockets' angles since the first row.
 
     Args:
-        log: the run; its rows' times are the stamps, `start` later.
+        log: the run; the stamps are its rows' times, since 2026 unless they are since 1970.
         path: the bag's folder, which gets `metadata.yaml` and the file; or only a file, if it ends in .mcap. It must
             not exist.
         geometry: of the robot, for /odom and /cmd_vel; by default that in the log's metadata. Without any, these are
@@ -62,22 +67,16 @@ def write_bag(
         covariance: of the poses, (3, 3), where the log has none [m, m, rad].
         readings: (T,) bool, the rows with readings of the encoders; by default all.
         scans: times (S,) [s] and scans with ranges (S, B), if they aren't those of the log's rows.
-        start: stamp of t = 0 [s]; by default START, or 0 for a log with times since 1970.
 
     Raises:
         OutputError: if the path exists, or can't be written.
-        InvalidValueError: for arguments out of range.
+        InvalidValueError: for an unknown type of poses, and times that no stamp can have.
         TrackslipError: where rosbags is missing.
     """
     require_rosbags()
     require(poses in POSE_TOPICS, "poses", poses, f"one of {', '.join(POSE_TOPICS)}")
-    if readings is not None:
-        require(np.shape(readings) == (len(log.time),), "readings", np.shape(readings), f"of shape {(len(log.time),)}")
-        require(np.any(readings), "readings", "false everywhere", "true in at least one row")
-    if start is None:
-        start = 0 if log.time[0] > _SINCE_1970 else START
     geometry = geometry or stored_geometry(log)
-    contents = RunTopics(log, geometry, start, readings)
+    contents = RunTopics(log, geometry, readings)
     topics = [
         *contents.encoders(),
         *contents.commands(),
@@ -131,7 +130,7 @@ def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str])
                 opened[topic.name] = writer.add_connection(
                     topic.name, topic.kind, typestore=store, offered_qos_profiles=durability
                 )
-        rows = (zip(topic.stamps.tolist(), repeat(topic), topic.messages()) for topic in topics)
+        rows = (zip(topic.stamps.tolist(), repeat(topic), messages(topic.kind, topic.fields)) for topic in topics)
         for stamp, topic, message in heapq.merge(*rows, key=itemgetter(0)):
             writer.write(opened[topic.name], stamp, store.serialize_cdr(message, topic.kind))
 

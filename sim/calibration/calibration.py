@@ -102,20 +102,12 @@ def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _LinearErrors:
-    """Errors that are linear in the scaled parameters around a candidate."""
+class _End:
+    """Where a fit ends."""
 
-    scaled: Array  # (p,)
+    scaled: Array  # (p,) parameters
     errors: Array  # (n,) there
-    slope: Array  # (n, p)
-
-    def __call__(self, scaled: Array) -> Array:
-        """Errors (n,) at parameters (p,)."""
-        return self.errors + self.slope @ (scaled - self.scaled)
-
-
-@dataclass(frozen=True)
-class _End(_LinearErrors):
+    slope: Array  # (n, p) of the errors
     sigma: Array  # (kinds,) standard deviations of the errors
     cost: float
 
@@ -143,15 +135,15 @@ class _Problem:
         """Errors (n,) of the target."""
         return self._known(*scaled.tolist())
 
-    def linear(self, scaled: Array) -> _LinearErrors:
-        """The errors around scaled parameters (p,), by finite differences."""
+    def slope(self, scaled: Array) -> Array:
+        """Slopes (n, p) of the errors over scaled parameters (p,), by finite differences."""
         errors = self.errors(scaled)
         slope = np.empty((len(errors), len(scaled)))
         for k in self._order:
             moved = scaled.copy()
             moved[k] += _STEP if scaled[k] + _STEP <= self.high[k] else -_STEP
             slope[:, k] = (self.errors(moved) - errors) / (moved[k] - scaled[k])
-        return _LinearErrors(scaled, errors, slope)
+        return slope
 
     def sizes(self, errors: Array) -> Array:
         """Standard deviation (kinds,) of the errors of each kind, with all parameters fitted."""
@@ -190,42 +182,42 @@ class _Problem:
         """
         scaled, (cost, sigma) = self.first, self.cost(self.first)
         for _ in range(_ITERATIONS):
-            model, before = self.linear(scaled), cost
-            step = self._linear_minimum(model, sigma) - scaled
+            start, slope, before = scaled, self.slope(scaled), cost
+            step = self._linear_minimum(start, slope, sigma) - start
             for part in (1.0, 0.5, 0.2):
-                trial = model.scaled + part * step
+                trial = start + part * step
                 trial_cost, trial_sigma = self.cost(trial)
                 if trial_cost < cost:
                     scaled, cost, sigma = trial, trial_cost, trial_sigma
                     break
             if before - cost < _CONVERGED:
                 break
-        return _End(scaled, self.errors(scaled), model.slope, sigma, cost)
+        return _End(scaled, self.errors(scaled), slope, sigma, cost)
 
-    def _linear_minimum(self, model: _LinearErrors, sigma: Array) -> Array:
-        """Parameters (p,) of least loss if errors are linear, and of the sizes (kinds,) that are then left."""
-        scaled = model.scaled
-        for _ in range(_ROUNDS):
-            scaled = self.least_squares(model, scaled, sigma)
-            before, sigma = sigma, self.sizes(model(scaled))
-            if np.allclose(sigma, before, rtol=_SAME, atol=0.0):
-                break
-        return scaled
-
-    def least_squares(self, model: _LinearErrors, start: Array, sigma: Array) -> Array:
-        """Scaled parameters (p,) of least loss."""
-        size, count = sigma[self._layout.kind], len(self.names)
-        slope = np.vstack([model.slope / size[:, None], np.eye(count)])
-
-        def rows(scaled: Array) -> Array:
-            return np.append(model(scaled) / size, scaled)
+    def _linear_minimum(self, start: Array, slope: Array, sigma: Array) -> Array:
+        """Parameters (p,) of least loss if errors have this slope, and of the sizes (kinds,) that are then left."""
+        first, scaled, count = self.errors(start), start, len(start)
+        prior = np.ones(count)
 
         def loss(square: Array) -> Array:
-            prior = [square[-count:], np.ones(count), np.zeros(count)]
-            return np.hstack([self.loss(square[:-count], self._layout.share), prior])
+            of_errors = self.loss(square[:-count], self._layout.share)
+            return np.hstack([of_errors, [square[-count:], prior, 0 * prior]])
 
-        limits = self.low, self.high
-        return np.asarray(scipy.optimize.least_squares(rows, start, lambda _: slope, limits, "dogbox", loss=loss).x)
+        for _ in range(_ROUNDS):
+            size = sigma[self._layout.kind]
+            jacobian = np.vstack([slope / size[:, None], np.eye(count)])
+            scaled = scipy.optimize.least_squares(
+                lambda at, size=size: np.append((first + slope @ (at - start)) / size, at),
+                scaled,
+                lambda _, jacobian=jacobian: jacobian,
+                (self.low, self.high),
+                "dogbox",
+                loss=loss,
+            ).x
+            before, sigma = sigma, self.sizes(first + slope @ (scaled - start))
+            if np.allclose(sigma, before, rtol=_SAME, atol=0.0):
+                break
+        return np.asarray(scaled)
 
     def without(self, end: _End, label: np.ndarray) -> Array:
         """How far apart (G, p) the parameters are without the errors of each label (n,), 0 to G - 1.

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
-
-import mujoco
-import numpy as np
 
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import compiled
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
@@ -81,22 +78,19 @@ class Parameter:
         return low, min(_FARTHEST, self.scaled(base, self.high))
 
 
-def _field(owner: str, name: str, spread: float, unit: str = "", **options: Any) -> Parameter:
-    """A field of the candidate (owner ""), of its robot, drive, ground or sensor."""
-
-    def of(candidate: Candidate) -> Any:
-        if owner == "drive":
-            return candidate.robot.drive
-        return getattr(candidate, owner) if owner else candidate
-
-    def write(candidate: Candidate, value: float) -> Candidate:
-        changed = replace(of(candidate), **{name: value})
-        if owner == "drive":
-            return replace(candidate, robot=replace(candidate.robot, drive=changed))
-        return replace(candidate, **{owner: changed}) if owner else changed
-
-    functions: dict[str, Any] = {"read": lambda candidate: float(getattr(of(candidate), name)), "write": write}
+def _field(path: str, spread: float, unit: str = "", **options: Any) -> Parameter:
+    """A field of the candidate, or of what it consists of: at a path with dots."""
+    functions: dict[str, Any] = {
+        "read": lambda candidate: float(attrgetter(path)(candidate)),
+        "write": lambda candidate, value: _with(candidate, path, value),
+    }
     return Parameter(**functions | {"spread": spread, "unit": unit} | options)
+
+
+def _with(owner: Any, path: str, value: float) -> Any:
+    """The same dataclass with another value at a path."""
+    name, _, rest = path.partition(".")
+    return replace(owner, **{name: _with(getattr(owner, name), rest, value) if rest else value})
 
 
 def _ratio(candidate: Candidate) -> float:
@@ -127,32 +121,23 @@ def _radius(side: int) -> Parameter:
     return Parameter(lambda candidate: sides(candidate)[side], write, 0.07)
 
 
-def _yaw_inertia(candidate: Candidate) -> float:
-    """Inertia about the vertical axis through the centre of mass [kg m^2]."""
-    model, axes = compiled(candidate.robot).model, np.empty(9)
-    chassis = model.body("chassis").id
-    mujoco.mju_quat2Mat(axes, model.body_iquat[chassis])
-    return float(np.square(axes[6:]) @ model.body_inertia[chassis])
-
-
 PARAMETERS = {
-    "half_gauge": _field("robot", "half_gauge", 0.1, "m", relative=True),
-    "contact_length": _field("robot", "contact_length", 0.15, "m", relative=True, write=_with_length),
-    "radius_error": _field("robot", "radius_error", 0.07),
+    "half_gauge": _field("robot.half_gauge", 0.1, "m", relative=True),
+    "contact_length": _field("robot.contact_length", 0.15, "m", relative=True, write=_with_length),
+    "radius_error": _field("robot.radius_error", 0.07),
     "radius_left": _radius(0),
     "radius_right": _radius(1),
-    "friction": _field("ground", "along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))),
+    "friction": _field("ground.along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))),
     "friction_ratio": Parameter(_ratio, lambda c, ratio: _with_ground(c, c.ground.along, ratio), 0.3, relative=True),
-    "shear": _field("ground", "shear", 0.015, "m", low=0.0),
-    "com_x": _field("robot", "com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
-    "com_y": _field("robot", "com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),
-    "com_height": _field("robot", "com_height", 0.3, "m", relative=True),
-    "yaw_inertia": _field("robot", "yaw_inertia", 0.3, "kg m²", relative=True, read=_yaw_inertia),
-    "sensor_x": _field("sensor", "x", 0.3, "m"),
-    "sensor_y": _field("sensor", "y", 0.3, "m"),
-    "sensor_yaw": _field("sensor", "yaw", 0.1, "rad"),
-    "clock": _field("", "clock", 0.3, "s", low=-0.5, high=0.5),
-    "lag": _field("drive", "lag", 1.0, "s", relative=True, high=1.0),
+    "shear": _field("ground.shear", 0.015, "m", low=0.0),
+    "com_x": _field("robot.com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
+    "com_y": _field("robot.com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),
+    "com_height": _field("robot.com_height", 0.3, "m", relative=True),
+    "sensor_x": _field("sensor.x", 0.3, "m"),
+    "sensor_y": _field("sensor.y", 0.3, "m"),
+    "sensor_yaw": _field("sensor.yaw", 0.1, "rad"),
+    "clock": _field("clock", 0.3, "s", low=-0.5, high=0.5),
+    "lag": _field("robot.drive.lag", 1.0, "s", relative=True, high=1.0),
 }
 """Parameters that can be fitted, by name. Radii are relative errors, and lengths at the sensor's place in its frame."""
 OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})

@@ -13,15 +13,14 @@ from sim.robot.named import load_tracked
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import BODY_LOOKS, shaped_robot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
-from sim.robot.wheels import start, with_joints_of
-from sim.tracks.drawing import TrackLook, WheelLook, draw
+from sim.robot.wheels import start
+from sim.tracks.drawing import TrackLook, draw
 from trackslip.kinematics import Array
 
 _AZIMUTH, _ELEVATION = 106.0, -21.0  # of the camera: it looks at the robot from the right, a little ahead of it [deg]
 _AWAY = 2.8  # distance of the camera, in lengths of the robot
 _CALM = 0.6  # share of the robot's heave that the camera follows
 
-_PAINTED = ("hull", "plate")
 _WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # of the shipped robot: x, z, radius; width [m]
 _TYRE = 0.76  # width of a wheel over its radius [-]
 _ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
@@ -41,8 +40,9 @@ class RobotLooks:
     def of(cls, world: TrackedModel) -> RobotLooks:
         """The looks of a robot on its terrain, which must be built with them."""
         robot, model = world.robot, world.model
-        look = WheelLook if robot.contact == WHEELS else TrackLook
-        looks = [(world.body, look(np.array(robot.hull), sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
+        hull, belted = np.array(robot.hull), robot.contact != WHEELS
+        sides = [TrackLook(hull, sign * robot.half_gauge, robot.width, belted) for sign in (1.0, -1.0)]
+        looks = [(world.body, look) for look in sides]
         looks += [(model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
         tracks = [(f"{name}_track", *each) for name, each in zip(world.belts.names, looks, strict=True)]
         return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
@@ -75,26 +75,24 @@ def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> Ro
     spec = shaped_robot(parameters)
     looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
     model = looks.model
-    painted = [model.geom(name).id for name in _PAINTED if not parameters.looks or name == "plate"]
-    if parameters.looks:
-        painted += np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body("chassis").id).tolist()
     if len(colour):
+        painted = [model.geom("plate").id]
+        if parameters.looks:
+            painted += np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body("chassis").id).tolist()
+        else:
+            painted.append(model.geom("hull").id)
         model.geom_rgba[painted], model.geom_matid[painted] = colour, -1
     return looks
 
 
 def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
     model = spec.compile()
-    body = model.body("chassis").id
-    part, look, hull, width = "track", TrackLook, np.array(_WHEELS), _BELT
+    body, radius = model.body("chassis").id, parameters.sprocket_radius
+    part, hull, width = "track", np.array(_WHEELS), _BELT
     if parameters.axles:
-        radius = parameters.sprocket_radius
-        hull = np.array([(x, radius, radius) for x in parameters.axles])
-        part, look, width = "wheels", WheelLook, _TYRE * radius
-    tracks = [
-        (f"{name}_{part}", body, look(hull, sign * parameters.half_gauge, width))
-        for name, sign in (("left", 1.0), ("right", -1.0))
-    ]
+        part, hull, width = "wheels", np.array([(x, radius, radius) for x in parameters.axles]), _TYRE * radius
+    sides = (("left", parameters.half_gauge), ("right", -parameters.half_gauge))
+    tracks = [(f"{side}_{part}", body, TrackLook(hull, y, width, not parameters.axles)) for side, y in sides]
     return RobotLooks(model, body, tracks, np.arange(len(tracks)), model.qpos0.copy())
 
 
@@ -105,6 +103,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     body = chassis_of(own, robot)
     for joint in list(body.joints):
         own.delete(joint)
+    own.compile()  # so that its keyframe is attached
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)
@@ -115,8 +114,9 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     tracks = [
         (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look) for name, carrier, look in looks.tracks
     ]
-    rest = with_joints_of(built.model, looks.rest, model, model.qpos0, _ATTACHED)
-    angles = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
+    rest = start(model).qpos.copy()
+    rest[:7] = model.qpos0[:7]
+    angles = built.flipper_control(clear_angles(built))
     hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
     rest[model.jnt_qposadr[hinges]] = angles
     return RobotLooks(model, model.body("chassis").id, tracks, looks.track_side, rest)

@@ -97,7 +97,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     model, data = built.model, start(built.model)
     first = built.free[0]
     data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
-    data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
+    data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     own = np.flatnonzero(model.body_rootid == built.body)

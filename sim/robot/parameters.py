@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_within
+from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
 
@@ -21,45 +21,39 @@ SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
 PATCH_LENGTH = 0.1
 """Length of a wheel's contact with the ground, by default [m]."""
-_MIN_SIZE = 1e-3  # length [m] and mass [kg]
-_MAX_SIZE = 10.0  # length [m]
-_MAX_MASS = 1e5  # [kg]
+_MIN_SIZE = 1e-3  # [m]
+_SIZE = require_within, _MIN_SIZE, 10.0, "m"  # what lengths are
+_OFFSET = require_within, -10.0, 10.0, "m"  # what places of the centre of mass are
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # mean of the axles' positions, at most [m]
-_SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the distance of the contact's corners [-]
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
-
-
-def _require_size(name: str, value: float, most: float = _MAX_SIZE, unit: str = "m") -> None:
-    require_positive(name, value, most, unit)
-    require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
 
 
 @dataclass(frozen=True)
 class RobotParameters(Checked):
     """Shape and mass of the robot. The defaults equal models/tracked_robot.xml."""
 
-    half_gauge: float = checked(0.168, _require_size)
+    half_gauge: float = checked(0.168, *_SIZE)
     """Half the distance between the tracks [m]."""
-    contact_length: float = checked(0.34, _require_size)
+    contact_length: float = checked(0.34, *_SIZE)
     """Length of the tracks' contact with the ground [m]."""
-    sprocket_radius: float = checked(0.06, _require_size)
+    sprocket_radius: float = checked(0.06, *_SIZE)
     """Nominal radius of the sprockets [m]."""
     radius_error: float = checked(RADIUS_ERROR, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    mass: float = checked(25.0, _require_size, _MAX_MASS, "kg")
+    mass: float = checked(25.0, require_within, 1e-3, 1e5, "kg")
     """Mass of the robot [kg]."""
-    com_x: float = checked(0.0, require_within, -_MAX_SIZE, _MAX_SIZE, "m")
+    com_x: float = checked(0.0, *_OFFSET)
     """Centre of mass, forward of the centre of the tracks [m]."""
-    com_y: float = checked(0.0, require_within, -_MAX_SIZE, _MAX_SIZE, "m")
+    com_y: float = checked(0.0, *_OFFSET)
     """Centre of mass, to the left of the centre of the tracks [m]."""
-    com_height: float = checked(0.12, _require_size)
+    com_height: float = checked(0.12, *_SIZE)
     """Centre of mass above the ground [m]."""
     inertia: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
     """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty to scale the shipped robot's with mass and shape
     [kg m^2]."""
-    plate_height: float = checked(_PLATE_HEIGHT, _require_size, stored_unless=_PLATE_HEIGHT)
+    plate_height: float = checked(_PLATE_HEIGHT, *_SIZE, stored_unless=_PLATE_HEIGHT)
     """Height of the plate's centre, and of the scanner, above the ground [m]."""
     looks: str = field(default="", metadata={"stored_unless": ""})
     """Name or file of the tracked robot that is drawn; empty for the shipped robot's looks."""
@@ -69,8 +63,6 @@ class RobotParameters(Checked):
     """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
-    yaw_inertia: float = checked(0.0, require_non_negative, **UNLESS_ZERO)
-    """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
     radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
@@ -82,10 +74,6 @@ class RobotParameters(Checked):
         if self.inertia:
             require_inertia(self.inertia)
         self._require_standing()
-        if self.yaw_inertia > 0:
-            corner = self.mass * (self.half_gauge**2 + self.contact_length**2 / 4)
-            least, most = (share**2 * corner for share in _SPREAD)
-            require_within("yaw_inertia", self.yaw_inertia, least, most, "kg m^2, for this mass, gauge and length")
 
     @property
     def geometry(self) -> RobotGeometry:

@@ -75,20 +75,8 @@ def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> 
     second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
     second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
     inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
-    if parameters.yaw_inertia > 0:
-        inertia = _with_yaw_inertia(inertia, parameters.yaw_inertia)
     chassis.mass, chassis.ipos = parameters.mass, parameters.centre_of_mass
     chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], inertia
-
-
-def _with_yaw_inertia(inertia: Sequence[float], yaw_inertia: float) -> tuple[float, ...]:
-    """An inertia xx, yy, zz, xy, xz, yz whose masses are moved along the ground so that zz is `yaw_inertia`."""
-    xx, yy, zz, xy, xz, yz = inertia
-    moments = (xx + yy + zz) / 2 * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    away = np.sqrt([yaw_inertia / zz, yaw_inertia / zz, 1.0])
-    moments *= np.outer(away, away)
-    moved = np.trace(moments) * np.eye(3) - moments
-    return tuple(moved[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist())
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
@@ -192,11 +180,12 @@ def load_robot(
         spec.delete(geom)
     spec.compile()
     digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
+    count = 1 if single_contacts else CONTACT_POINTS
     if contact_sensors:
-        _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
+        _add_contact_sensors(spec, count)
     model = spec.compile()
     model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
-    count, half_gauge = (1 if single_contacts else CONTACT_POINTS), parameters.half_gauge
+    half_gauge = parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
     forwards = np.array([_rotation(quaternion)[0] for quaternion in model.geom_quat[pads]])  # in the pads' frames
     middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
@@ -230,20 +219,18 @@ def compiled(parameters: RobotParameters) -> Robot:
     return load_robot(parameters)
 
 
-def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
-    geom_type = mujoco.mjtObj.mjOBJ_GEOM
-    grounds = {pair.geomname2: pair.geomname1 for pair in spec.pairs}
-    for geom in spec.geoms:
-        if "_pad" in geom.name:
-            spec.add_sensor(
-                name=f"{geom.name}_contact",
-                type=mujoco.mjtSensor.mjSENS_CONTACT,
-                objtype=geom_type,
-                objname=grounds[geom.name],
-                reftype=geom_type,
-                refname=geom.name,
-                intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, points],
-            )
+def _add_contact_sensors(spec: Any, points: int) -> None:
+    data = 1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY
+    for pair in spec.pairs:
+        spec.add_sensor(
+            name=f"{pair.geomname2}_contact",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=pair.geomname1,
+            reftype=mujoco.mjtObj.mjOBJ_GEOM,
+            refname=pair.geomname2,
+            intprm=[data, 0, points],
+        )
 
 
 def _rotation(quaternion: Array) -> Array:

@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
+<<<<<<< HEAD
 from sim.robot.wheels import add_start, colliding, endless, switch_off, warn_of_keyframes
+=======
+from sim.robot.wheels import choose_start, endless, lock, switch_off
+>>>>>>> main
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
@@ -24,7 +28,7 @@ _PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground w
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
-_STEPS = 61  # from the angle asked for to the highest
+_STEPS = 61  # from the lowest angle of a flipper to the highest
 
 
 class Terrain(Protocol):
@@ -106,7 +110,7 @@ def build_tracked(
             _light(spec)
         if not chassis.joints:
             chassis.add_freejoint()
-        flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
+        hinges = [_motor_of(spec, flipper, chassis) for flipper in robot.flippers]
         if terrain is None:
             spec.worldbody.add_geom(name=_PLANE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=_GREY)
         names = [_PLANE] if terrain is None else terrain.add_to(spec)
@@ -115,17 +119,15 @@ def build_tracked(
         for flipper in robot.flippers:
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
         connect(spec, names)
-        chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
-        add_start(spec, robot)
-        model = spec.compile()
-    if not looks and model.nu == len(motors):
+        name, model = chassis.name, spec.compile()
+    if not looks and model.nu == len(robot.flippers):
         _warn_of_loose_joints(model, robot)
-    warn_of_inertia(model, model.body(chassis_name).id, robot.model)
-    return _read(model, robot, chassis_name, motors, refuse)
+    warn_of_inertia(model, model.body(name).id, robot.model)
+    return _read(model, robot, name, hinges, refuse)
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
-    """Load the robot's model without its scene and keyframes, which a free joint invalidates: see `add_start`.
+    """Load the robot's model without its scene and all keyframes but the robot's.
 
     Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
     """
@@ -137,11 +139,10 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
         if weightless(spec, geom):
             spec.delete(geom)
     switch_off(spec, robot)
-    warn_of_keyframes(spec, robot)
-    for key in list(spec.keys):
-        spec.delete(key)
     find_meshes(spec, robot.model, robot.packages, refuse)
-    spec.copy().compile()  # so that what is wrong with the file is said of the file
+    spec.compile()  # says what is wrong with the file; from here on keyframes follow changes of the joints
+    lock(spec, robot)
+    choose_start(spec, robot)
     return spec
 
 
@@ -227,12 +228,15 @@ def _read(
     model: mujoco.MjModel,
     robot: TrackedRobot,
     chassis: str,
-    motors: Sequence[tuple[str, str, str]],
+    hinges: Sequence[tuple[str, str]],
     refuse: Refuse,
 ) -> TrackedModel:
+    """The numbers of a compiled robot, whose flippers have these `hinges` and motors."""
     body = model.body(chassis).id
     free = model.body_jntadr[body]
-    joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
+    place = slice(model.jnt_qposadr[free], model.jnt_qposadr[free] + 7)
+    model.key_qpos[:, place], model.key_qvel[:] = model.qpos0[place], 0.0  # where a run begins, it is put at rest
+    joints = np.array([model.joint(hinge).id for hinge, _ in hinges], int)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[joints]] = 0.0
     mujoco.mj_forward(model, data)
@@ -243,13 +247,11 @@ def _read(
     axes, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
     hinge, tip, radius = np.zeros((len(joints), 3)), np.zeros((len(joints), 3)), np.zeros(len(joints))
     for k, (joint, flipper) in enumerate(zip(joints, robot.flippers, strict=True)):
-        carrier, wheels = model.jnt_bodyid[joint], np.array(flipper.hull)
-        places = np.insert(wheels[:, :2], 1, flipper.y, axis=1) @ data.xmat[carrier].reshape(3, 3).T
-        places += data.xpos[carrier]
+        places, wheel_radius = _wheels_of(data, flipper)
         away = np.linalg.norm(places - data.xanchor[joint], axis=1)
         hinge[k] = (data.xanchor[joint] - origin) @ axes
         tip[k] = (places[away.argmax()] - origin) @ axes
-        radius[k] = wheels[:, 2].mean()
+        radius[k] = wheel_radius.mean()
     reach = tip - hinge
     length, rest = np.hypot(reach[:, 0], reach[:, 2]), np.arctan2(reach[:, 2], np.abs(reach[:, 0]))
     sign = np.where(np.cross(data.xaxis[joints] @ axes, reach)[:, 2] >= 0, 1.0, -1.0)
@@ -263,7 +265,7 @@ def _read(
         free=(int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])),
         track_side=np.array(sides),
         flipper_qpos=model.jnt_qposadr[joints],
-        flipper_motor=np.array([model.actuator(motor).id for _, _, motor in motors], int),
+        flipper_motor=np.array([model.actuator(motor).id for _, motor in hinges], int),
         flipper_sign=sign,
         flipper_range=np.sort(sign[:, None] * limits, axis=1),
         flippers=FlipperGeometry(hinge, length, radius, reach[:, 0] > 0, rest),
@@ -305,30 +307,26 @@ def _named(model: mujoco.MjModel, geom: int) -> str:
     return f"geom {name} of link {link}" if name else f"a geom of link {link}"
 
 
-def clear_angles(tracked: TrackedModel, angles: Array) -> Array:
-    """Flipper angles (F,), raised from `angles` (F,) until they clear the lowest point of the chassis' tracks [rad].
+def clear_angles(tracked: TrackedModel) -> Array:
+    """Lowest flipper angles (F,) from 0 on that clear the lowest point of the chassis' tracks [rad].
 
-    Flippers that reach below them at every higher angle stay where they are.
+    Flippers that reach below it at every angle up to their highest stay at 0, or as near to it as they get.
     """
-    asked = np.clip(angles, *tracked.flipper_range.T)
-    tried = np.linspace(asked, tracked.flipper_range[:, 1], _STEPS)  # (K, F)
-    clear = _lowest(tracked, tried) >= tracked.robot.lowest  # (K, F)
-    first = np.where(clear.any(axis=0), clear.argmax(axis=0), 0)
-    return np.asarray(tried[first, np.arange(len(asked))])
-
-
-def _lowest(tracked: TrackedModel, angles: Array) -> Array:
-    """Heights (K, F) of the lowest points of flippers above the chassis' frame, at angles (K, F) [m]."""
     model, flippers = tracked.model, tracked.robot.flippers
-    data = mujoco.MjData(model)
-    low = np.empty(angles.shape)
-    for k, asked in enumerate(angles):
-        data.qpos[tracked.flipper_qpos] = tracked.flipper_control(asked)
+    data, low, high = mujoco.MjData(model), *tracked.flipper_range.T
+    tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F)
+    clear = np.zeros(tried.shape, bool)
+    for angles, above in zip(tried, clear, strict=True):
+        data.qpos[tracked.flipper_qpos] = tracked.flipper_control(angles)
         mujoco.mj_kinematics(model, data)
-        for j, flipper in enumerate(flippers):
-            x, z, radius = np.array(flipper.hull).T
-            body = model.body(flipper.body).id
-            up = data.xmat[body].reshape(3, 3)[2]
-            height = data.xpos[body, 2] - data.xpos[tracked.body, 2] + up[0] * x + up[1] * flipper.y + up[2] * z
-            low[k, j] = (height - radius).min()
-    return low
+        for k, flipper in enumerate(flippers):
+            places, radius = _wheels_of(data, flipper)
+            above[k] = (places[:, 2] - radius).min() - data.xpos[tracked.body, 2] >= tracked.robot.lowest
+    return np.asarray(tried[clear.argmax(axis=0), np.arange(len(flippers))])
+
+
+def _wheels_of(data: mujoco.MjData, flipper: Flipper) -> tuple[Array, Array]:
+    """Places (W, 3) in the world and radii (W,) of a flipper's wheels [m]."""
+    x, z, radius = np.array(flipper.hull).T
+    body, own = data.body(flipper.body), np.column_stack([x, np.full_like(x, flipper.y), z])
+    return own @ body.xmat.reshape(3, 3).T + body.xpos, radius

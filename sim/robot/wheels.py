@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sim.robot.tracked import TrackedRobot
-from sim.robot.urdf import find_meshes, some
+from sim.robot.urdf import some
 from trackslip.errors import RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
@@ -26,19 +26,21 @@ _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
-    """Keep links in `robot.wheels` from colliding, and lock their joints unless they are flippers.
-
-    Raises TrackslipError for links that aren't in the model, or that hang on a part that moves.
-    """
+    """Keep links in `robot.wheels` from colliding; TrackslipError for links that aren't in the model."""
     for name in robot.wheels:
-        link = _link(spec, robot, name)
-        rigid = [link]
+        rigid = [_link(spec, robot, name)]
         for body in rigid:  # which grows
             rigid += [child for child in body.bodies if not child.joints]
             for geom in (geom for geom in body.geoms if geom.contype or geom.conaffinity):
                 geom.contype, geom.conaffinity, geom.group = 0, 0, 3
-        for joint in [joint for joint in link.joints if joint.type != _FREE and name not in robot.flipper_bodies]:
-            _delete_joint(spec, joint)
+
+
+def lock(spec: Any, robot: TrackedRobot) -> None:
+    """Lock the joints of links in `robot.wheels` but flippers; TrackslipError for links on a part that moves."""
+    for name in robot.wheels:
+        for joint in [joint for joint in spec.body(name).joints if joint.type != _FREE]:
+            if name not in robot.flipper_bodies:
+                _delete_joint(spec, joint)
     carriers = {name: moving for name in robot.wheels if (moving := _moving_carriers(spec.body(name), robot))}
     if carriers:
         name, first = next((name, moving[0]) for name, moving in carriers.items())
@@ -103,32 +105,25 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
     """Extents (2, 3) of wheels in the chassis' frame by name [m].
 
     Wheels are round and turn endlessly about the chassis' y; those that are `listed` may have limits, or be fixed.
-    Links that carry wheels, such as rockers and knuckles, are none. Raises TrackslipError for links that are listed,
-    turn endlessly about y, and aren't round.
+    Parts of wheels are none, nor are links that carry wheels, such as rockers and knuckles. Raises TrackslipError for
+    links that are listed, turn endlessly about y, and aren't round.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = data.body(chassis)
     about_y = (model.jnt_type == _HINGE) & (np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS)
-    spinning = set(model.jnt_bodyid[about_y & endless(model)].tolist())
-    if listed:
-        bodies = [int(model.body(name).id) for name in listed]
-        turning = set(model.jnt_bodyid[about_y].tolist())
-        candidates = [body for body in bodies if body in turning or not model.body_jntnum[body]]
-    else:
-        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.flipper_bodies]
-    carriers: set[int] = set()
-    for body in bodies:
-        root = int(model.body_weldid[body])
-        if root != body and root in spinning and root in bodies:  # a part of a wheel
-            candidates = [other for other in candidates if other != body]
-        else:
-            carriers.update(_carriers(model, body))
+    turning, spinning = (set(model.jnt_bodyid[which].tolist()) for which in (about_y, about_y & endless(model)))
+    own = [model.body(body).name for body in sorted(spinning)]
+    names = listed or [name for name in own if name not in robot.flipper_bodies]
+    bodies = {int(model.body(name).id): name for name in names}
+    fixed_to = {body: int(model.body_weldid[body]) for body in bodies}
+    parts = {body for body, root in fixed_to.items() if root != body and root in spinning & bodies.keys()}
+    carriers = {carrier for body in bodies.keys() - parts for carrier in _carriers(model, body)}
     wheels = {}
-    for body in candidates:
-        if body in carriers:
+    for body, name in bodies.items():
+        if body in parts | carriers or (model.body_jntnum[body] and body not in turning):
             continue
-        name, place = model.body(body).name, _extent(model, data, base, body)
+        place = _extent(model, data, base, body)
         along, _, up = place[1] - place[0]
         if abs(along - up) < _ROUND * (along + up) / 2:
             wheels[name] = place
@@ -193,39 +188,22 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int)
     return extent
 
 
-def add_start(spec: Any, robot: TrackedRobot) -> None:
-    """Add the robot's keyframe to its complete spec, which has other joints than the keyframe's model.
+def choose_start(spec: Any, robot: TrackedRobot) -> None:
+    """Delete all keyframes but the robot's; a RobotWarning if none is chosen and joints remain that they move.
 
-    Raises TrackslipError for a keyframe that its model doesn't have.
+    Raises TrackslipError for a keyframe that the model doesn't have.
     """
-    if not robot.key:
-        return
-    plain = robot.spec()
-    plain.compiler.fusestatic = False
-    find_meshes(plain, robot.model, robot.packages)
-    own, model = plain.compile(), spec.copy().compile()
-    names = [own.key(k).name for k in range(own.nkey)]
-    if robot.key not in names:
-        known = f"one of its keyframes, {some(names)}" if names else "left out: it has no keyframes"
-        raise TrackslipError(f"{robot.model}: key = {robot.key!r}: must be {known}")
-    key = names.index(robot.key)
-    ctrl = np.zeros(model.nu)
-    motors = {_motor_name(own, k): k for k in range(own.nu)}
-    for k in range(model.nu):
-        if (motor := motors.get(_motor_name(model, k))) is not None:
-            ctrl[k] = own.key_ctrl[key, motor]
-    qpos = with_joints_of(own, own.key_qpos[key], model, model.qpos0)
-    spec.add_key(name=robot.key, qpos=qpos.tolist(), ctrl=ctrl.tolist())
-
-
-def warn_of_keyframes(spec: Any, robot: TrackedRobot) -> None:
-    """Give a RobotWarning for keyframes of the user's model if none is chosen and joints remain that they move."""
     moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in robot.flipper_bodies]
     names = [key.name for key in spec.keys]
+    if robot.key and robot.key not in names:
+        known = f"one of its keyframes, {some(names)}" if names else "left out: it has no keyframes"
+        raise TrackslipError(f"{robot.model}: key = {robot.key!r}: must be {known}")
     if names and moving and not robot.key:
         hint = f'key = "{names[0]}" in the robot file begins there'
         what = f"its keyframes, {some(names)}, are not used: joints and motors begin at 0"
         warnings.warn(f"{robot.model}: {what}; {hint}", RobotWarning, stacklevel=4)
+    for key in [key for key in spec.keys if not robot.key or key.name != robot.key]:
+        spec.delete(key)
 
 
 def start(model: mujoco.MjModel) -> mujoco.MjData:
@@ -234,28 +212,3 @@ def start(model: mujoco.MjModel) -> mujoco.MjData:
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     return data
-
-
-def with_joints_of(own: mujoco.MjModel, values: Array, model: mujoco.MjModel, like: Array, prefix: str = "") -> Array:
-    """Positions (nq,) of a model: `like`, except for joints that the model `own` has, too, at positions `values` there.
-
-    Free joints keep theirs. Names in the model may have a `prefix`.
-    """
-    qpos = like.copy()
-    places = {prefix + _joint_name(own, k): k for k in range(own.njnt) if own.jnt_type[k] != _FREE}
-    for k in range(model.njnt):
-        if (joint := places.get(_joint_name(model, k))) is not None:
-            size = 4 if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL else 1
-            at, source = model.jnt_qposadr[k], own.jnt_qposadr[joint]
-            qpos[at : at + size] = values[source : source + size]
-    return qpos
-
-
-def _joint_name(model: mujoco.MjModel, joint: int) -> str:
-    """Name of a joint, or its body's and its number there."""
-    body = model.jnt_bodyid[joint]
-    return model.joint(joint).name or f"{model.body(body).name}, joint {joint - model.body_jntadr[body]}"
-
-
-def _motor_name(model: mujoco.MjModel, motor: int) -> str:
-    return model.actuator(motor).name or _joint_name(model, int(model.actuator_trnid[motor, 0]))

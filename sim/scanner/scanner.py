@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from trackslip.errors import (
     checked,
     require,
     require_at_most,
-    require_finite,
     require_non_negative,
     require_positive,
     require_within,
@@ -24,7 +23,7 @@ _MAX_BEAMS = 20_000  # largest number of beams in a scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
 _MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
 _MIN_STEP = 1e-6  # finest quantisation of ranges [m]
-_MAX_COORDINATE = 1000.0  # largest coordinate [m]
+_COORDINATE = require_within, -1000.0, 1000.0, "m"  # what coordinates must be
 _MAX_RADIUS = 10.0  # largest radius of a post [m]
 _MAX_NUMBER = 10_000  # largest number of posts, and of walls
 _MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
@@ -109,16 +108,12 @@ class LaserScanner(Checked):
 class Post(Checked):
     """An upright cylinder."""
 
-    x: float
+    x: float = checked(MISSING, *_COORDINATE)
     """Centre, in the world [m]."""
-    y: float
+    y: float = checked(MISSING, *_COORDINATE)
     """Centre, in the world [m]."""
     radius: float = checked(0.05, require_positive, _MAX_RADIUS, "m")
     """Radius [m]."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_coordinates(x=self.x, y=self.y)
 
     def ranges(self, origin: Array, direction: Array) -> Array:
         """See `Obstacles.ranges`."""
@@ -130,20 +125,20 @@ class Post(Checked):
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(Checked):
     """A thin straight wall."""
 
-    x0: float
+    x0: float = checked(MISSING, *_COORDINATE)
     """One end, in the world [m]."""
-    y0: float
+    y0: float = checked(MISSING, *_COORDINATE)
     """One end, in the world [m]."""
-    x1: float
+    x1: float = checked(MISSING, *_COORDINATE)
     """Other end, in the world [m]."""
-    y1: float
+    y1: float = checked(MISSING, *_COORDINATE)
     """Other end, in the world [m]."""
 
     def __post_init__(self) -> None:
-        _require_coordinates(x0=self.x0, y0=self.y0, x1=self.x1, y1=self.y1)
+        super().__post_init__()
         end = self.x1, self.y1
         require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
 
@@ -195,12 +190,6 @@ class Obstacles:
 
 def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _require_coordinates(**coordinates: float) -> None:
-    for name, value in coordinates.items():
-        require_finite(name, value)
-        require(abs(value) <= _MAX_COORDINATE, name, value, f"from {-_MAX_COORDINATE:g} to {_MAX_COORDINATE:g} m")
 
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {

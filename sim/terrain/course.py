@@ -18,7 +18,7 @@ import models
 from sim.seeds import generator
 from sim.settings import build, read_named, read_toml
 from sim.terrain.loose import Beams, Blocks, Pallets
-from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, Rough, SideSlope, Site, Stairs, Step, require_length
+from sim.terrain.pieces import LENGTH, Flat, Gap, Piece, Placed, Ramp, Rough, SideSlope, Site, Stairs, Step
 from sim.terrain.solids import EDGE, LINES, Base, Level, Solid, look
 from trackslip.errors import (
     Checked,
@@ -64,15 +64,15 @@ class Course(Checked):
 
     pieces: tuple[Piece, ...]
     """In the order in which they are crossed."""
-    width: float = checked(3.0, require_length)
+    width: float = checked(3.0, *LENGTH)
     """Width [m]."""
     friction: float = checked(0.7, require_positive, 10.0)
     """Coefficient of friction."""
     seed: int = checked(0, require_whole, 0)
     """Root seed of everything random, such as rough ground."""
-    start_length: float = checked(2.0, require_length)
+    start_length: float = checked(2.0, *LENGTH)
     """Length of the level platform before the first piece [m]."""
-    goal_length: float = checked(2.0, require_length)
+    goal_length: float = checked(2.0, *LENGTH)
     """Length of the level platform behind the last piece [m]."""
 
     @classmethod

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 
 import numpy as np
 
-from sim.terrain.pieces import MAX_LENGTH, MAX_NUMBER, Placed, Site, require_height, require_length, require_number
+from sim.terrain.pieces import HEIGHT, LENGTH, MAX_LENGTH, MAX_NUMBER, NUMBER, Placed, Site
 from sim.terrain.solids import STONE, WOOD, Box, Level, Solid
 from trackslip.errors import Checked, checked, require, require_within
 
@@ -23,11 +23,11 @@ _BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # place along y, width
 class Beams(Checked):
     """Square beams across the course, on level ground."""
 
-    size: float = checked(0.1, require_height)
+    size: float = checked(0.1, *HEIGHT)
     """Height and thickness of a beam [m]."""
-    spacing: float = checked(0.6, require_length)
+    spacing: float = checked(0.6, *LENGTH)
     """From middle to middle [m]."""
-    number: int = checked(6, require_number)
+    number: int = checked(6, *NUMBER)
     """Number of beams."""
     yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
     """Largest angle by which a beam is turned, drawn evenly [rad]."""
@@ -51,26 +51,26 @@ class Beams(Checked):
 
 
 @dataclass(frozen=True)
-class Blocks:
+class Blocks(Checked):
     """Blocks on level ground, such as rails, piles or a kerb under one track."""
 
     blocks: tuple[tuple[float, float, float, float, float, float], ...]
     """Each x and y of its middle, from the piece's beginning and to the left of the course's middle, size along x and y
     before it is turned, height [m] and yaw [rad]."""
-    length: float
+    length: float = checked(MISSING, *LENGTH)
     """Length of the piece [m]."""
 
     def __post_init__(self) -> None:
-        require_length("length", self.length)
+        super().__post_init__()
         require(1 <= len(self.blocks) <= MAX_NUMBER, "blocks", f"{len(self.blocks)} blocks", f"1 to {MAX_NUMBER}")
         for block in self.blocks:
             require(np.shape(block) == (6,), "blocks", block, "x, y, length, width, height and yaw")
             x, y, along, across, height, yaw = block
             require_within("x of a block", x, 0.0, self.length, "m")
             require_within("y of a block", y, -MAX_LENGTH, MAX_LENGTH, "m")
-            require_length("length of a block", along)
-            require_length("width of a block", across)
-            require_height("height of a block", height)
+            require_within("length of a block", along, *LENGTH[1:])
+            require_within("width of a block", across, *LENGTH[1:])
+            require_within("height of a block", height, *HEIGHT[1:])
             require_within("yaw of a block", yaw, -math.pi, math.pi, "rad")
 
     def place(self, site: Site) -> Placed:
@@ -90,9 +90,9 @@ class Pallets(Checked):
     As many as fit are side by side, an odd number, so that one is in the middle.
     """
 
-    number: int = checked(3, require_number)
+    number: int = checked(3, *NUMBER)
     """Number of rows of pallets, one behind the other."""
-    spacing: float = checked(1.6, require_length)
+    spacing: float = checked(1.6, *LENGTH)
     """From middle to middle [m]."""
     yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
     """Largest angle by which a pallet is turned, drawn evenly [rad]."""

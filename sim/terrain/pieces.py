@@ -14,7 +14,6 @@ import numpy as np
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
 from trackslip.errors import (
     Checked,
-    InvalidValueError,
     checked,
     require,
     require_at_most,
@@ -26,50 +25,34 @@ from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # of the boxes of slopes [m]
 _BLEND_CELL = 0.1  # largest cell of the twisted ground beside a side slope [m]
-
-
 MAX_LENGTH = 200.0
 """Largest length and width of anything on a course [m]."""
-_MIN_LENGTH = 0.001  # [m]
-_MIN_HEIGHT, _MAX_HEIGHT = 1e-4, 10.0  # of anything on a course [m]
-_MAX_ANGLE = 1.2  # of a ramp or a side slope [rad]
 MAX_NUMBER = 500
 """Largest number of stairs, beams, blocks or pallets in a piece."""
+LENGTH = require_within, 0.001, MAX_LENGTH, "m"
+"""What lengths and widths are on a course."""
+_MIN_HEIGHT = 1e-4  # of anything on a course [m]
+_MAX_HEIGHT = 10.0  # [m]
+HEIGHT = require_within, _MIN_HEIGHT, _MAX_HEIGHT, "m"
+"""What heights above the ground are."""
+NUMBER = require_whole, 1, MAX_NUMBER
+"""What numbers of parts in a piece are."""
+_ANGLE = require_within, -1.2, 1.2, "rad (69 degrees)"  # of a ramp or a side slope
 _MAX_EXPONENT = 8.0
 _MAX_SAMPLES = 1_000_000  # of a height field
 _MAX_SIDE = 2000  # samples along a side of rough ground, whose spectrum takes four times its square
 _MIN_CELL = 0.005  # [m]
 
 
-def require_length(field: str, value: float) -> None:
-    """Raise InvalidValueError unless a course may have `value` as a length or width [m]."""
-    require_within(field, value, _MIN_LENGTH, MAX_LENGTH, "m")
-
-
-def require_width(field: str, value: float) -> None:
-    """Raise InvalidValueError unless `value` is a width on a course [m], or infinite for the course's."""
-    if value != math.inf:
-        require_length(field, value)
-
-
-def require_height(field: str, value: float) -> None:
-    """Raise InvalidValueError unless `value` is a height above the ground [m]."""
-    require_within(field, value, _MIN_HEIGHT, _MAX_HEIGHT, "m")
-
-
-def require_number(field: str, value: int) -> None:
-    """Raise InvalidValueError unless a piece may have `value` parts of a kind."""
-    require_whole(field, value, 1, MAX_NUMBER)
+def _require_width(field: str, value: float) -> None:
+    if value != math.inf:  # of the course
+        require_within(field, value, *LENGTH[1:])
 
 
 def _require_change(field: str, value: float) -> None:
-    allowed = f"from {_MIN_HEIGHT:g} to {_MAX_HEIGHT:g} m, or its negative to go down"
     require_finite(field, value)
+    allowed = f"from {_MIN_HEIGHT:g} to {_MAX_HEIGHT:g} m, or its negative to go down"
     require(_MIN_HEIGHT <= abs(value) <= _MAX_HEIGHT, field, value, allowed)
-
-
-def _require_angle(name: str, value: float) -> None:
-    require_within(name, value, -_MAX_ANGLE, _MAX_ANGLE, f"rad ({math.degrees(_MAX_ANGLE):.0f} degrees)")
 
 
 @dataclass(frozen=True)
@@ -102,7 +85,7 @@ class Piece(Protocol):
 class Flat(Checked):
     """Level ground."""
 
-    length: float = checked(1.0, require_length)
+    length: float = checked(1.0, *LENGTH)
     """Length [m]."""
 
     def place(self, site: Site) -> Placed:
@@ -115,9 +98,9 @@ class Flat(Checked):
 class Ramp(Checked):
     """A slope up or down."""
 
-    angle: float = checked(0.35, _require_angle)
+    angle: float = checked(0.35, *_ANGLE)
     """Angle with the horizontal, < 0 down [rad]."""
-    length: float = checked(2.0, require_length)
+    length: float = checked(2.0, *LENGTH)
     """Length along the slope [m]."""
 
     def place(self, site: Site) -> Placed:
@@ -136,7 +119,7 @@ class Step(Checked):
 
     height: float = checked(0.1, _require_change)
     """Height, < 0 down [m]."""
-    length: float = checked(1.5, require_length)
+    length: float = checked(1.5, *LENGTH)
     """Length of the ground behind it [m]."""
 
     def place(self, site: Site) -> Placed:
@@ -151,11 +134,11 @@ class Stairs(Checked):
 
     rise: float = checked(0.15, _require_change)
     """Height of a step, < 0 down [m]."""
-    run: float = checked(0.28, require_length)
+    run: float = checked(0.28, *LENGTH)
     """Depth of a tread [m]."""
-    number: int = checked(8, require_number)
+    number: int = checked(8, *NUMBER)
     """Number of steps."""
-    width: float = checked(math.inf, require_width)
+    width: float = checked(math.inf, _require_width)
     """Width [m]; inf: the course's width."""
 
     def place(self, site: Site) -> Placed:
@@ -174,9 +157,9 @@ class Stairs(Checked):
 class Gap(Checked):
     """A ditch across the course."""
 
-    length: float = checked(0.3, require_length)
+    length: float = checked(0.3, *LENGTH)
     """Length from edge to edge [m]."""
-    depth: float = checked(0.5, require_height)
+    depth: float = checked(0.5, *HEIGHT)
     """Depth of its bottom [m]."""
 
     def place(self, site: Site) -> Placed:
@@ -189,11 +172,11 @@ class Gap(Checked):
 class SideSlope(Checked):
     """Ground that falls to one side, between two stretches that twist from level to the slope and back."""
 
-    angle: float = checked(0.3, _require_angle)
+    angle: float = checked(0.3, *_ANGLE)
     """Angle with the horizontal, < 0 if the left is lower [rad]."""
-    length: float = checked(3.0, require_length)
+    length: float = checked(3.0, *LENGTH)
     """Length of the slope, without the twisted stretches [m]."""
-    blend: float = checked(1.0, require_length)
+    blend: float = checked(1.0, *LENGTH)
     """Length of each twisted stretch [m]."""
 
     def place(self, site: Site) -> Placed:
@@ -222,9 +205,9 @@ def smooth_step(share: Array) -> Array:
 class Rough(Checked):
     """Random rough ground whose power spectrum falls with the wave number; it begins and ends level."""
 
-    length: float = checked(4.0, require_length)
+    length: float = checked(4.0, *LENGTH)
     """Length [m]."""
-    amplitude: float = checked(0.1, require_height)
+    amplitude: float = checked(0.1, *HEIGHT)
     """From the lowest to the highest point [m]."""
     exponent: float = checked(3.0, require_within, 0.0, _MAX_EXPONENT)
     """Exponent with which spectral power per area falls with the wave number; 3 as of roads (ISO 8608)."""
@@ -272,21 +255,19 @@ class HeightField(Checked):
 
     heights: Array
     """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the way to drive."""
-    length: float = checked(4.0, require_length)
+    length: float = checked(4.0, *LENGTH)
     """Length from the first to the last column [m]."""
-    width: float = checked(math.inf, require_width)
+    width: float = checked(math.inf, _require_width)
     """Width from the first to the last row [m]; inf: the course's width."""
 
     def __post_init__(self) -> None:
         try:
-            shape = np.shape(self.heights)
-        except ValueError:
-            raise InvalidValueError("heights", self.heights, "rows of equal lengths") from None
-        require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
-        require_at_most("samples of heights", int(np.prod(shape)), _MAX_SAMPLES)
-        values = np.ravel(self.heights)
-        wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
-        require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
+            values = np.asarray(self.heights, float)
+        except (TypeError, ValueError):  # rows of different lengths, too
+            values = np.array(np.nan)
+        fits = values.ndim == 2 and min(values.shape) >= 2 and bool(np.isfinite(values).all())
+        require(fits, "heights", f"of shape {values.shape}", "finite numbers in rows and columns, two of each at least")
+        require_at_most("samples of heights", values.size, _MAX_SAMPLES)
         require_at_most("range of heights", float(np.ptp(values)), MAX_LENGTH, "m")
         super().__post_init__()
 

@@ -52,12 +52,15 @@ class TrackLook:
 
     hull: Array  # (W, 3) x, z and radius of the wheels in the body's frame [m]
     y: float  # lateral place of the track in the body's frame [m]
-    width: float  # width of the belt [m]
+    width: float  # width of the belt, or of the tyres [m]
+    belted: bool = True  # false for wheels that turn at one speed without a belt
 
     def pieces(self, travel: Array | float) -> Pieces:
         """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""
         travel = np.asarray(travel, float)
-        return _joined([self._shoes(travel), *(self._wheel(wheel, travel) for wheel in self._wheels())])
+        if not self.belted:
+            return _joined([self._wheel(wheel, travel, _TYRE) for wheel in self.hull])
+        return _joined([self._shoes(travel), *(self._wheel(wheel, travel, _WHEEL) for wheel in self._wheels())])
 
     @property
     def _thickness(self) -> float:
@@ -90,7 +93,7 @@ class TrackLook:
         position = np.stack([place[..., 0], np.full_like(heading, self.y), place[..., 1]], axis=-1)
         return Pieces(np.full(count, BOX), size, rgba, position, -heading)
 
-    def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...] = _WHEEL) -> Pieces:
+    def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...]) -> Pieces:
         """A disc, and bolts that turn with it."""
         x, z, radius = wheel
         angle = travel[..., None] / radius + np.append(0.0, 2 * np.pi * np.arange(_BOLTS) / _BOLTS)
@@ -101,15 +104,6 @@ class TrackLook:
         count = 1 + _BOLTS
         rgba_of_each = np.array([rgba, *[_BOLT] * _BOLTS])
         return Pieces(np.full(count, CYLINDER), size, rgba_of_each, np.stack(place, axis=-1), angle)
-
-
-@dataclass(frozen=True)
-class WheelLook(TrackLook):
-    """The looks of the wheels of a side, which turn at one speed, without a belt; `width` is that of a tyre."""
-
-    def pieces(self, travel: Array | float) -> Pieces:
-        """See TrackLook."""
-        return _joined([self._wheel(wheel, np.asarray(travel, float), _TYRE) for wheel in self.hull])
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:

@@ -25,8 +25,6 @@ from trackslip.errors import (
 
 Lines = tuple[tuple[float, float], ...]
 """Lateral place of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
-MIDDLE: Lines = ((0.0, 1.0),)
-"""A line in the middle of the belt."""
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
@@ -50,7 +48,7 @@ class Part:
     edge: bool = False  # true on either edge of a belt with several lines of contact
 
 
-def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MIDDLE) -> tuple[Part, ...]:
+def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> tuple[Part, ...]:
     """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground in each line.
 
     Runs that face up, which only touch when the robot has overturned, are a single capsule each.
@@ -77,7 +75,7 @@ def lines_across(width: float) -> Lines:
 
     They share the load so that its second moment is that of an even pressure, which is what turning feels of the width.
     """
-    return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else MIDDLE
+    return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else ((0.0, 1.0),)
 
 
 def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:

@@ -98,7 +98,7 @@ class Traverse(World):
             self._slots.bind_batch(self.batch)
         self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
-        self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
+        self._clear = clear_angles(self.tracked)
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
         self.contact = Reading.none(size, len(self.track_names))

@@ -7,18 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.fleet import Fleet
+from sim.robot.robot import Robot
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner, require_share
 from sim.wander.motion import Motion
 from trackslip import se2
 from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import Array
-from trackslip.localization.scan import Plate, Scan
+from trackslip.localization.scan import Scan
 
 _MAX_JITTER = 0.2  # of a period
 _MOST_EARLY = 0.45  # of a period: stamps stay in order
-_AT_ONCE = 500  # scans
+_AT_ONCE = 250  # scans, each of a robot of its own
 _LARGEST = 1e6  # error, in any unit: logs of larger ones could not be read again
 _LONGEST_DELAY = 3600.0  # [s]
+_WRONG = 0.5  # largest error of a pose that is wrong, in x and y [m] and of its heading [rad]
 
 
 @dataclass(frozen=True)
@@ -38,13 +42,7 @@ class PoseSource(Checked):
     jitter: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Standard deviation of the time stamps [s]."""
     outliers: float = checked(0.0, require_share)
-    """Share of the poses that are wrong [-]."""
-    outlier_size: float = checked(0.5, require_within, 0.0, _LARGEST)
-    """Largest error of those, in x and in y [m]."""
-    outlier_turn: float = checked(0.5, require_within, 0.0, _LARGEST)
-    """Largest error of their headings [rad]."""
-    dropouts: float = checked(0.0, require_share)
-    """Share of the poses that are missing, one by one [-]."""
+    """Share of the poses that are wrong, by up to 0.5 m in x and y and 0.5 rad [-]."""
     gaps: int = checked(0, require_within, 0.0, _LARGEST)
     """Number of stretches without poses."""
     gap_duration: float = checked(5.0, require_within, 0.0, _LARGEST)
@@ -59,8 +57,6 @@ class PoseSource(Checked):
     """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
     heading_drift: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
-    scale_error: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Relative error of all distances and turns, as of odometry with a wrong radius [-]."""
     ahead: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
     """Place of the sensor forward of the robot's origin [m]."""
     left: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
@@ -70,7 +66,6 @@ class PoseSource(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self.scale_error > -1, "scale_error", self.scale_error, "greater than -1")
         most = _MAX_JITTER / self.rate
         require(self.jitter <= most, "jitter", self.jitter, f"at most {most:g} s, {_MAX_JITTER:g} of a period")
 
@@ -86,23 +81,22 @@ class PoseSource(Checked):
         noise = np.array([self.position_noise, self.position_noise, self.heading_noise])
         pose = pose + noise * rng.standard_normal(pose.shape)
         wrong = rng.random(len(moment)) < self.outliers
-        largest = np.array([self.outlier_size, self.outlier_size, self.outlier_turn])
-        pose = pose + wrong[:, None] * largest * rng.uniform(-1, 1, pose.shape)
+        pose = pose + wrong[:, None] * _WRONG * rng.uniform(-1, 1, pose.shape)
         early = np.clip(self.jitter * rng.standard_normal(len(moment)), *(np.array([-1, 1]) * _MOST_EARLY / self.rate))
-        seen = (rng.random(len(moment)) >= self.dropouts) & ~self._in_gap(moment, rng)
+        seen = ~self._in_gap(moment, rng)
         if not self.heading:
             pose[:, 2] = np.nan
         return (moment + self.delay + early)[seen], pose[seen]
 
     def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
         """Poses (M, 3) with drift and lasting jumps, which are errors of the steps between poses."""
-        if len(pose) < 2 or not (self.drift or self.heading_drift or self.scale_error or self.jumps):
+        if len(pose) < 2 or not (self.drift or self.heading_drift or self.jumps):
             return pose
         steps = se2.steps(pose)
         way = np.hypot(steps[:, :1], steps[:, 1:2])
         along = self.drift * np.sqrt(way.sum() / 2)  # [m/sqrt(m)], for each of two directions
         walk = np.sqrt(way) * [along, along, self.heading_drift] * rng.standard_normal(steps.shape)
-        steps = (1 + self.scale_error) * steps + walk
+        steps = steps + walk
         at = np.searchsorted(moment, rng.uniform(moment[0], moment[-1], self.jumps))
         direction = rng.uniform(-np.pi, np.pi, self.jumps)
         turned = self.jump_turn * rng.choice([-1.0, 1.0], self.jumps)
@@ -130,32 +124,15 @@ SOURCES: Mapping[str, PoseSource] = {
 """Sources by name: the scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""
 
 
-def plate_scans(
-    scanner: LaserScanner, mount: Array, plate: Plate, motion: Motion, rng: np.random.Generator
-) -> tuple[Array, Scan]:
-    """Times (S,) [s] and scans (S, B) of the plate by a scanner at `mount` (3,), in an empty field.
+def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator) -> tuple[Array, Scan]:
+    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, by the scanner beside it.
 
     The first scan is at a random moment in the first period.
     """
     time = np.arange(motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period)
-    pose = se2.between(mount, motion.at(time))
-    parts = [
-        scanner.measure(plate_ranges(plate, pose[k : k + _AT_ONCE], scanner.bearings), rng).astype(np.float32)
-        for k in range(0, len(pose), _AT_ONCE)
-    ]
-    return time, scanner.scan(np.concatenate(parts), mount)
-
-
-def plate_ranges(plate: Plate, pose: Array, bearings: Array) -> Array:
-    """Ranges (S, B) [m] along `bearings` (B,) [rad] to plates at poses (S, 3) in the scanner's frame, NaN for a miss.
-
-    A beam enters the strip between two opposite sides, and leaves it; it hits the plate where it has entered both
-    strips before it leaves one of them.
-    """
-    origin = se2.inverse(pose).T[:2, :, None]  # (2, S, 1), in the plate's frame
-    direction = np.moveaxis(se2.direction(bearings - pose[:, 2:]), -1, 0)  # (2, S, B)
-    half = np.array([plate.length, plate.thickness])[:, None, None] / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sides = np.stack([(-half - origin) / direction, (half - origin) / direction])
-    enters, leaves = sides.min(axis=0).max(axis=0), sides.max(axis=0).min(axis=0)
-    return np.where((enters <= leaves) & (enters > 0), enters, np.nan)
+    pose, parts = motion.at(time), []
+    for k in range(0, len(pose), _AT_ONCE):
+        standing = Fleet(robot, pose[k : k + _AT_ONCE])
+        true = ScannerFeed(scanner, standing).true_ranges()
+        parts.append(scanner.measure(true, rng).astype(np.float32))
+    return time, scanner.scan(np.concatenate(parts), robot.lrf_mount)

@@ -66,13 +66,15 @@ def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):
 
 
 def test_flippers_start_clear_of_the_ground(rescue):
-    up = np.array([1.0, 0.3, 0.5, 0.2])
-    np.testing.assert_allclose(clear_angles(rescue, up), up)
-    lifted = clear_angles(rescue, np.full(4, -1.2))
+    assert not clear_angles(rescue).any()
+    bend, flippers = 0.6, rescue.robot.flippers  # the same with tips further down
+    bent = [[(x * np.cos(bend), -abs(x) * np.sin(bend), r) for x, _, r in flipper.hull] for flipper in flippers]
+    flippers = tuple(replace(flipper, hull=hull) for flipper, hull in zip(flippers, bent, strict=True))
+    lifted = clear_angles(replace(rescue, robot=replace(rescue.robot, flippers=flippers)))
     # the tip's wheel, 0.04 m, 0.245 m from the hinge at 0.08 m, just clears the ground at -asin(0.04 / 0.245)
-    step = (2.6 + 1.2) / 60
-    assert (lifted >= -np.arcsin(0.04 / 0.245) - 1e-9).all()
-    assert (lifted <= -np.arcsin(0.04 / 0.245) + step).all()
+    least = bend - np.arcsin(0.04 / 0.245)
+    assert (lifted >= least - 1e-9).all()
+    assert (lifted <= least + 2.6 / 60).all()
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,8 @@
 """Robots on wheels: their turns, slopes and shear are theory's, whatever their size and mass."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
@@ -117,15 +114,3 @@ def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
         level = Fleet(load_robot(parameters=robot), start)
         np.testing.assert_allclose(level.attitude()[:, 0], SINK, rtol=0.01)
         np.testing.assert_allclose(level.load().sum(axis=1), robot.mass * G, rtol=1e-3)
-
-
-def test_a_yaw_inertia_moves_mass_along_the_ground():
-    for robot in (WARTHOG, replace(HUSKY, inertia=(4.0, 6.0, 8.0, 0.3, -0.2, 0.1), yaw_inertia=12.0)):
-        model = load_robot(parameters=robot).model
-        body = model.body("chassis")
-        axes = Rotation.from_quat(body.iquat, scalar_first=True).as_matrix()
-        inertia = axes @ np.diag(body.inertia) @ axes.T
-        assert inertia[2, 2] == pytest.approx(robot.yaw_inertia)
-        if robot.inertia:  # second moments grow by half along x and y, and not along z
-            np.testing.assert_allclose(inertia[0, 0] + inertia[1, 1] - inertia[2, 2], 4.0 + 6.0 - 8.0)
-            np.testing.assert_allclose(inertia[[0, 0, 1], [1, 2, 2]], [0.45, -0.2 * 1.5**0.5, 0.1 * 1.5**0.5])
