@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
-<<<<<<< HEAD
-from sim.robot.wheels import add_start, colliding, endless, switch_off, warn_of_keyframes
-=======
-from sim.robot.wheels import choose_start, endless, lock, switch_off
->>>>>>> main
+from sim.robot.wheels import choose_start, colliding, endless, lock, switch_off
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
