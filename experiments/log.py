@@ -19,7 +19,7 @@ from experiments.common.table import MISSING, Table, number
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import holds_bags, read_runs_of
 from trackslip.bags.open import Bag as RosBag
-from trackslip.bags.open import open_bags, short_type
+from trackslip.bags.open import open_bags
 from trackslip.bags.topics import IMU, LASER_SCAN, encoder_topics, imu_topic, pose_source, pose_sources, scan_topic
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
@@ -94,7 +94,7 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
         gaps = np.diff(arrivals[name]) / 1e9
         usual, longest = (float(np.median(gaps)), float(gaps.max())) if gaps.size else (np.nan, np.nan)
         rate = 1 / usual if usual else np.nan
-        rows.append((name, short_type(topic.type), str(topic.count), number(rate, 1), number(longest, 2)))
+        rows.append((name, topic.type.replace("/msg/", "/"), str(topic.count), number(rate, 1), number(longest, 2)))
     rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics]
     recorded = np.concatenate(list(arrivals.values()))
     return Table(

@@ -21,7 +21,7 @@ from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import Refuse, refuse, said_of
-from sim.robot.wheels import own_wheels, start
+from sim.robot.wheels import colliding, own_wheels, start
 from sim.settings import build, read_named
 from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError, TrackslipError, counted, require
 
@@ -172,7 +172,7 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     try:
         return replace(robot, **{name: value for name, value in own.items() if name not in given})
     except InvalidValueError as error:
-        raise SettingsFileError(f"{path}: of its wheels, {error}") from error
+        raise SettingsFileError(f"{path}: of its wheels, {error}; give `hull`") from error
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     return [
         ("mass", f"{mass:.4g} kg, {x:+.3f} m ahead, {y:+.3f} m left, {z:.3f} m above the ground"),
         ("inertia", f"{', '.join(f'{value:.3g}' for value in inertia.diagonal())} kg m^2 about x, y, z"),
-        ("what collides", counted(int((model.geom_contype[model.geom_bodyid > 0] > 0).sum()), "shape")),
+        ("what collides", counted(int(colliding(model)[model.geom_bodyid > 0].sum()), "shape")),
         ("joints with motors", ", ".join(held) or "none"),
         ("joints without", ", ".join(loose) or "none"),
         ("flippers", ", ".join(robot.flipper_bodies) or "none"),

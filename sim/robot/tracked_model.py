@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
-from sim.robot.wheels import choose_start, endless, lock, switch_off
+from sim.robot.wheels import choose_start, colliding, endless, lock, switch_off
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
@@ -282,7 +282,7 @@ def _check_across(
 
 def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
     """Refuse what would touch level ground beside the tracks."""
-    own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & (model.geom_contype > 0)
+    own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & colliding(model)
     for geom in np.flatnonzero(own):
         centre, half = model.geom_aabb[geom].reshape(2, 3)
         up = data.geom_xmat[geom].reshape(3, 3)[2]

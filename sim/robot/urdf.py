@@ -52,6 +52,8 @@ def read_model(path: Path) -> Any:
         raise TrackslipError(f"{path}: {kind}; `model` must be an MJCF (<mujoco>) or URDF (<robot>): convert it")
     if root == "mujoco":
         return mujoco.MjSpec.from_file(str(path))
+    if "<link" not in text:
+        raise TrackslipError(f"{path}: has no links; if it is from xacro, its macros must be called as <xacro:NAME/>")
     spec = mujoco.MjSpec.from_string(_unstripped(text))
     stated = any(body.explicitinertial for body in spec.bodies)
     for geom in list(spec.geoms):

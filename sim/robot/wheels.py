@@ -21,6 +21,7 @@ _AXIS = 0.95  # least cosine between the axis of a wheel and the chassis' y [-]
 _ROUND = 0.1  # largest difference between the extents of a wheel along x and z, relative to their mean [-]
 _MIRRORED = 0.03  # largest difference between wheels on the left and right [m]
 _MIDDLE = 0.25  # of the largest |y|: what lies nearer to the middle is a caster [-]
+_TREAD = 0.1  # of a wheel's height from the ground: what lies higher isn't its tread [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
@@ -156,10 +157,18 @@ def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
 
 
+def colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """For each geom, True if it collides with others: one of its two masks is enough."""
+    return np.asarray((model.geom_contype | model.geom_conaffinity) > 0)
+
+
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
-    """Least and largest coordinates (2, 3) of a link's colliding geoms, else of all, in the chassis' frame [m]."""
+    """Least and largest coordinates (2, 3) of a link's colliding geoms, else of all, in the chassis' frame [m].
+
+    Along y those of its tread, because a hub reaches further in.
+    """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
-    collide = own & ((model.geom_contype | model.geom_conaffinity) > 0)
+    collide = own & colliding(model)
     frame, points = chassis.xmat.reshape(3, 3), [np.full((1, 3), np.nan)]
     for geom in np.flatnonzero(collide if collide.any() else own):
         turn = frame.T @ data.geom_xmat[geom].reshape(3, 3)
@@ -171,9 +180,12 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int)
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:  # however it is turned about its axis
             radius, half, _ = model.geom_size[geom]
             reach = np.sqrt(np.maximum(1 - turn[:, 2] ** 2, 0)) * radius + np.abs(turn[:, 2]) * half
-        points += [centre - reach, centre + reach]
+        points += [centre - reach, centre + reach, centre + reach * [-1, 1, -1]]
     stacked = np.vstack(points)
-    return np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
+    extent = np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
+    tread = stacked[~(stacked[:, 2] > extent[0, 2] + _TREAD * np.ptp(extent[:, 2]))]
+    extent[:, 1] = np.fmin.reduce(tread[:, 1]), np.fmax.reduce(tread[:, 1])
+    return extent
 
 
 def choose_start(spec: Any, robot: TrackedRobot) -> None:

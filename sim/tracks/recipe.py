@@ -197,5 +197,5 @@ def set_options(option: Any, preset: Preset) -> None:
 
 def require_stable(timestep: float, preset: Preset) -> None:
     """Raise InvalidValueError for a time step [s] at which the preset isn't stable."""
-    allowed = f"at most {preset.timestep:g} s, for contacts of this preset to be stable"
+    allowed = f"at most {preset.timestep:g} s, for stable contacts of this preset: change it in the model's <option>"
     require(0 < timestep <= preset.timestep, "timestep", timestep, allowed)

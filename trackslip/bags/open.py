@@ -166,11 +166,6 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN] or ["none"]) + more
 
 
-def short_type(name: str) -> str:
-    """The name of a message type as people write it, `package/Type`."""
-    return name.replace("/msg/", "/")
-
-
 def has_rosbags() -> bool:
     """True if rosbags is installed, and what else the extra `ros` installs."""
     try:

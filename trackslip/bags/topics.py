@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from trackslip.bags.choice import BagChoice
-from trackslip.bags.open import Bag, Topic, listed, short_type
+from trackslip.bags.open import Bag, Topic, listed
 from trackslip.bags.transforms import frames_of, parents_of, path_up
 from trackslip.errors import LogError
 
@@ -109,7 +109,7 @@ def _instead(bag: Bag) -> str:
     """What to do with a bag without joint states."""
     ticks = [topic for topic in bag.topics.values() if _TICKS.fullmatch(topic.type)]
     if ticks:
-        named = listed([f"{topic.name} ({short_type(topic.type)})" for topic in ticks])
+        named = listed([f"{topic.name} ({topic.type})" for topic in ticks])
         return (
             f"; {named} may count ticks: publish 2π ticks / (ticks per turn) as positions of a JointState and record "
             "again, or write a table (t, omega_l, omega_r, x, y, phi) in which omega is 2π times the ticks since the "
@@ -177,7 +177,7 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
         imu = imu_topic(bag, choice)
         if imu is not None:
             return PoseSource(imu.name, PoseOrigin.IMU)
-        needed = f"no topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
+        needed = f"no other topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
         raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
     best = [source for source in sources if source.origin is sources[0].origin]
     best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state

@@ -29,10 +29,9 @@ class Clock:
     distinct: bool = False  # true if no other offset leaves less than twice the variance
 
 
-def median_offset(clocks: Iterable[Clock], most: float = np.inf) -> float:
-    """The median of the offsets that motion shows [s]; 0 if there are none, or it is larger than `most`."""
-    offset = float(np.median([clock.offset for clock in clocks if clock.share > 0] or [0.0]))
-    return offset if abs(offset) <= most else 0.0
+def median_offset(clocks: Iterable[Clock]) -> float:
+    """The median of the offsets up to NEAR that motion shows [s]; 0 if there are none."""
+    return float(np.median([each.offset for each in clocks if each.share > 0 and abs(each.offset) <= NEAR] or [0.0]))
 
 
 def clock_of_drive(drive: PreparedDrive) -> Clock:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.clocks import NEAR, Clock, clock_of_drive, median_offset
+from trackslip.identification.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS
 from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
 from trackslip.identification.misread import (
@@ -94,7 +94,8 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     """Look at drives; raises LogError, with one line that says what to do, where the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
-    clock = median_offset(map(_checked_clock, drives))
+    clocks = [_checked_clock(drive) for drive in drives]
+    clock = median_offset(clocks)
     poses = np.bincount(Steps.of(Drives.of(drives), geometry, clock).drive, minlength=len(drives))
     covered = [drive for drive, count in zip(drives, poses, strict=True) if count > 1]
     if not covered:
@@ -112,6 +113,11 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     parts = tuple(part for kept, _ in cut for part in kept)
     if not parts:
         raise LogError(f"run {drives[0].name!r}: its poses jump so often that too few lie between jumps")
+    others = [
+        f"run {drive.name!r}: add {own.offset - clock:.2f} s to the times of its poses: other runs have other clocks"
+        for drive, own in zip(drives, clocks, strict=True)
+        if own.distinct and abs(own.offset - clock) > 2 * GRID
+    ]
     return Look(
         parts,
         gains,
@@ -119,7 +125,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         left,
         right,
         duration,
-        (*_notes(covered, gains, left, right), *(line for _, lines in cut for line in lines)),
+        (*_notes(covered, gains, left, right), *others, *(line for _, lines in cut for line in lines)),
         tuple(_alarms(covered, gains, duration, matches)),
     )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.identification.clocks import NEAR, clock_of_drive, median_offset
+from trackslip.identification.clocks import clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import DriveModel
@@ -79,7 +79,7 @@ def _reference(
 ) -> DriveFit:
     """The fit of REFERENCE with the longest windows that predict no worse and leave enough blocks for intervals."""
     if start is None:
-        clock = median_offset(map(clock_of_drive, drives.drives), NEAR)
+        clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
     prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # of a machined radius, which nothing tells
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)

@@ -18,7 +18,7 @@ from trackslip.kinematics import GEARS, Array, RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import Refused, RunLog
-from trackslip.logs.table import LATERAL, REQUIRED, SAMPLE_COLUMNS
+from trackslip.logs.table import LATERAL, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
@@ -133,15 +133,11 @@ def source_of_runs(
 def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
     """The runs or the samples in a file."""
     table = read_table(file)
-    columns = table.column_names
-    if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
+    if "x" not in table.column_names and set(SAMPLE_COLUMNS) <= set(table.column_names):
         if chosen is not None:
             raise LogError("holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
         return Source(str(file), geometry, reading, rows=_sampled(Columns(table, str(file)), reading, geometry))
-    if not set(columns) & {*REQUIRED, "x", "y"}:
-        needed = f"{', '.join(REQUIRED)}, x, y and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
-        raise LogError(f"needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     read = runs_from_table(table, str(file))
     names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
     runs = [log for log in read.runs if log.run in names]

@@ -39,9 +39,8 @@ class Columns:
         for name in present:
             if present.count(name) > 1:
                 raise LogError(f"{self._source}: column {name} is there {present.count(name)} times")
-        for name in names:
-            if name not in present:
-                raise LogError(f"{self._source}: column {name} is missing (found {', '.join(present)})")
+        if missing := [name for name in names if name not in present]:
+            raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {', '.join(present)[:200]!r}")
 
     def cells(self, name: str) -> Cells:
         """A column of numbers, empty if it is missing; raises LogError for another type or unit."""

@@ -75,7 +75,7 @@ class _Reader:
         table = _named(_with_heading(table, source), source)
         columns = Columns(table, source)
         given = set(table.column_names)
-        turns_alone = given & {"phi", "gyro"} and not given & {"x", "y"}
+        turns_alone = given >= set(REQUIRED) and given & {"phi", "gyro"} and not given & {"x", "y"}
         columns.require(REQUIRED if turns_alone else (*REQUIRED, "x", "y"))
         self._table, self._source, self._columns = table, source, columns
         self._metadata = stored_metadata(table.schema.metadata, source)

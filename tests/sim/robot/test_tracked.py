@@ -93,6 +93,18 @@ def test_robots_that_cannot_be_built(tmp_path, old, new, said):
         build_tracked(load_tracked(write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new))))
 
 
+@pytest.mark.parametrize("mask", ["contype", "conaffinity"])
+def test_a_geom_with_one_mask_collides_and_must_be_clear_of_the_ground(tmp_path, mask):
+    geom = f'<geom type="box" size=".2 .1 .1" {mask}="0" mass="9"/>'
+    (tmp_path / "mine.urdf").write_text(
+        f'<mujoco><worldbody><body name="base"><freejoint/>{geom}</body></worldbody></mujoco>'
+    )
+    tracks = "half_gauge = 0.2\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n"
+    (tmp_path / "robot.toml").write_text('model = "mine.urdf"\n' + tracks)
+    with pytest.raises(TrackslipError, match=r"reaches down to -0\.1 m"):
+        build_tracked(load_tracked(tmp_path / "robot.toml"))
+
+
 ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20" range="-180 180"/>
   <position kp="3000" forcerange="-150 150"/></default></default><worldbody><body name="base" pos="0 0 0.1"><freejoint/>
   <geom type="box" size="0.3 0.15 0.05" pos="0 0 0.12" mass="25"/>

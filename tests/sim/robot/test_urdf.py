@@ -132,13 +132,31 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         (rover()[:-2], '"replace"', "alike on the left and right; found are left_front"),
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
-        (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels"),
+        (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
         ([*rover(), *RADAR], [*LISTED, "radar"], "'radar': turns endlessly, must be round to be a wheel"),
     ],
 )
 def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
     with pytest.raises(TrackslipError, match=said):
         load_tracked(write(tmp_path, parts, f"wheels = {wheels}\n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (POINTER, "is a Git LFS pointer"),
+        ('<mujoco><asset><texture name="p" type="2d" file="p.png"/></asset></mujoco>', "'p' needs p.png, but it"),
+        ('<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>', "XML of <sdf>; `model` must be an MJCF .* or"),
+        ("#usda 1.0", "is no XML"),
+        ('<robot name="r"><wheels_macro/></robot>', "has no links; .* called as <xacro:NAME/>"),
+    ],
+)
+def test_files_that_are_no_models_are_named(tmp_path, text, said):
+    (tmp_path / "r.xml").write_text(text)
+    (tmp_path / "p.png").write_text(POINTER)
+    (tmp_path / "r.toml").write_text('model = "r.xml"\n' + TRACKS)
+    with pytest.raises(TrackslipError, match=rf"r\.xml: .*{said}"):
+        build_tracked(load_tracked(tmp_path / "r.toml"))
 
 
 @pytest.mark.parametrize("unit", ["0.1", "2.54e-2", "1", ""])
@@ -163,7 +181,11 @@ def fixed(part, parent="base", place="0 0 0"):
 
 
 LYING = '<origin rpy="1.5707963 0.7 0" xyz="0 0 0"/><geometry><cyl'
-CAPS = [part for name in LISTED for part in fixed(link(f"{name}_cap", 1, '<sphere radius="0.03"/>'), name)]
+HUBS = [
+    part
+    for name, (_, y) in WHEELS.items()  # which reach further in than the wheels
+    for part in fixed(link(f"{name}_hub", 1, '<sphere radius="0.03"/>'), name, f"0 {-0.4 * y} 0")
+]
 BLOCK = fixed(link("block", 1, '<box size="0.3 0.3 0.3"/>', "0 0.2 0.2"))
 BELT = fixed(link("belt", 1, '<box size="0.6 0.1 0.2"/>', "0 0.25 0.02"))
 OFF = (1e-4, 0.0, 0.0, 1e-4)
@@ -180,7 +202,7 @@ ROLLERS = [
         (rover(**ENDLESS), '"replace"'),
         ([part.replace('<origin xyz="0 0 0"/><geometry><cyl', LYING) for part in rover(CYLINDER)], '"replace"'),
         (rover('<mesh filename="package://rover_description/wheel.obj"/>'), '"replace"'),
-        ([*rover(), *CAPS], [*LISTED, *(f"{name}_cap" for name in LISTED)]),
+        ([*rover(), *HUBS], [*LISTED, *(f"{name}_hub" for name in LISTED)]),
         ([*rover(kind="fixed", parent="block"), *BLOCK, *BELT], [*LISTED, "belt", "block"]),
         ([*rover(), *fixed(link("rider", 0, '<box size="1 1 1"/>', "0 0 1"))], '"replace"'),
         (rover(heights=OFF), '"replace"'),  # a hair apart, and alike

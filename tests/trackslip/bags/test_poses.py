@@ -186,7 +186,7 @@ ROBOTS = [
             "poses may be /amcl_pose, /slam/pose: choose with --poses",
         ),
         ([ROBOTS], "poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"),
-        ([poses_of(LOG, topic="/goal_pose")], r"no poses: no topic of .*; its topics are /goal_pose"),
+        ([poses_of(LOG, topic="/goal_pose")], r"no poses: no other topic of .*; its topics are /goal_pose"),
     ],
 )
 def test_what_leaves_a_doubt_is_for_the_user_to_choose(tmp_path, messages, line):

@@ -114,6 +114,12 @@ def test_clocks_that_are_nearly_right_give_a_start_value(late, kind):
     assert found.alarms == ()
 
 
+def test_a_run_whose_clocks_are_apart_by_another_time_than_those_of_others_is_told():
+    logs = [log_of(DRIVE, TIME - late, POSE, run=name) for name, late in (("a", 0.0), ("b", 0.4), ("c", 0.0))]
+    told = "run 'b': add 0.40 s to the times of its poses: other runs have other clocks"
+    assert [note for note in look(*logs).notes if "clocks" in note] == [told]
+
+
 def test_poses_of_another_drive_are_not_a_matter_of_clocks():
     time, pose = measured(drive_of(seed=10))
     assert [alarm.kind for alarm in look_at(DRIVE, time, pose).alarms] == ["match"]

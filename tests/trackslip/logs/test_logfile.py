@@ -104,7 +104,7 @@ def test_a_long_run_is_cut_into_parts_of_equal_duration(duration, count):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("run,t,omega_l,omega_r,x,phi\n", "column y is missing"),
+        ("run,t,omega_l,omega_r,x,phi\n", "has no column y"),
         (HEADER, "no rows"),
         ("", "Empty CSV file"),
         (HEADER + LINES[0] + "a,1,1,2,oops,0,0\na,2,1,2,oops,0,0\n", "row 2, column x: 'oops' .*; so are 2 of its 3"),

@@ -113,10 +113,10 @@ def test_files_are_spelt_as_those_of_logs(csv, content):
     [
         ("", "Empty CSV file"),
         ("x,y\n0,0\n1,zero\n2,0", "row 2, column y: 'zero' is not a finite number"),
-        ("0,1\n1,0\n2,0", r"column x is missing \(found 0, 1\)"),
+        ("0,1\n1,0\n2,0", "has no column x, y; found '0, 1'"),
         ("x,y,yaw\n0,0,0\n1,0,1.6\n2,0,0", "point 2, column yaw = 1.6: must be within 45 deg of the way from point 1"),
         ("v,x,y\n.1,0,0\n.1,1,0\n-.1,2,0", "point 3, column v = -0.1: must be at least 0 without a column yaw"),
-        (b"\xff\xfe\x00\x81", "column x is missing|codec can't decode|CSV"),
+        (b"\xff\xfe\x00\x81", "has no column x|codec can't decode|CSV"),
     ],
 )
 def test_unusable_files_are_refused_in_a_line(csv, content, message):
