@@ -150,6 +150,6 @@ def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
             ("/encoders", "Int64MultiArray", [1, 2]),
         )
     ]
-    named = r"/encoders \(std_msgs/Int64MultiArray\), /left_ticks \(std_msgs/Int32\), /right_ticks \(std_msgs/Int32\)"
+    named = r"/encoders \(.*Int64MultiArray\), /left_ticks \(std_msgs/msg/Int32\), /right_ticks \(std_msgs/msg/Int32\)"
     with pytest.raises(LogError, match=f"{named} may count ticks: publish 2π ticks / .*or write a table"):
         read(tmp_path, counts)
