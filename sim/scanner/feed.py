@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,41 @@ from sim.seeds import generator
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
+
+_SLACK = 0.2  # around the plate, so that beams need not be selected again for every scan [m]
+
+
+@dataclass(frozen=True)
+class _Aim:
+    """The beams that can hit plates near `centre`, whatever their headings; the same number W for every robot."""
+
+    centre: Array  # (N, 3) of the plates, when the beams were selected [m]
+    beams: np.ndarray  # (N, W) among the B of all
+
+    @classmethod
+    def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array) -> _Aim:
+        """Select the beams to cast at plates around `centre` (N, 3) [m].
+
+        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
+        `heading` [rad]. Plates have no points beyond a `radius` around their centres [m].
+        """
+        radius += _SLACK
+        x, y = (centre - origin)[:, :2].T
+        distance = np.hypot(x, y)
+        bearing = wrap_angle(np.arctan2(y, x) - heading)
+        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
+        last = len(bearings) - 1
+        step = (bearings[-1] - bearings[0]) / last
+        low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
+        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
+        first = np.floor(low).astype(int)
+        count = min(int((np.ceil(high) - first).max()), last) + 1
+        return cls(centre, np.minimum(first, last + 1 - count)[:, None] + np.arange(count))
+
+    def holds(self, centre: Array) -> bool:
+        """True if the selection is still valid for plates around `centre` (N, 3)."""
+        return bool(np.abs(centre - self.centre).max() <= _SLACK / 2)
 
 
 class ScannerFeed(Restorable):
@@ -67,6 +102,9 @@ class ScannerFeed(Restorable):
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
         self._around = obstacles.ranges(self._origin[:2], self._rays[:, :2])  # (B,) [m]
+        self._aim: _Aim | None = None
+        self._aimed_rays: Array = np.empty((fleet.size, 0, 3))  # (N, W, 3)
+        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W, 3)
         self._groups = (np.arange(6) == SCANNED_GROUP).astype(np.uint8)
         self._lrf = robot.model.body("lrf").id
 
@@ -77,28 +115,23 @@ class ScannerFeed(Restorable):
 
     def true_ranges(self) -> Array:
         """Ranges (N, B) without measurement errors, NaN where there is nothing [m]."""
-        beams = self._beams()
-        rays = self._rays[beams]
-        origins = np.tile(self._origin, (*beams.shape, 1))
-        distance, *_ = self._fleet.batch.ray(origins, rays, geomgroup=self._groups, bodyexclude=self._lrf)
+        aim = self._aimed()
+        distance, *_ = self._fleet.batch.ray(
+            self._aimed_origins, self._aimed_rays, geomgroup=self._groups, bodyexclude=self._lrf
+        )
         distance[distance < 0] = np.nan
         ranges = np.tile(self._around, (self._fleet.size, 1))
-        np.put_along_axis(ranges, beams, np.fmin(distance, self._around[beams]), axis=1)
+        np.put_along_axis(ranges, aim.beams, np.fmin(distance, self._around[aim.beams]), axis=1)
         return ranges
 
-    def _beams(self) -> np.ndarray:
-        """The beams (N, W) that can hit the plates, whatever their headings; as many for every robot."""
-        x, y = (self._fleet.plate - self._origin)[:, :2].T
-        radius, distance = self._fleet.robot.plate_radius, np.hypot(x, y)
-        bearing = wrap_angle(np.arctan2(y, x) - self._heading)
-        spread = np.where(distance > radius, np.arcsin(radius / np.maximum(distance, radius)), np.pi)
-        edges = np.stack([bearing - spread, bearing + spread])
-        edges[:, np.abs(bearing) + spread > np.pi] = [[-np.inf], [np.inf]]  # behind the scanner, where bearings wrap
-        last, first = len(self.bearings) - 1, self.bearings[0]
-        low, high = np.clip((edges - first) * last / (self.bearings[-1] - first), 0, last)
-        begin = np.floor(low).astype(int)
-        count = min(int((np.ceil(high) - begin).max()), last) + 1
-        return np.minimum(begin, last + 1 - count)[:, None] + np.arange(count)
+    def _aimed(self) -> _Aim:
+        centre = self._fleet.plate
+        if self._aim is None or not self._aim.holds(centre):
+            radius = self._fleet.robot.plate_radius
+            self._aim = _Aim.at(centre.copy(), self._origin, self._heading, radius, self.bearings)
+            self._aimed_rays = self._rays[self._aim.beams]
+            self._aimed_origins = np.broadcast_to(self._origin, self._aimed_rays.shape).copy()
+        return self._aim
 
     def measure(self, true_ranges: Array) -> Array:
         """Measured ranges (N, ..., B) [m] of each robot's scanner, which has its own random numbers."""
