@@ -21,6 +21,7 @@ from trackslip.errors import (
     require_positive,
 )
 from trackslip.files import read_json, regular_file
+from trackslip.kinematics import RobotGeometry
 from trackslip.trajectory.named import load_reference
 
 CHECKS = (require_positive, require_non_negative, require_finite, partial(require_at_most, limit=2.0))
@@ -52,6 +53,12 @@ def test_what_is_no_number_is_refused_by_name(check: Callable[[str, object], Non
 def test_numbers_out_of_range_are_refused(check: Callable[[str, object], None], value: float) -> None:
     with pytest.raises(InvalidValueError, match="mass"):
         check("mass", value)
+
+
+def test_sizes_of_robots_in_other_units_are_refused():
+    for size in (0.99e-3, 100.1):
+        with pytest.raises(InvalidValueError, match=r"sprocket_radius = .* from 0\.001 to 100 m"):
+            RobotGeometry(0.2, size)
 
 
 def pointer(path):
