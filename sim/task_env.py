@@ -48,11 +48,25 @@ class TaskInterface(Restorable):
         self.metadata = {**self.metadata, "render_fps": round(1 / self.task.period)}
         self._renderer = self.drawing(self.task) if render_mode is not None else None
 
+    def get_state(self) -> dict[str, Any]:
+        """A copy of the state: the robots, their episodes and the generators of the next ones; it can be pickled."""
+        return {"of": self._of} | super().get_state()
+
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of this environment, or of another that was made with the same options."""
+        """Return to a state of this environment, or of another that was made with the same options.
+
+        Raises InvalidValueError for a state of an environment with another task, size, observation or action.
+        """
+        of = state.get("of")
+        require(of == self._of, "state", f"that of {of}", f"that of {self._of}")
         super().set_state(state)
         if self._renderer is not None:
             self._renderer.begin(range(self.task.size))
+
+    @property
+    def _of(self) -> str:
+        observed, commanded = len(self.observed), len(self.commanded)
+        return f"{type(self.task).__name__}, {self.task.size} robots, {observed} observed values, {commanded} actions"
 
 
 class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):

@@ -116,10 +116,11 @@ def test_difficulty_and_randomization_change_between_episodes():
     before = tracking.get_state()
     tracking.set_randomization({"radius_error": (0.2, 0.2)})
     tracking.reset(seed=0)
-    radius = RobotParameters().sprocket_radius
-    np.testing.assert_allclose(tracking.task.fleet.drive.radius, 1.2 * radius)
+    np.testing.assert_allclose(tracking.task.fleet.drive.radius, 1.2 * RobotParameters().sprocket_radius)
     with pytest.raises(InvalidValueError, match="shear"):
         tracking.set_randomization(Randomization(shear=(0.0, 0.01)))
+    with pytest.raises(InvalidValueError, match="that of Crossing"):
+        tracking.set_state(crossing.unwrapped.get_state())
     tracking.set_state(before)
     assert tracking.task.config.randomization is None
 
