@@ -57,7 +57,7 @@ class TaskRenderer(ABC):
         self.pose(row)
         if self._pictures is None:
             quality = self.looks.model.vis.quality  # what a processor draws in 60 ms
-            quality.offsamples, quality.shadowsize = 0, 512
+            quality.offsamples = quality.shadowsize = 0
             self._pictures = Pictures(self.looks.model, 640, 480)
         return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
 
