@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from experiments.common.options import Excludes, Exclusion, Needs, Options, Positive, Whole, Within, default_is
-from experiments.simulate.options import MAX_DURATION, RADIUS_ERROR, Simulation, changed, require_speed
+from experiments.common.options import Positive, Whole, Within, default_is
+from experiments.simulate.options import MAX_DURATION, Simulation, changed, require_speed
 from sim.drive.drive import Drive
 from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_source import SOURCES, PoseSource
@@ -17,7 +17,6 @@ EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
     ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
-    ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
 )
 _MIN_RATE, _MAX_RATE = 5.0, 1000.0  # of the encoders [Hz]
 _FLOAT = default_is("the source's", "FLOAT")
@@ -70,24 +69,6 @@ class SourceOptions:
 
 
 @dataclass(frozen=True)
-class LawOptions(Options):
-    """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
-
-    offset: Annotated[float, Within(0, 10, "m")] = 0.045
-    """D: distance of the ICRs outside the tracks [m]."""
-    radius_error: Annotated[float, RADIUS_ERROR] = 0.0066
-    """Relative error of the effective sprocket radius [-]."""
-    slip: Literal["white", "lasting", "none"] = "white"
-    """Slip that varies: 2 mm, 2 mm and 5 mrad per sqrt(m), or 2 % of each track's speed for 3 s, or none."""
-    turning_centre: Annotated[float, Within(-10, 10, "m")] = 0.0
-    """Place of the turning centre ahead of the robot's origin [m]."""
-    drift: Annotated[float, Within(-10, 10, "s")] = 0.0
-    """Outward drift in turns: lateral speed over forward speed times yaw rate [s]."""
-    lag: Annotated[float, Within(0, 1, "s")] = 0.0
-    """Time constant of the motion behind the belts [s]."""
-
-
-@dataclass(frozen=True)
 class Config(Simulation):
     """Simulate teleoperated drives and log encoders and poses on separate clocks, as real robots do."""
 
@@ -105,10 +86,6 @@ class Config(Simulation):
     """Readings of the encoders per second [Hz]."""
     source: SourceOptions = field(default_factory=SourceOptions)
     """The source of the poses, and properties that differ from the named one's."""
-    motion: Literal["mujoco", "law"] = "mujoco"
-    """Model that moves the robot: the simulated ground, or exactly a slip law."""
-    law: LawOptions = field(default_factory=LawOptions)
-    """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
     bag: bool = False
     """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
     out: Path = Path("out/wander")
@@ -118,15 +95,10 @@ class Config(Simulation):
     obstacles: Annotated[str | None, tyro.conf.Fixed, tyro.conf.Suppress] = None
     """None: only the plate is scanned."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Excludes(("ground", "pull", "radius_error", "drive"), "motion", ("law",)),
-        Needs(("law",), "motion", ("law",)),
-    )
-
     def check(self, drive: Drive) -> None:
         """See Equipment."""
         require_speed("max_speed", self.max_speed, drive.top_speed)
         periods = 1 / (self.encoder_rate * drive.period)
-        if self.motion == "mujoco" and (abs(periods - round(periods)) > 1e-6 or periods < 0.5):
+        if abs(periods - round(periods)) > 1e-6 or periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
             raise InvalidValueError("encoder_rate", self.encoder_rate, allowed)

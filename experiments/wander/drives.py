@@ -5,21 +5,18 @@ from typing import Any
 import numpy as np
 
 from experiments.common.plain_json import plain
-from experiments.simulate.drives import driven_by_law, driven_in_mujoco
 from experiments.simulate.world import World
-from experiments.wander.config import Config, LawOptions
-from sim.loop import Progress
+from experiments.wander.config import Config
+from sim.loop import Progress, open_loop
 from sim.run_recorder import Description
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from sim.wander.motion import LASTING, WHITE, Driver, LawMotion, Motion, SlipVariation, track_commands
+from sim.wander.motion import Driver, Motion, joined_log, track_commands
 from sim.wander.pose_source import plate_scans
 from trackslip import se2
-from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.icr import ConstantIcr
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-_SLIPS = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 _POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
 _AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
 _REACH = (
@@ -30,7 +27,7 @@ _ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple o
 
 
 def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
-    """Drive all drives, at once in MuJoCo; `progress` is called with the seconds simulated of all together.
+    """Drive all drives at once; `progress` is called with the seconds simulated of all together.
 
     Raises RunFailedError when a robot tips over; its `logs` contain what was recorded until then.
     """
@@ -45,27 +42,20 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
     source, start = config.source.poses(), np.zeros(3)
     if config.source.source == "scanner":
         start[:2] = se2.to_world(world.robot.lrf_mount, [_IN_FRONT, 0.0])
-    metadata: dict[str, Any] = {"driving": config.driving, "source": plain(source), "motion": config.motion}
-    if config.motion == "law":
-        law, counts = _law_motion(config.law, geometry), world.drive.encoder_counts
-        metadata |= {"law": plain(config.law), "seed": config.seed}
-        drives = [
-            driven_by_law(name, law, speeds, rate, _random(config, name, "motion"), start, counts, metadata)
-            for name, speeds in zip(names, omega, strict=True)
-        ]
-    else:
-        metadata = world.metadata(config.source.source) | metadata
-        if config.source.source != "scanner":  # then there is none in the field
-            del metadata["lrf"], metadata["scanner"]
-        about = [Description(name, metadata) for name in names]
-        fleet = world.fleet(np.tile(start, (len(names), 1)))
-        drives = driven_in_mujoco(fleet, omega, rate, about, lambda seconds: progress(seconds * len(names)))
-    return [drive.measured(source, _random(config, drive.log.run, "poses")) for drive in drives]
-
-
-def _law_motion(options: LawOptions, geometry: RobotGeometry) -> LawMotion:
-    law = ConstantIcr(options.offset, geometry.half_gauge, options.radius_error)
-    return LawMotion(law, geometry, _SLIPS[options.slip], options.turning_centre, options.drift, options.lag)
+    metadata = world.metadata(config.source.source) | {"driving": config.driving, "source": plain(source)}
+    if config.source.source != "scanner":  # then there is none in the field
+        del metadata["lrf"], metadata["scanner"]
+    logs = open_loop(
+        world.fleet(np.tile(start, (len(names), 1))),
+        np.stack(omega, axis=1),
+        (len(omega[0]) - 1) / rate,
+        descriptions=[Description(name, metadata) for name in names],
+        progress=lambda seconds: progress(seconds * len(names)),
+        period=1 / rate,
+    )
+    return [
+        joined_log(log, *source.measure(Motion(log.time, log.pose), _random(config, log.run, "poses"))) for log in logs
+    ]
 
 
 def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:

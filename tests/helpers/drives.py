@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from law_motion import STILL as STILL
+from law_motion import WHITE, LawMotion, SlipVariation, driven_by_law
 
-from sim.wander.motion import WHITE, Driver, LawMotion, SlipVariation, encoder_log, joined_log, track_commands
+from sim.wander.motion import Driver, track_commands
 from sim.wander.pose_source import PoseSource
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import DriveFit, fit_drives
@@ -20,8 +22,6 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 ICR = ConstantIcr(0.045, 0.168, 0.0066)
 SLAM = PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0))
 EXACT = PoseSource(rate=10.0)
-STILL = SlipVariation()
-"""No variation of slip: motion exactly by the law."""
 _ENCODERS = 50.0  # [Hz]
 
 
@@ -38,9 +38,8 @@ def drive_log(
     rng = np.random.default_rng(seed)
     speeds = track_commands(driving, duration, _ENCODERS, Driver(), rng) if isinstance(driving, str) else driving
     omega = speeds / GEOMETRY.sprocket_radius
-    driven, twist = LawMotion(law, GEOMETRY, variation, **motion).drive(omega, _ENCODERS, rng)
-    encoders = encoder_log(f"drive {seed}", _ENCODERS, omega, driven, twist, {})
-    return joined_log(encoders, *source.measure(driven, rng))
+    moves = LawMotion(law, GEOMETRY, variation, **motion)
+    return driven_by_law(f"drive {seed}", moves, omega, _ENCODERS, rng).measured(source, rng)
 
 
 def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:

@@ -7,15 +7,14 @@ from functools import partial
 
 import numpy as np
 import pytest
+from law_motion import LawMotion, SlipVariation, driven_by_law
 from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes, report
 
 from experiments.common.check import Check
 from experiments.common.laws import symbol, unit_of
 from experiments.common.table import Table, significant
-from experiments.simulate.drives import driven_by_law
 from sim import Drive
 from sim.seeds import generator
-from sim.wander.motion import LawMotion, SlipVariation
 from sim.wander.pose_source import SOURCES
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES

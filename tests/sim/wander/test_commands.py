@@ -2,20 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from law_motion import LawMotion, driven_by_law
 
-from sim.wander.motion import (
-    DRIVING,
-    LASTING,
-    WHITE,
-    Driver,
-    LawMotion,
-    Motion,
-    SlipVariation,
-    encoder_log,
-    joined_log,
-    quantised,
-    track_commands,
-)
+from sim.wander.motion import DRIVING, Driver, Motion, joined_log, track_commands
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, advance, twist_of_tracks, wrap_angle
 from trackslip.laws.icr import ConstantIcr
@@ -57,8 +46,7 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 def encoders():
     rng = np.random.default_rng(0)
     omega = track_commands("random", 20.0, RATE, Driver(), rng) / GEOMETRY.sprocket_radius
-    motion, twist = LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY).drive(omega, RATE, rng)
-    return encoder_log("drive", RATE, omega, motion, twist, {"seed": 0})
+    return driven_by_law("drive", LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY), omega, RATE, rng).log
 
 
 def test_rows_are_those_of_both_clocks(encoders):
@@ -85,15 +73,6 @@ def test_sprockets_and_truth_are_those_of_the_encoders_rows(encoders):
     assert steps.max() < 0.3 * 0.02 * 1.2
 
 
-def test_counts_round_angles_not_speeds(encoders):
-    rounded = quantised(encoders, 500)
-    angle, exact = (np.cumsum(log.omega[1:] / RATE, axis=0) for log in (rounded, encoders))
-    count = 2 * np.pi / 500
-    assert 0.5 * count < np.abs(angle - exact).max() <= count * (1 + 1e-9)
-    whole = angle / count
-    np.testing.assert_allclose(whole, np.round(whole), atol=1e-6)
-
-
 RNG = np.random.default_rng(4)
 
 
@@ -105,50 +84,3 @@ def test_poses_between_rows_lie_on_the_arc():
     motion = Motion(time, advance(start, twist, time))
     np.testing.assert_allclose(motion.at(at), advance(start, twist, at), atol=1e-12)
     np.testing.assert_allclose(motion.at(time), motion.pose, atol=1e-12)
-
-
-LAW = ConstantIcr(offset=0.045, half_gauge=0.168, radius_error=0.0066)
-EXACT = SlipVariation()
-
-
-def test_without_variation_law_turning_centre_drift_and_lag_decide():
-    omega = track_commands("random", 60.0, RATE, Driver(), np.random.default_rng(0)) / GEOMETRY.sprocket_radius
-    motion, twist = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, RATE, RNG)
-    law = np.insert(LAW.twist(omega, GEOMETRY), 1, 0.0, axis=-1)
-    np.testing.assert_allclose(twist[1:], law[1:], atol=1e-15)
-    time = np.arange(len(omega)) / RATE
-    np.testing.assert_allclose(motion.at(time), se2.chain(np.zeros(3), se2.exp(law[1:] / RATE)), atol=1e-10)
-    _, twist = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03, drift=0.02).drive(omega, RATE, RNG)
-    v, lateral, w = twist.T
-    np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
-    omega = np.r_[0.0, np.full(100, 3.0)][:, None] * np.ones(2)
-    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, lag=0.2).drive(omega, RATE, RNG)
-    speed, t = 0.06 * (1 + LAW.radius_error) * 3.0, motion.time
-    np.testing.assert_allclose(motion.pose[:, 0], speed * (t - 0.2 * (1 - np.exp(-t / 0.2))), atol=1e-12)
-
-
-@pytest.mark.parametrize("rate", [20.0, 100.0])
-def test_white_slip_grows_with_the_way(rate):
-    omega = np.array([0.0, 0.0]) + np.r_[0.0, np.full(int(100 * rate), 4.0)][:, None] * [1.0, -0.5]
-    moved, twist = LawMotion(LAW, GEOMETRY, WHITE).drive(omega, rate, np.random.default_rng(1))
-    still, _ = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, rate, np.random.default_rng(1))
-    count = len(moved.time) - 1
-    way = GEOMETRY.sprocket_radius * 3.0 * 100.0 / count  # of a step: the mean of |4| and |-2| rad/s
-    errors = se2.steps(moved.pose) - se2.steps(still.pose)
-    spread = errors.std(axis=0) / np.sqrt(way)
-    np.testing.assert_allclose(spread, [WHITE.along, WHITE.across, WHITE.turning], rtol=5 / np.sqrt(2 * count))
-    neighbours = (errors[1:] * errors[:-1]).mean(axis=0) / errors.var(axis=0)
-    assert np.abs(neighbours).max() < 5 / np.sqrt(count)
-    np.testing.assert_allclose(twist[1:, [0, 2]], LAW.twist(omega[1:], GEOMETRY))
-
-
-def test_lasting_slip_has_its_size_and_its_time():
-    variation = SlipVariation(lasting=0.02, lasting_time=0.5)
-    omega = np.r_[0.0, np.full(50_000, 3.0)][:, None] * np.ones(2)
-    _, twist = LawMotion(LAW, GEOMETRY, variation).drive(omega, RATE, np.random.default_rng(2))
-    surface = 0.06 * (1 + LAW.radius_error) * 3.0
-    left = (twist[1:, 0] - (0.168 + LAW.offset) * twist[1:, 2]) / surface - 1
-    assert left.std() == pytest.approx(0.02, rel=0.1)
-    lag = 25  # rows in half a second
-    assert np.corrcoef(left[lag:], left[:-lag])[0, 1] == pytest.approx(np.exp(-1), abs=0.1)
-    assert LASTING.lasting == 0.02

@@ -2,9 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from law_motion import STILL, LawMotion
 
 from sim import LaserScanner
-from sim.wander.motion import Driver, LawMotion, Motion, SlipVariation, track_commands
+from sim.wander.motion import Driver, Motion, track_commands
 from sim.wander.pose_source import PoseSource, plate_scans
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry
@@ -18,7 +19,7 @@ FAST = PoseSource(rate=50.0)
 def motion():
     rng, geometry = np.random.default_rng(0), RobotGeometry(0.168, 0.06)
     omega = track_commands("random", 120.0, 50.0, Driver(), rng) / geometry.sprocket_radius
-    return LawMotion(ConstantIcr(0.045, 0.168, 0.0066), geometry, SlipVariation()).drive(omega, 50.0, rng)[0]
+    return LawMotion(ConstantIcr(0.045, 0.168, 0.0066), geometry, STILL).drive(omega, 50.0, rng)[0]
 
 
 def measure(source, motion, seed=1):

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drives import GEOMETRY, ICR, drive_log
+from law_motion import STILL, WHITE, LawMotion, SlipVariation
 
-from sim.wander.motion import LASTING, WHITE, Driver, LawMotion, SlipVariation, track_commands
+from sim.wander.motion import Driver, track_commands
 from trackslip.kinematics import advance
 from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED
@@ -135,7 +136,7 @@ def test_unknown_parameters_are_covered():
 
 def test_an_outward_drift_is_that_of_the_simulator():
     time, omega = driving(6, 20.0)
-    motion, _ = LawMotion(ICR, GEOMETRY, SlipVariation(), drift=0.05).drive(omega, RATE, np.random.default_rng(0))
+    motion, _ = LawMotion(ICR, GEOMETRY, STILL, drift=0.05).drive(omega, RATE, np.random.default_rng(0))
     path = SlipOdometry(ICR, GEOMETRY, drift=0.05).path(time, omega)
     np.testing.assert_allclose(path.pose, motion.at(time), atol=1e-9)
 
@@ -179,7 +180,7 @@ def test_the_variance_of_the_heading_is_that_of_a_gyro():
 
 
 def test_on_slip_that_lasts_it_is_far_better():
-    log = drive_log(2, 60.0, variation=LASTING)
+    log = drive_log(2, 60.0, variation=SlipVariation(lasting=0.02))
     rate = np.append(0.0, np.diff(log.truth.pose[:, 2]) / np.diff(log.time))
     late = np.interp(log.time - 0.1, log.time, readings(rate))
     truth = replace(log, pose=log.truth.pose, valid=None, gyro=late)

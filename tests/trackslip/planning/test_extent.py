@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from law_motion import LawMotion, SlipVariation
 
-from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge

@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from law_motion import LawMotion, SlipVariation
 
-from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.errors import TrackslipError
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
