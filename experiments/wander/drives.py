@@ -17,7 +17,6 @@ from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-_POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
 _AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
 _REACH = (
     1.27  # (b + D) / b of the shipped robot on stone, with which the driver keeps the tracks within their speed [-]
@@ -64,7 +63,6 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
     noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
     contents = {
         "readings": np.abs(counted - np.rint(counted)) < _ON_TIME,
-        "poses": _POSE_MESSAGES.get(config.source.source, "PoseWithCovarianceStamped"),
         "covariance": np.diag(noise**2),
     }
     if config.source.source == "scanner":

@@ -10,7 +10,7 @@ import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,6 @@ Fields = Mapping[str, Any]
 Fields without a value are zero or empty; an array of messages has one, whose fields are given.
 """
 _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
-PoseMessage = Literal["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]
-"""Message types of poses, as SLAM, motion capture and visual odometry publish them."""
-POSE_TOPICS: dict[PoseMessage, str] = {
-    "PoseWithCovarianceStamped": "/pose",
-    "PoseStamped": "/pose",
-    "Odometry": "/visual_odometry",
-}
-"""Their topics."""
 JOINTS = ["left_sprocket", "right_sprocket"]
 """Names of the sprockets in /joint_states."""
 FIELD = (52.0, 10.0, 0.0)
@@ -47,7 +39,6 @@ _SINCE_1970 = 1e9  # a log that begins later has such times [s]
 _LAST = 2**31 - 1  # of the seconds in a stamp
 # Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
-_UNKNOWN = 1e6 * np.eye(3)  # covariance of a twist that isn't measured
 _EXACT = np.zeros((3, 3))
 
 
@@ -165,7 +156,7 @@ class RunTopics:
             given = self._read & np.isfinite(commanded).all(axis=1)
             yield command_topic("/cmd_vel", self._stamps(log.time[given]), commanded[given])
 
-    def poses(self, kind: PoseMessage, covariance: Array | None) -> Iterator[Publication]:
+    def poses(self, covariance: Array | None) -> Iterator[Publication]:
         """The measured poses, and the transforms that localization publishes with them."""
         log = self._log
         errors = np.broadcast_to(_EXACT if covariance is None else covariance, (len(log.time), 3, 3))
@@ -173,16 +164,10 @@ class RunTopics:
             errors = np.where(np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True), log.covariance, errors)
         headed = log.has_heading
         if headed.any():
-            stamps, seen, name = self._stamps(log.time[headed]), log.pose[headed], POSE_TOPICS[kind]
-            if kind == "Odometry":
-                still, frames = np.zeros_like(seen), ("visual_odom", "base_link")
-                yield _odometry(name, stamps, frames, seen, errors[headed], still, _UNKNOWN)
-            else:
-                content = pose(seen) if kind == "PoseStamped" else pose(seen, errors[headed])
-                yield Publication(
-                    name, f"geometry_msgs/msg/{kind}", stamps, {"header": header(stamps, "map"), "pose": content}
-                )
-            if kind == "PoseWithCovarianceStamped" and self._odom is not None:
+            stamps, seen = self._stamps(log.time[headed]), log.pose[headed]
+            fields = {"header": header(stamps, "map"), "pose": pose(seen, errors[headed])}
+            yield Publication("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", stamps, fields)
+            if self._odom is not None:
                 corrected = se2.compose(seen, se2.inverse(self._odom[headed]))
                 yield transforms("/tf", stamps, ("map", "odom"), corrected)
         rest = log.has_place & ~headed

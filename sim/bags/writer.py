@@ -14,16 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.bags.topics import (
-    POSE_TOPICS,
-    START,
-    PoseMessage,
-    Publication,
-    RunTopics,
-    command_topic,
-    definitions,
-    messages,
-)
+from sim.bags.topics import START, Publication, RunTopics, command_topic, definitions, messages
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
@@ -45,7 +36,6 @@ def write_bag(
     path: str | Path,
     geometry: RobotGeometry | None = None,
     *,
-    poses: PoseMessage = "PoseWithCovarianceStamped",
     covariance: Array | None = None,
     readings: np.ndarray | None = None,
     scans: tuple[Array, Scan] | None = None,
@@ -53,8 +43,8 @@ def write_bag(
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
 
     Topics, as far as the log has them: /joint_states, /odom (dead reckoning without slip), /cmd_vel (TwistStamped),
-    /pose (/visual_odometry for Odometry) or, for poses without headings, /fix (NavSatFix); /scan; /ground_truth; /tf
-    with odom -> base_link and, with PoseWithCovarianceStamped, map -> odom; /tf_static with map -> laser. Positions in
+    /pose (PoseWithCovarianceStamped) or, for poses without headings, /fix (NavSatFix); /scan; /ground_truth; /tf with
+    odom -> base_link and, with headings, map -> odom; /tf_static with map -> laser. Positions in
     /joint_states are the sprockets' angles since the first row.
 
     Args:
@@ -63,24 +53,22 @@ def write_bag(
             not exist.
         geometry: of the robot, for /odom and /cmd_vel; by default that in the log's metadata. Without any, these are
             left out.
-        poses: message type of the poses with headings.
         covariance: of the poses, (3, 3), where the log has none [m, m, rad].
         readings: (T,) bool, the rows with readings of the encoders; by default all.
         scans: times (S,) [s] and scans with ranges (S, B), if they aren't those of the log's rows.
 
     Raises:
         OutputError: if the path exists, or can't be written.
-        InvalidValueError: for an unknown type of poses, and times that no stamp can have.
+        InvalidValueError: for times that no stamp can have.
         TrackslipError: where rosbags is missing.
     """
     require_rosbags()
-    require(poses in POSE_TOPICS, "poses", poses, f"one of {', '.join(POSE_TOPICS)}")
     geometry = geometry or stored_geometry(log)
     contents = RunTopics(log, geometry, readings)
     topics = [
         *contents.encoders(),
         *contents.commands(),
-        *contents.poses(poses, covariance),
+        *contents.poses(covariance),
         *contents.truth(),
         *contents.scans(scans),
     ]
