@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,8 +86,7 @@ class ScannerFeed(Restorable):
         require(len(generators) == fleet.size, "generators", len(generators), f"{fleet.size}, one per robot")
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
-        every = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
-        self._scanners = [replace(scanner, noise=float(deviation)) for deviation in every]
+        self._noise = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
@@ -135,8 +134,7 @@ class ScannerFeed(Restorable):
 
     def measure(self, true_ranges: Array) -> Array:
         """Measured ranges (N, ..., B) [m] of each robot's scanner, which has its own random numbers."""
-        every = zip(self._scanners, true_ranges, self._random, strict=True)
-        return np.stack([scanner.measure(ranges, random) for scanner, ranges, random in every])
+        return self._scanner.measure(true_ranges, self._random, self._noise)
 
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) [m] as a Scan of this LRF."""

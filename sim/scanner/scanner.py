@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
 
 import numpy as np
@@ -67,19 +68,21 @@ class LaserScanner(Checked):
         ):
             require(valid, name, getattr(self, name), allowed)
 
-    def measure(self, true_ranges: Array, rng: np.random.Generator) -> Array:
-        """Measured ranges (..., B) for true ranges (..., B), NaN for no echo [m].
+    def measure(self, true_ranges: Array, random: Sequence[np.random.Generator], noise: Array | None = None) -> Array:
+        """Measured ranges (N, ..., B) for true ranges (N, ..., B), NaN for no echo [m].
 
-        This is the only place with noise, bias, rounding, dropout and reach.
+        Each row has its own `random` numbers and, if given, its own standard deviation in `noise` (N,) [m]. This is the
+        only place with noise, bias, rounding, dropout and reach.
         """
-        ranges = rng.standard_normal(true_ranges.shape)
-        ranges *= self.noise
+        shape = true_ranges.shape[1:]
+        ranges = np.stack([generator.standard_normal(shape) for generator in random])
+        ranges *= self.noise if noise is None else noise.reshape(-1, *np.ones(len(shape), int))
         ranges += true_ranges
         ranges += self.range_bias
         if self.quantisation > 0:
             ranges = np.round(ranges / self.quantisation) * self.quantisation
         if self.dropout > 0:
-            ranges[rng.random(ranges.shape) < self.dropout] = np.nan
+            ranges[np.stack([generator.random(shape) for generator in random]) < self.dropout] = np.nan
         ranges[true_ranges > self.max_range] = np.nan
         return ranges
 

@@ -134,5 +134,5 @@ def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.ran
     for k in range(0, len(pose), _AT_ONCE):
         standing = Fleet(robot, pose[k : k + _AT_ONCE])
         true = ScannerFeed(scanner, standing).true_ranges()
-        parts.append(scanner.measure(true, rng).astype(np.float32))
+        parts.append(scanner.measure(true[None], [rng])[0].astype(np.float32))
     return time, scanner.scan(np.concatenate(parts), robot.lrf_mount)
