@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted
+from law_motion import WHITE
 from plain_drives import HUSKY, drive_of, log_of, measured
 
-from sim.wander.motion import WHITE
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.preparation import drives_of

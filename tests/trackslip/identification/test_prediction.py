@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted, model
+from law_motion import WHITE
 
-from sim.wander.motion import WHITE
 from trackslip.identification.comparison import FittedLaw, ranked
 from trackslip.identification.drive_comparison import compare_drives
 from trackslip.identification.first_look import first_look
