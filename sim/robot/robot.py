@@ -187,10 +187,12 @@ def load_robot(
     model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
     half_gauge = parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
-    forwards = np.array([_rotation(quaternion)[0] for quaternion in model.geom_quat[pads]])  # in the pads' frames
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    forwards = data.geom_xmat[pads, :3]  # in the pads' frames
     middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
     plate, lrf = model.geom("plate"), model.body("lrf")
-    heading = _rotation(lrf.quat)[:, 0]
+    heading = data.body("lrf").xmat[::3]
     return Robot(
         model=model,
         geometry=parameters.geometry,
@@ -231,12 +233,6 @@ def _add_contact_sensors(spec: Any, points: int) -> None:
             refname=pair.geomname2,
             intprm=[data, 0, points],
         )
-
-
-def _rotation(quaternion: Array) -> Array:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
 
 
 def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> tuple[float, Array, Array]:
