@@ -96,7 +96,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     built = build_tracked(robot, looks=True)
     model, data = built.model, _stand(built)
     mass, (x, y, z), total = composite(model, data, np.flatnonzero(model.body_rootid == built.body))
-    shapes = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body)
+    shapes = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body).tolist()
     top = max(float(outline(model, data, data.body(0), shape)[:, 2].max()) for shape in shapes)
     contact: dict[str, Any] = {"contact_length": robot.contact_length}
     if robot.contact == WHEELS:

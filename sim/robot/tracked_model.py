@@ -268,11 +268,11 @@ def _check_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobo
 def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
     """Refuse what would touch level ground beside the tracks."""
     own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & colliding(model)
-    for geom in np.flatnonzero(own):
+    for geom in np.flatnonzero(own).tolist():
         low = outline(model, data, data.body(body), geom)[:, 2].min()
         if low < robot.lowest + _CLEAR:
             frame = model.body(body).name
-            what = f"{robot.model}: {_named(model, int(geom))} reaches down to {low:.3g} m in the frame of {frame}"
+            what = f"{robot.model}: {_named(model, geom)} reaches down to {low:.3g} m in the frame of {frame}"
             allowed = f"must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
             allowed += "; if tracks replace it, list its link in `wheels`"
             refuse(f"{what}; what touches {allowed}")

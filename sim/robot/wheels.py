@@ -19,7 +19,7 @@ from trackslip.kinematics import Array
 
 _AXIS = 0.95  # least cosine between the axis of a wheel and the chassis' y [-]
 _ROUND = 0.1  # largest difference between the extents of a wheel along x and z, relative to their mean [-]
-_MIRRORED = 0.03  # largest difference between wheels on the left and right [m]
+_MIRRORED = 0.1  # largest difference between wheels on the left and right, relative to their radius [-]
 _MIDDLE = 0.25  # of the largest |y|: what lies nearer to the middle is a caster [-]
 _TREAD = 0.1  # of a wheel's height from the ground: what lies higher isn't its tread [-]
 _LIGHT = 1e-9  # least mass and inertia of links, which may weigh nothing when they are locked [kg, kg m^2]
@@ -165,7 +165,7 @@ def _mirrored(left: Array, right: Array) -> Array:
         return np.empty((0, 2, 4))
     apart = np.abs(left[:, None] - right).max(axis=-1)
     rows, columns = scipy.optimize.linear_sum_assignment(apart)
-    if (apart[rows, columns] >= _MIRRORED).any():
+    if (apart[rows, columns] >= _MIRRORED * left[rows, 2]).any():
         return np.empty((0, 2, 4))
     return np.stack([left[rows], right[columns]], axis=1)
 
@@ -187,8 +187,8 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int)
     """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
     collide = own & colliding(model)
-    shapes = [outline(model, data, chassis, geom) for geom in np.flatnonzero(collide if collide.any() else own)]
-    stacked = np.vstack([np.full((1, 3), np.nan), *shapes])
+    shapes = np.flatnonzero(collide if collide.any() else own).tolist()
+    stacked = np.vstack([np.full((1, 3), np.nan), *(outline(model, data, chassis, shape) for shape in shapes)])
     extent = np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
     tread = stacked[~(stacked[:, 2] > extent[0, 2] + _TREAD * np.ptp(extent[:, 2]))]
     extent[:, 1] = np.fmin.reduce(tread[:, 1]), np.fmax.reduce(tread[:, 1])

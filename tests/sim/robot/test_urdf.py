@@ -134,6 +134,7 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
         (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
+        (rover(heights=(0.0, 0.02, 0.0, 0.0)), '"replace"', "alike on the left and right; found are left_front"),
         ([*rover(), *RADAR], [*LISTED, "radar"], "'radar': turns endlessly, must be round to be a wheel"),
     ],
 )
