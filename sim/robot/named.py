@@ -226,7 +226,8 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     robot, model, own = tracked.robot, tracked.model, np.flatnonzero(tracked.model.body_rootid == tracked.body)
     mass, (x, y, z), inertia = composite(model, _stand(tracked), own)
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
-    loose = [joint.name for joint in map(model.joint, range(1, model.njnt)) if joint.name not in held]
+    swings = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
+    loose = [name for name in (model.joint(k).name for k in swings) if name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
     motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
     whose = "the shipped robot's, not counted on terrain" if robot.drive == Drive() else "the robot file's"

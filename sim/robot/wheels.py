@@ -110,10 +110,9 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[s
     outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
     pairs = _mirrored(shapes[outer & (y > 0)], shapes[outer & (y < 0)])
     if not len(pairs):
-        given = ", ".join(listed) or "replace"
         allowed = "round links on endless hinges about y, alike on the left and right"
         seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
-        raise TrackslipError(f"{robot.model}: wheels = {given}: must be {allowed}; {seen}")
+        raise TrackslipError(f"{robot.model}: wheels = {', '.join(listed) or 'replace'}: must be {allowed}; {seen}")
     return replaced | {
         "half_gauge": round(float(shapes[outer, 3].mean()), 6),
         "hull": tuple(map(tuple, sorted(pairs.mean(axis=1)[:, :3].round(6).tolist()))),
