@@ -164,7 +164,7 @@ def chassis_of(spec: Any, robot: TrackedRobot) -> Any:
     """The chassis in the robot's spec; TrackslipError where there is none, or it has another joint than a free one."""
     roots = [body.name for body in spec.worldbody.bodies]
     if not robot.body and len(roots) != 1:
-        raise TrackslipError(f"{robot.model}: {len(roots)} bodies lie in the world; `body` must name the chassis")
+        raise TrackslipError(f"{robot.model}: {some(roots)} lie in the world; `body` must name the chassis")
     name = robot.body or roots[0]
     body = spec.body(name)
     if body is None or name not in roots:
