@@ -216,7 +216,7 @@ def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
             try:
                 load_parameters(source)
             except TrackslipError as error:
-                warnings.warn(f"drives on terrain only: {error}", RobotWarning, stacklevel=2)
+                warnings.warn(f"not for flat ground: {error}", RobotWarning, stacklevel=2)
     lines = dict.fromkeys(str(each.message) for each in said)
     return RobotCheck(tuple(facts), tuple(lines), tuple(dict.fromkeys(errors)))
 

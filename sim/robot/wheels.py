@@ -110,7 +110,7 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[s
     outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
     pairs = _mirrored(shapes[outer & (y > 0)], shapes[outer & (y < 0)])
     if not len(pairs):
-        allowed = "round links on endless hinges about y, alike on the left and right"
+        allowed = "round links that collide, on endless hinges about y, alike on the left and right"
         seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
         raise TrackslipError(f"{robot.model}: wheels = {', '.join(listed) or 'replace'}: must be {allowed}; {seen}")
     return replaced | {

@@ -122,8 +122,8 @@ def test_runs_begin_in_a_keyframe(tmp_path):
     with pytest.warns(RobotWarning, match='its keyframes, unnamed_key0, home, are not used.*; key = "unnamed_key0" in'):
         assert build_tracked(plain).model.nkey == 0
     assert not check(tmp_path / "arm.toml").errors
-    (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "terrain only" in line)
-    assert line.startswith("drives on terrain only: com_x = 0.19")
+    (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "flat ground" in line)
+    assert line.startswith("not for flat ground: com_x = 0.19")
     with pytest.raises(TrackslipError, match="key = 'hom': must be one of its keyframes, unnamed_key0, home"):
         build_tracked(replace(plain, key="hom"))
     (tmp_path / "home.toml").write_text(f'{tracks}key = "home"\n')
