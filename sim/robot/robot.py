@@ -268,7 +268,5 @@ def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
         if gyration > reach:
             worst = own[model.body_inertia[own].max(axis=1).argmax()]
             what = f"inertia of link {model.body(worst).name} = {model.body_inertia[worst].max():.3g} kg m^2"
-            limit = (
-                f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and reach only {reach:.3g} m"
-            )
-            warnings.warn(f"{path}: {what}: {limit}", RobotWarning, stacklevel=3)
+            why = f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and reach only {reach:.3g} m"
+            warnings.warn(f"{path}: {what}: {why}", RobotWarning, stacklevel=3)

@@ -293,6 +293,7 @@ def clear_angles(tracked: TrackedModel) -> Array:
     """
     model, flippers = tracked.model, tracked.robot.flippers
     data, low, high = mujoco.MjData(model), *tracked.flipper_range.T
+    data.qpos[tracked.free[0] + 3 : tracked.free[0] + 7] = [1.0, 0.0, 0.0, 0.0]  # however its file turns it
     tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F)
     clear = np.zeros(tried.shape, bool)
     for angles, above in zip(tried, clear, strict=True):
