@@ -109,8 +109,8 @@ def build_tracked(
         connect(spec, names)
         name, model = chassis.name, spec.compile()
     if (held := float(model.body_mass @ model.body_gravcomp)) > 0:
-        what = f"its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
-        warnings.warn(f"{robot.model}: {what}", RobotWarning, stacklevel=2)
+        what = f"{robot.model}: its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
+        warnings.warn(what, RobotWarning, stacklevel=2)
     if looks:  # with all shapes that tell how far the body reaches
         warn_of_inertia(model, model.body(name).id, robot.model)
     elif model.nu == len(robot.flippers):
@@ -130,6 +130,8 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
             thing.name = thing.name or f"unnamed_{kind}{k}"
     for k, joint in enumerate(spec.joints):
         joint.name = joint.name or f"{joint.parent.name}_joint{k}"
+    new = spec.default.geom  # of geoms that are added
+    new.pos, new.quat, new.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
     forget_geoms(spec, spec.worldbody.geoms)
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights):
         spec.delete(thing)

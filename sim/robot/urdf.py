@@ -65,8 +65,8 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
         elif not link.explicitinertial and geom.contype:
             water.append(link.name)
     if water:
-        what = f"links without <inertial>, {some(list(dict.fromkeys(water)))}, weigh as if they were of water"
-        warnings.warn(f"{path}: {what}", RobotWarning, stacklevel=4)
+        links = some(list(dict.fromkeys(water)))
+        warnings.warn(f"{path}: links without <inertial>, {links}, weigh as water does", RobotWarning, stacklevel=4)
     return spec
 
 

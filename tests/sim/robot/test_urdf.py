@@ -324,7 +324,7 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
         assert sum(said in line for line in checked.errors) == 1
     assert len(checked.errors) == 3
     nothing = "nothing drives or holds 1 hinge without limits, arm_joint"
-    for said in ("without 1 mesh file (eye.dae)", nothing, "without <inertial>, fan, weigh as if"):
+    for said in ("without 1 mesh file (eye.dae)", nothing, "without <inertial>, fan, weigh as water"):
         assert sum(said in line for line in checked.warnings) == 1
     facts = dict(checked.facts)
     assert facts["contact"] == "tracks, half gauge 0.25 m, 0.4 m long"
