@@ -86,12 +86,7 @@ class Task(Restorable, ABC):
     STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")
 
     def __init__(
-        self,
-        config: Any,
-        size: int,
-        period: float,
-        observed: tuple[Element, ...],
-        commanded: tuple[Element, ...],
+        self, config: Any, size: int, period: float, observed: tuple[Element, ...], commanded: tuple[Element, ...]
     ) -> None:
         """A task with the usual elements of an observation; see the attributes."""
         self.config = config  # the options, with `reward` and `OwnTerms`

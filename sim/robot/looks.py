@@ -104,6 +104,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     for joint in list(body.joints):
         own.delete(joint)
     own.compile()  # so that its keyframe is attached
+    body.pos, body.quat, body.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)

@@ -21,7 +21,7 @@ from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import Refuse, refuse, said_of
-from sim.robot.wheels import colliding, own_wheels, start
+from sim.robot.wheels import colliding, outline, own_wheels, start
 from sim.settings import build, read_named
 from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError, TrackslipError, counted, require
 
@@ -94,19 +94,10 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
-    model, data = built.model, start(built.model)
-    first = built.free[0]
-    data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
-    data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built))
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    own = np.flatnonzero(model.body_rootid == built.body)
-    mass, centre, total = composite(model, data, own)
-    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body)
-    reach = np.abs(data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]) * model.geom_aabb[geoms, 3:]
-    middle = np.einsum("gi,gi->g", data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2], model.geom_aabb[geoms, :3])
-    top = float((data.geom_xpos[geoms, 2] + middle + reach.sum(axis=1)).max())
-    x, y, z = centre.tolist()
+    model, data = built.model, _stand(built)
+    mass, (x, y, z), total = composite(model, data, np.flatnonzero(model.body_rootid == built.body))
+    shapes = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body).tolist()
+    top = max(float(outline(model, data, data.body(0), shape)[:, 2].max()) for shape in shapes)
     contact: dict[str, Any] = {"contact_length": robot.contact_length}
     if robot.contact == WHEELS:
         axles = tuple(axle - robot.middle for axle in robot.standing)
@@ -117,14 +108,24 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
         sprocket_radius=robot.sprocket_radius,
         radius_error=0.0,
         mass=mass,
-        com_x=x,
-        com_y=y,
-        com_height=z,
+        com_x=float(x),
+        com_y=float(y),
+        com_height=float(z),
         inertia=tuple(total[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
         plate_height=max(RobotParameters.plate_height, top + _PLATE_ABOVE + _PLATE_HALF_HEIGHT),
         looks=looks,
         drive=robot.drive,
     )
+
+
+def _stand(built: TrackedModel) -> mujoco.MjData:
+    """Data of a robot that stands on level ground, on the middle of its runs at the origin."""
+    robot, data, first = built.robot, start(built.model), built.free[0]
+    data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
+    data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built))
+    mujoco.mj_kinematics(built.model, data)
+    mujoco.mj_comPos(built.model, data)
+    return data
 
 
 def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
@@ -166,13 +167,14 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
         return robot
-    with said_of(robot.model):
+    with said_of(robot.model), warnings.catch_warnings(action="ignore", category=RobotWarning):  # see build_tracked
         spec = load_spec(replace(robot, wheels=()), refuse=refuse)
-        own = own_wheels(spec, chassis_of(spec, robot).name, robot)
+        own = own_wheels(spec, chassis_of(spec, robot).name, robot, given)
     try:
         return replace(robot, **{name: value for name, value in own.items() if name not in given})
     except InvalidValueError as error:
-        raise SettingsFileError(f"{path}: of its wheels, {error}; give `hull`") from error
+        hint = "; give `hull`" if error.field == "hull" else ""
+        raise SettingsFileError(f"{path}: of its wheels, {error}{hint}") from error
 
 
 @dataclass(frozen=True)
@@ -214,20 +216,18 @@ def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
             try:
                 load_parameters(source)
             except TrackslipError as error:
-                warnings.warn(f"drives on terrain only: {error}", RobotWarning, stacklevel=2)
+                warnings.warn(f"not for flat ground: {error}", RobotWarning, stacklevel=2)
     lines = dict.fromkeys(str(each.message) for each in said)
     return RobotCheck(tuple(facts), tuple(lines), tuple(dict.fromkeys(errors)))
 
 
 def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     """Mass, inertia, joints, flippers and motors of a compiled robot."""
-    robot, model, data = tracked.robot, tracked.model, start(tracked.model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mass, centre, inertia = composite(model, data, np.flatnonzero(model.body_rootid == tracked.body))
-    x, y, z = centre - data.xpos[tracked.body] - [robot.middle, 0.0, robot.lowest]
+    robot, model, own = tracked.robot, tracked.model, np.flatnonzero(tracked.model.body_rootid == tracked.body)
+    mass, (x, y, z), inertia = composite(model, _stand(tracked), own)
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
-    loose = [joint.name for joint in map(model.joint, range(1, model.njnt)) if joint.name not in held]
+    swings = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
+    loose = [name for name in (model.joint(k).name for k in swings) if name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
     motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
     whose = "the shipped robot's, not counted on terrain" if robot.drive == Drive() else "the robot file's"

@@ -187,10 +187,12 @@ def load_robot(
     model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
     half_gauge = parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
-    forwards = np.array([_rotation(quaternion)[0] for quaternion in model.geom_quat[pads]])  # in the pads' frames
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    forwards = data.geom_xmat[pads, :3]  # in the pads' frames
     middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
     plate, lrf = model.geom("plate"), model.body("lrf")
-    heading = _rotation(lrf.quat)[:, 0]
+    heading = data.body("lrf").xmat[::3]
     return Robot(
         model=model,
         geometry=parameters.geometry,
@@ -233,12 +235,6 @@ def _add_contact_sensors(spec: Any, points: int) -> None:
         )
 
 
-def _rotation(quaternion: Array) -> Array:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
-
-
 def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> tuple[float, Array, Array]:
     """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies where they are, in the world's axes."""
     own = np.asarray(bodies, int)
@@ -272,7 +268,5 @@ def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
         if gyration > reach:
             worst = own[model.body_inertia[own].max(axis=1).argmax()]
             what = f"inertia of link {model.body(worst).name} = {model.body_inertia[worst].max():.3g} kg m^2"
-            limit = (
-                f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and reach only {reach:.3g} m"
-            )
-            warnings.warn(f"{path}: {what}: {limit}", RobotWarning, stacklevel=3)
+            why = f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and reach only {reach:.3g} m"
+            warnings.warn(f"{path}: {what}: {why}", RobotWarning, stacklevel=3)

@@ -108,7 +108,7 @@ class TrackedRobot:
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
         """The chassis' pair of tracks, or wheels."""
         width, contact, patch = _width(self.width, self.lines), self.contact, self.patch_length
-        return Track(self.half_gauge, self.hull, preset, friction, width=width, contact=contact, patch_length=patch)
+        return Track(self.half_gauge, self._level, preset, friction, width=width, contact=contact, patch_length=patch)
 
     @property
     def flipper_bodies(self) -> tuple[str, ...]:
@@ -124,17 +124,22 @@ class TrackedRobot:
     @property
     def middle(self) -> float:
         """Middle of the contact with level ground, ahead of the chassis' frame [m]."""
-        if self.contact == WHEELS:
-            return float(np.mean(self.standing))
-        return (max(self.standing) + min(self.standing)) / 2
+        ends = self.standing
+        return float(np.mean(ends if self.contact == WHEELS else [min(ends), max(ends)]))
 
     @property
     def standing(self) -> list[float]:
         """Axles of the wheels, or ends of the runs, that stand on level ground, ahead of the chassis' frame [m]."""
         if self.contact == WHEELS:
-            return [x for x, z, radius in self.hull if z - radius < self.lowest + _SAME_HEIGHT]
-        level = [run for run in Hull.from_wheels(self.hull).runs if run.outwards[1] < _LEVEL]
+            return [x for x, z, radius in self._level if z - radius < self.lowest + _SAME_HEIGHT]
+        level = [run for run in Hull.from_wheels(self._level).runs if run.outwards[1] < _LEVEL]
         return [float(end[0]) for run in level for end in (run.start, run.end)] or [0.0]
+
+    @property
+    def _level(self) -> Wheels:
+        """`hull` with its lowest wheels at one height, as tyres and springs make them."""
+        highest = self.lowest + _SAME_HEIGHT
+        return tuple((x, self.lowest + r if z - r < highest else z, r) for x, z, r in self.hull)
 
     @property
     def sprocket_radius(self) -> float:
@@ -148,4 +153,4 @@ class TrackedRobot:
 
     def spec(self) -> Any:
         """The model as a `mujoco.MjSpec`; see `read_model` for what it raises."""
-        return read_model(self.model)
+        return read_model(self.model, self.wheels)

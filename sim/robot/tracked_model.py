@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
-from sim.robot.wheels import choose_start, colliding, endless, lock, switch_off
+from sim.robot.wheels import choose_start, colliding, endless, forget_geoms, link_of, lock, outline, switch_off
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
@@ -24,6 +24,8 @@ _PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground w
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+_Bit = mujoco.mjtDisableBit
+_NEEDED = _Bit.mjDSBL_GRAVITY | _Bit.mjDSBL_CONTACT | _Bit.mjDSBL_CONSTRAINT
 _STEPS = 61  # from the lowest angle of a flipper to the highest
 
 
@@ -55,12 +57,9 @@ class TrackedModel:
 
     model: mujoco.MjModel
     robot: TrackedRobot
-    belts: Belts
-    """Its belts: the chassis' pair, then one per flipper."""
-    body: int
-    """The chassis."""
-    free: tuple[int, int]
-    """First numbers of the chassis' pose in qpos, and of its velocity in qvel."""
+    belts: Belts  # the chassis' pair, then one per flipper
+    body: int  # the chassis
+    free: tuple[int, int]  # first numbers of the chassis' pose in qpos, and of its velocity in qvel
     track_side: NDArray[np.int_]  # (T,) 0 left, 1 right: whose command a belt runs with
     flipper_qpos: NDArray[np.int_]  # (F,) of the hinges, in qpos
     flipper_motor: NDArray[np.int_]  # (F,) of their motors, in ctrl
@@ -86,18 +85,11 @@ def build_tracked(
     looks: bool = False,
     refuse: Refuse = refuse,
 ) -> TrackedModel:
-    """Compile a robot on its terrain, or on a plane.
+    """Compile a robot on its terrain, or on a plane, with tracks of a contact preset.
 
-    Args:
-        robot: the robot.
-        terrain: what it stands on, such as a `sim.terrain.Course`.
-        preset: contact preset of the tracks.
-        friction: coefficients of friction along and across the tracks; by default the terrain's, or a plane's 0.7.
-        looks: keep geoms that are only looked at, which slow the physics down.
-        refuse: what to do with a line on a part that is missing or wrong; by default it is raised.
-
-    Raises:
-        TrackslipError: for a model that can't be compiled or lacks a part that the robot names.
+    Friction along and across the tracks is by default the terrain's, or a plane's 0.7. `looks` keeps geoms that are
+    only looked at, which slow the physics down. `refuse` takes lines on parts that are missing or wrong; by default
+    they are raised. Raises TrackslipError for a model that can't be compiled or lacks a part that the robot names.
     """
     with said_of(robot.model):
         spec = load_spec(robot, looks, refuse)
@@ -106,7 +98,7 @@ def build_tracked(
             _light(spec)
         if not chassis.joints:
             chassis.add_freejoint()
-        hinges = [_motor_of(spec, flipper, chassis) for flipper in robot.flippers]
+        hinges = [_motor_of(spec, robot, flipper) for flipper in robot.flippers]
         if terrain is None:
             spec.worldbody.add_geom(name=_PLANE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=_GREY)
         names = [_PLANE] if terrain is None else terrain.add_to(spec)
@@ -116,9 +108,13 @@ def build_tracked(
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
         connect(spec, names)
         name, model = chassis.name, spec.compile()
-    if not looks and model.nu == len(robot.flippers):
+    if (held := float(model.body_mass @ model.body_gravcomp)) > 0:
+        what = f"{robot.model}: its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
+        warnings.warn(what, RobotWarning, stacklevel=2)
+    if looks:  # with all shapes that tell how far the body reaches
+        warn_of_inertia(model, model.body(name).id, robot.model)
+    elif model.nu == len(robot.flippers):
         _warn_of_loose_joints(model, robot)
-    warn_of_inertia(model, model.body(name).id, robot.model)
     return _read(model, robot, name, hinges, refuse)
 
 
@@ -129,6 +125,14 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
     """
     spec = robot.spec()
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
+    for kind, things in (("body", spec.bodies), ("key", spec.keys)):
+        for k, thing in enumerate(things):
+            thing.name = thing.name or f"unnamed_{kind}{k}"
+    for k, joint in enumerate(spec.joints):
+        joint.name = joint.name or f"{joint.parent.name}_joint{k}"
+    new = spec.default.geom  # of geoms that are added
+    new.pos, new.quat, new.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
+    forget_geoms(spec, spec.worldbody.geoms)
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights):
         spec.delete(thing)
     for geom in [] if looks else [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
@@ -136,9 +140,10 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
             spec.delete(geom)
     switch_off(spec, robot)
     find_meshes(spec, robot.model, robot.packages, refuse)
-    spec.compile()  # says what is wrong with the file; from here on keyframes follow changes of the joints
-    lock(spec, robot)
     choose_start(spec, robot)
+    if spec.keys:
+        spec.compile()  # from here on they follow changes of the joints
+    lock(spec, robot)
     return spec
 
 
@@ -148,52 +153,36 @@ def _light(spec: Any) -> None:
     quality = spec.visual.quality  # what a processor can draw, too
     quality.shadowsize, quality.offsamples, quality.numslices, quality.numstacks, quality.numquads = 2048, 4, 16, 8, 1
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
-        spec.add_texture(
-            name="sky",
-            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-            rgb1=[0.45, 0.63, 0.82],
-            rgb2=[0.86, 0.91, 0.95],
-            width=256,
-            height=1536,
-        )
+        colours = {"rgb1": [0.45, 0.63, 0.82], "rgb2": [0.86, 0.91, 0.95]}
+        kind, gradient = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
+        spec.add_texture(name="sky", type=kind, builtin=gradient, **colours, width=256, height=1536)
     headlight = spec.visual.headlight
     headlight.ambient, headlight.diffuse, headlight.specular = [0.36, 0.37, 0.39], [0.3] * 3, [0.05] * 3
-    spec.worldbody.add_light(
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[6, -8, 12],
-        dir=[-0.45, 0.6, -1],
-        diffuse=[0.62, 0.6, 0.55],
-        castshadow=True,
-    )
+    sun = {"type": mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, "pos": [6, -8, 12], "dir": [-0.45, 0.6, -1]}
+    spec.worldbody.add_light(**sun, diffuse=[0.62, 0.6, 0.55], castshadow=True)
 
 
 def chassis_of(spec: Any, robot: TrackedRobot) -> Any:
     """The chassis in the robot's spec; TrackslipError where there is none, or it has another joint than a free one."""
     roots = [body.name for body in spec.worldbody.bodies]
     if not robot.body and len(roots) != 1:
-        raise TrackslipError(f"{robot.model}: {len(roots)} bodies lie in the world; `body` must name the chassis")
+        raise TrackslipError(f"{robot.model}: {some(roots)} lie in the world; `body` must name the chassis")
     name = robot.body or roots[0]
     body = spec.body(name)
     if body is None or name not in roots:
         raise TrackslipError(f"{robot.model}: body = {name!r}: must be one that lies in the world: {', '.join(roots)}")
     if any(joint.type != _FREE for joint in body.joints):
-        joints = ", ".join(joint.name or "unnamed" for joint in body.joints)
+        joints = ", ".join(joint.name for joint in body.joints)
         raise TrackslipError(f"{robot.model}: joints of body {name!r} = {joints}: must be a free joint or none")
     return body
 
 
-def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
+def _motor_of(spec: Any, robot: TrackedRobot, flipper: Flipper) -> tuple[str, str]:
     """Names of the hinge and motor of a flipper; a motor is added to a hinge without one."""
-    body = spec.body(flipper.body)
-    if body is None:
-        known = ", ".join(each.name for each in chassis.find_all(mujoco.mjtObj.mjOBJ_BODY))
-        raise TrackslipError(f"flippers: body = {flipper.body!r}: must be one of the model's: {known}")
-    hinges = [joint for joint in body.joints if joint.type == _HINGE]
-    if len(hinges) != 1 or len(body.joints) != 1:
+    body = link_of(spec, robot, flipper.body, "flippers: body")
+    if [joint.type for joint in body.joints] != [_HINGE]:
         raise TrackslipError(f"flippers: body = {flipper.body!r}: must have one joint, a hinge")
-    hinge = hinges[0]
-    hinge.name = hinge.name or f"{flipper.body}_hinge"
+    hinge = body.joints[0]
     motors = [each for each in spec.actuators if each.target == hinge.name]
     if not motors:
         motor = spec.add_actuator(name=f"{flipper.body}_motor", target=hinge.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -209,23 +198,16 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
 
 def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
     """Give a RobotWarning for endless hinges of a model without motors, such as a URDF."""
-    hinges = [model.joint(k) for k in np.flatnonzero(endless(model) & (model.jnt_type == _HINGE))]
-    carriers = [model.body(hinge.bodyid[0]).name for hinge in hinges]
-    loose = [
-        hinge.name or name for hinge, name in zip(hinges, carriers, strict=True) if name not in robot.flipper_bodies
-    ]
-    if loose:
+    flippers = [model.body(name).id for name in robot.flipper_bodies]
+    swings = endless(model) & (model.jnt_type == _HINGE) & ~np.isin(model.jnt_bodyid, flippers)
+    if loose := [model.joint(k).name for k in np.flatnonzero(swings)]:
         what = f"nothing drives or holds {counted(len(loose), 'hinge')} without limits, {some(loose)}"
         hint = "list the links of wheels in `wheels`, and make joints of sensors fixed"
         warnings.warn(f"{robot.model}: {what}; {hint}", RobotWarning, stacklevel=3)
 
 
 def _read(
-    model: mujoco.MjModel,
-    robot: TrackedRobot,
-    chassis: str,
-    hinges: Sequence[tuple[str, str]],
-    refuse: Refuse,
+    model: mujoco.MjModel, robot: TrackedRobot, chassis: str, hinges: Sequence[tuple[str, str]], refuse: Refuse
 ) -> TrackedModel:
     """The numbers of a compiled robot, whose flippers have these `hinges` and motors."""
     body = model.body(chassis).id
@@ -238,7 +220,10 @@ def _read(
     mujoco.mj_forward(model, data)
     if not all(np.isfinite(values).all() for values in (data.geom_xpos, data.geom_xmat, data.xipos, data.qacc)):
         raise TrackslipError(f"{robot.model}: a number in it is nan, inf or too large: its motion isn't finite")
-    _check_across(model, data, robot, chassis, refuse)
+    if model.opt.gravity[2] >= 0 or model.opt.disableflags & _NEEDED:
+        allowed = "must have gravity downwards, and no gravity, contact or constraint disabled"
+        raise TrackslipError(f"{robot.model}: its <option> {allowed}")
+    _check_across(model, data, robot, body, refuse)
     _check_clear(model, data, robot, body, refuse)
     axes, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
     hinge, tip, radius = np.zeros((len(joints), 3)), np.zeros((len(joints), 3)), np.zeros(len(joints))
@@ -268,28 +253,28 @@ def _read(
     )
 
 
-def _check_across(
-    model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, chassis: str, refuse: Refuse
-) -> None:
-    """Refuse flippers on a hinge that isn't across, or whose y isn't to the left."""
-    lateral = data.body(chassis).xmat.reshape(3, 3)[:, 1]
-    for name in robot.flipper_bodies:
-        body = data.body(name)
-        axis = data.xaxis[model.body_jntadr[body.id]]
-        if min(body.xmat.reshape(3, 3)[:, 1] @ lateral, abs(axis @ lateral)) < _ACROSS:
+def _check_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
+    """Refuse flippers on a hinge that isn't across, whose y isn't to the left, or that lie on the other side."""
+    lateral = data.xmat[body].reshape(3, 3)[:, 1]
+    for flipper in robot.flippers:
+        name, own = flipper.body, data.body(flipper.body)
+        y = (own.xpos - data.xpos[body]) @ lateral + flipper.y
+        axis = data.xaxis[model.body_jntadr[own.id]]
+        if min(own.xmat.reshape(3, 3)[:, 1] @ lateral, abs(axis @ lateral)) < _ACROSS:
             refuse(f"{robot.model}: body {name!r}: must have y to the left, and its hinge along y")
+        elif (y if flipper.side == "left" else -y) < -_CLEAR:
+            what = f"flippers: side of {name!r} = {flipper.side!r}: lies at y = {y:.3g} m, on the other side"
+            refuse(f"{robot.model}: {what}")
 
 
 def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
     """Refuse what would touch level ground beside the tracks."""
     own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & colliding(model)
-    for geom in np.flatnonzero(own):
-        centre, half = model.geom_aabb[geom].reshape(2, 3)
-        up = data.geom_xmat[geom].reshape(3, 3)[2]
-        low = data.geom_xpos[geom, 2] + up @ centre - np.abs(up) @ half - data.xpos[body, 2]
+    for geom in np.flatnonzero(own).tolist():
+        low = outline(model, data, data.body(body), geom)[:, 2].min()
         if low < robot.lowest + _CLEAR:
             frame = model.body(body).name
-            what = f"{robot.model}: {_named(model, int(geom))} reaches down to {low:.3g} m in the frame of {frame}"
+            what = f"{robot.model}: {_named(model, geom)} reaches down to {low:.3g} m in the frame of {frame}"
             allowed = f"must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
             allowed += "; if tracks replace it, list its link in `wheels`"
             refuse(f"{what}; what touches {allowed}")
@@ -310,6 +295,7 @@ def clear_angles(tracked: TrackedModel) -> Array:
     """
     model, flippers = tracked.model, tracked.robot.flippers
     data, low, high = mujoco.MjData(model), *tracked.flipper_range.T
+    data.qpos[tracked.free[0] + 3 : tracked.free[0] + 7] = [1.0, 0.0, 0.0, 0.0]  # however its file turns it
     tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F)
     clear = np.zeros(tried.shape, bool)
     for angles, above in zip(tried, clear, strict=True):

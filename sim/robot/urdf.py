@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ _COMPILER = '<compiler strippath="false" discardvisual="false" '
 _MAX_FACES = 200_000  # of MuJoCo's, in an .stl
 _SHOWN = 3  # names in a message
 _POINTER = b"version https://git-lfs"
-_UNIT = "has no unit"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
@@ -33,10 +32,11 @@ def refuse(line: str) -> None:
     raise TrackslipError(line)
 
 
-def read_model(path: Path) -> Any:
+def read_model(path: Path, locked: Collection[str] = ()) -> Any:
     """An MJCF or URDF as a `mujoco.MjSpec`; meshes of a URDF keep their folders, and only links with <inertial> weigh.
 
-    Raises TrackslipError if there is no such file, for xacro, and for files of other kinds.
+    Others give a RobotWarning where they move, unless they will be `locked`. Raises TrackslipError if there is no such
+    file, for xacro, and for files of other kinds.
     """
     if not os.path.isfile(path):  # Path.is_file fails for long names
         raise TrackslipError(f"{path}: no such file; `model` must name the robot's MJCF or URDF file")
@@ -55,12 +55,18 @@ def read_model(path: Path) -> Any:
     if "<link" not in text:
         raise TrackslipError(f"{path}: has no links; if it is from xacro, its macros must be called as <xacro:NAME/>")
     spec = mujoco.MjSpec.from_string(_unstripped(text))
-    stated = any(body.explicitinertial for body in spec.bodies)
+    stated, water = any(body.explicitinertial for body in spec.bodies), []
     for geom in list(spec.geoms):
+        link = geom.parent
         if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE and not geom.size[0]:
             spec.delete(geom)  # a point
-        elif stated and not geom.parent.explicitinertial and not geom.parent.joints:
+        elif stated and not link.explicitinertial and (not link.joints or link.name in locked):
             geom.mass = 0  # by the URDF standard; MuJoCo fills it with water
+        elif not link.explicitinertial and geom.contype:
+            water.append(link.name)
+    if water:
+        links = some(list(dict.fromkeys(water)))
+        warnings.warn(f"{path}: links without <inertial>, {links}, weigh as water does", RobotWarning, stacklevel=4)
     return spec
 
 
@@ -93,10 +99,8 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
     Refuses a mesh without a file that collides or has mass.
     """
     folder = model.absolute().parent
-    for kind, things, place in (
-        ("texture", spec.textures, spec.texturedir),
-        ("height field", spec.hfields, spec.meshdir),
-    ):
+    kinds = (("texture", spec.textures, spec.texturedir), ("height field", spec.hfields, spec.meshdir))
+    for kind, things, place in kinds:
         for thing in things:
             if thing.file and _is_pointer(folder / place / thing.file):
                 refuse(f"{model}: {kind} {thing.name!r} needs {thing.file[-100:]}, but it is {_UNFETCHED}")
@@ -118,9 +122,8 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
         spec.delete(mesh)
     if left_out:
         files = f"{counted(len(left_out), 'mesh file')} ({some(sorted(left_out))})"
-        why = "missing, or of a kind that MuJoCo doesn't read"
-        special = sorted({wrong for wrong in left_out.values() if _UNFETCHED in wrong or _UNIT in wrong})
-        warnings.warn(f"{model}: shown without {files}: {'; '.join([why, *special[:1]])}", RobotWarning, stacklevel=2)
+        why = "; ".join(sorted(set(left_out.values()))[:_SHOWN])
+        warnings.warn(f"{model}: shown without {files}: {why}", RobotWarning, stacklevel=2)
 
 
 def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -> tuple[Path | None, str]:
@@ -145,12 +148,9 @@ def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -
             if os.path.isfile(each) and _is_readable(each):
                 unit = _unit(path)
                 scale = f'name {each.name} in the model, scale="{unit} {unit} {unit}" unless its numbers are in metres'
-                differs = float(unit) != 1 and each != path
-                return (
-                    (None, f"{path.name} is in units of {unit} m, and {each.name} {_UNIT}: {scale}")
-                    if differs
-                    else (each, "")
-                )
+                if float(unit) != 1 and each != path:
+                    return None, f"{path.name} is in units of {unit} m, and {each.name} has no unit: {scale}"
+                return each, ""
         if os.path.isfile(path):
             if _is_pointer(path):
                 return None, f"{path.name} is {_UNFETCHED}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import mujoco
@@ -19,18 +19,20 @@ from trackslip.kinematics import Array
 
 _AXIS = 0.95  # least cosine between the axis of a wheel and the chassis' y [-]
 _ROUND = 0.1  # largest difference between the extents of a wheel along x and z, relative to their mean [-]
-_MIRRORED = 0.03  # largest difference between wheels on the left and right [m]
+_MIRRORED = 0.1  # largest difference between wheels on the left and right, relative to their radius [-]
 _MIDDLE = 0.25  # of the largest |y|: what lies nearer to the middle is a caster [-]
 _TREAD = 0.1  # of a wheel's height from the ground: what lies higher isn't its tread [-]
-_FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+_LIGHT = 1e-9  # least mass and inertia of links, which may weigh nothing when they are locked [kg, kg m^2]
+_FREE, _HINGE, _GEOM = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtObj.mjOBJ_GEOM
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
     """Keep links in `robot.wheels` from colliding; TrackslipError for links that aren't in the model."""
     for name in robot.wheels:
-        rigid = [_link(spec, robot, name)]
+        rigid = [link_of(spec, robot, name)]
         for body in rigid:  # which grows
             rigid += [child for child in body.bodies if not child.joints]
+            forget_geoms(spec, body.geoms)
             for geom in (geom for geom in body.geoms if geom.contype or geom.conaffinity):
                 geom.contype, geom.conaffinity, geom.group = 0, 0, 3
 
@@ -52,62 +54,80 @@ def lock(spec: Any, robot: TrackedRobot) -> None:
 def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
     """Names of the bodies between a link and the chassis, or its flipper, that have joints."""
     moving = []
-    while link.parent.name != "world" and link.name not in robot.flipper_bodies:
-        if link.joints:
-            moving.append(link.name)
-        link = link.parent
+    for each in (link, *_carriers(link)):
+        if each.parent.name == "world" or each.name in robot.flipper_bodies:
+            break
+        if each.joints:
+            moving.append(each.name)
     return moving
 
 
-def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
+def link_of(spec: Any, robot: TrackedRobot, name: str, field: str = "wheels") -> Any:
+    """A link by its name in a field of the robot file; TrackslipError if it isn't in the model."""
     if spec.body(name) in (None, spec.worldbody):
         known = some([body.name for body in spec.bodies if body.name != "world"])
-        raise TrackslipError(f"{robot.model}: wheels = {name!r}: must be links of the model, such as {known}")
+        raise TrackslipError(f"{robot.model}: {field} = {name!r}: must be links of the model, such as {known}")
     return spec.body(name)
 
 
-def _delete_joint(spec: Any, joint: Any) -> None:
-    motors = [motor for motor in spec.actuators if motor.target == joint.name]
-    names = {joint.name, *(motor.name for motor in motors)} - {""}
-    sensors = [sensor for sensor in spec.sensors if sensor.objname in names]
-    for each in (*sensors, *(each for each in spec.equalities if names & {each.name1, each.name2}), *motors, joint):
+def forget_geoms(spec: Any, geoms: Iterable[Any]) -> None:
+    """Delete the contact pairs and sensors that name these geoms."""
+    named = {(_GEOM, geom.name) for geom in geoms if geom.name}
+    sensors = [each for each in spec.sensors if named & {(each.objtype, each.objname), (each.reftype, each.refname)}]
+    pairs = [each for each in spec.pairs if named & {(_GEOM, each.geomname1), (_GEOM, each.geomname2)}]
+    for each in (*sensors, *pairs):
         spec.delete(each)
 
 
-def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
+def _delete_joint(spec: Any, joint: Any) -> None:
+    tendons = [each for each in spec.tendons if any(wrap.target == joint for wrap in each.path)]
+    names = {joint.name, *(tendon.name for tendon in tendons)}
+    motors = [motor for motor in spec.actuators if motor.target in names]
+    names = {*names, *(motor.name for motor in motors)} - {""}
+    sensors = [sensor for sensor in spec.sensors if sensor.objname in names]
+    equalities = [each for each in spec.equalities if names & {each.name1, each.name2}]
+    for each in (*sensors, *equalities, *motors, *tendons, joint):
+        spec.delete(each)
+
+
+def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[str]) -> dict[str, Any]:
     """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, as the model's own wheels tell them.
 
-    These are the wheels in `robot.wheels`, or else all that turn endlessly, together with flippers. Raises
-    TrackslipError unless there are any, alike on the left and right.
+    These are the wheels in `robot.wheels`, or else all that turn endlessly, together with flippers; those that flippers
+    carry tell nothing. Raises TrackslipError unless there are any, alike on the left and right, or the fields `given`.
     """
-    listed = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies]
-    wheels = _wheels(spec.compile(), chassis, robot, listed)
+    listed = [link_of(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies]
+    found = _wheels(spec, chassis, robot, listed)
+    replaced = {"wheels": robot.wheels or (*found, *robot.flipper_bodies)}
+    if {"half_gauge", "hull"} <= set(given):
+        return replaced
+    flippers = [link_of(spec, robot, name, "flippers: body") for name in robot.flipper_bodies]
+    carried = {link.name for flipper in flippers for link in flipper.find_all(mujoco.mjtObj.mjOBJ_BODY)}
+    wheels = {name: extent for name, extent in found.items() if name not in carried}
     low, high = np.reshape(list(wheels.values()), (-1, 2, 3)).transpose(1, 0, 2)
     (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
     shapes = np.column_stack([x, z, half[:, [0, 2]].mean(axis=1), np.abs(y)])
     outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
     pairs = _mirrored(shapes[outer & (y > 0)], shapes[outer & (y < 0)])
     if not len(pairs):
-        given = ", ".join(listed) or "replace"
-        allowed = "round links on endless hinges about y, alike on the left and right"
+        allowed = "round links that collide, on endless hinges about y, alike on the left and right"
         seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
-        raise TrackslipError(f"{robot.model}: wheels = {given}: must be {allowed}; {seen}")
-    hull = pairs.mean(axis=1)
-    hull = hull[np.argsort(hull[:, 0]), :3]
-    return {
-        "wheels": robot.wheels or (*wheels, *robot.flipper_bodies),
+        raise TrackslipError(f"{robot.model}: wheels = {', '.join(listed) or 'replace'}: must be {allowed}; {seen}")
+    return replaced | {
         "half_gauge": round(float(shapes[outer, 3].mean()), 6),
-        "hull": tuple(map(tuple, hull.round(6).tolist())),
+        "hull": tuple(map(tuple, sorted(pairs.mean(axis=1)[:, :3].round(6).tolist()))),
     }
 
 
-def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Sequence[str]) -> dict[str, Array]:
+def _wheels(spec: Any, chassis: str, robot: TrackedRobot, listed: Sequence[str]) -> dict[str, Array]:
     """Extents (2, 3) of wheels in the chassis' frame by name [m].
 
     Wheels are round and turn endlessly about the chassis' y; those that are `listed` may have limits, or be fixed.
     Parts of wheels are none, nor are links that carry wheels, such as rockers and knuckles. Raises TrackslipError for
     links that are listed, turn endlessly about y, and aren't round.
     """
+    spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHT
+    model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = data.body(chassis)
@@ -118,27 +138,24 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
     bodies = {int(model.body(name).id): name for name in names}
     fixed_to = {body: int(model.body_weldid[body]) for body in bodies}
     parts = {body for body, root in fixed_to.items() if root != body and root in spinning & bodies.keys()}
-    carriers = {carrier for body in bodies.keys() - parts for carrier in _carriers(model, body)}
+    whole = [spec.body(name) for body, name in bodies.items() if body not in parts]
+    carriers = {carrier.name for link in whole for carrier in _carriers(link)}
     wheels = {}
     for body, name in bodies.items():
-        if body in parts | carriers or (model.body_jntnum[body] and body not in turning):
+        if body in parts or name in carriers or (model.body_jntnum[body] and body not in turning):
             continue
-        place = _extent(model, data, base, body)
-        along, _, up = place[1] - place[0]
+        extent = _extent(model, data, base, body)
+        along, _, up = extent[1] - extent[0]
         if abs(along - up) < _ROUND * (along + up) / 2:
-            wheels[name] = place
+            wheels[name] = extent
         elif listed and body in spinning:
             allowed = "round to be a wheel; give `hull` and `half_gauge`"
             raise TrackslipError(f"{robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}")
     return wheels
 
 
-def _carriers(model: mujoco.MjModel, body: int) -> list[int]:
-    carriers = []
-    while parent := int(model.body_parentid[body]):
-        carriers.append(parent)
-        body = parent
-    return carriers
+def _carriers(link: Any) -> list[Any]:
+    return [] if link.parent.name == "world" else [link.parent, *_carriers(link.parent)]
 
 
 def _mirrored(left: Array, right: Array) -> Array:
@@ -147,7 +164,7 @@ def _mirrored(left: Array, right: Array) -> Array:
         return np.empty((0, 2, 4))
     apart = np.abs(left[:, None] - right).max(axis=-1)
     rows, columns = scipy.optimize.linear_sum_assignment(apart)
-    if (apart[rows, columns] >= _MIRRORED).any():
+    if (apart[rows, columns] >= _MIRRORED * left[rows, 2]).any():
         return np.empty((0, 2, 4))
     return np.stack([left[rows], right[columns]], axis=1)
 
@@ -169,23 +186,32 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int)
     """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
     collide = own & colliding(model)
-    frame, points = chassis.xmat.reshape(3, 3), [np.full((1, 3), np.nan)]
-    for geom in np.flatnonzero(collide if collide.any() else own):
-        turn = frame.T @ data.geom_xmat[geom].reshape(3, 3)
-        centre, mesh = frame.T @ (data.geom_xpos[geom] - chassis.xpos), model.geom_dataid[geom]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-            points += [model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]] @ turn.T + centre]
-            continue
-        reach = np.abs(turn) @ model.geom_aabb[geom, 3:]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:  # however it is turned about its axis
-            radius, half, _ = model.geom_size[geom]
-            reach = np.sqrt(np.maximum(1 - turn[:, 2] ** 2, 0)) * radius + np.abs(turn[:, 2]) * half
-        points += [centre - reach, centre + reach, centre + reach * [-1, 1, -1]]
-    stacked = np.vstack(points)
+    shapes = np.flatnonzero(collide if collide.any() else own).tolist()
+    stacked = np.vstack([np.full((1, 3), np.nan), *(outline(model, data, chassis, shape) for shape in shapes)])
     extent = np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
     tread = stacked[~(stacked[:, 2] > extent[0, 2] + _TREAD * np.ptp(extent[:, 2]))]
     extent[:, 1] = np.fmin.reduce(tread[:, 1]), np.fmax.reduce(tread[:, 1])
     return extent
+
+
+def outline(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, geom: int) -> Array:
+    """Points (P, 3) of a geom in the chassis' frame that lie as far out along its axes as the geom does [m]."""
+    turn = chassis.xmat.reshape(3, 3).T @ data.geom_xmat[geom].reshape(3, 3)
+    centre = chassis.xmat.reshape(3, 3).T @ (data.geom_xpos[geom] - chassis.xpos)
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.mesh(model.geom_dataid[geom])
+        return np.asarray(model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]] @ turn.T + centre)
+    middle, half = model.geom_aabb[geom].reshape(2, 3)
+    along, across = np.abs(turn[:, 2]), np.linalg.norm(turn[:, :2] * half[:2], axis=1)
+    reach = np.abs(turn) @ half
+    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        reach = np.linalg.norm(turn * half, axis=1)
+    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        reach = across + along * half[2]
+    elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        reach = half[0] + along * (half[2] - half[0])
+    return turn @ middle + centre + reach * [[-1, -1, -1], [1, 1, 1], [-1, 1, -1]]
 
 
 def choose_start(spec: Any, robot: TrackedRobot) -> None:
@@ -193,7 +219,8 @@ def choose_start(spec: Any, robot: TrackedRobot) -> None:
 
     Raises TrackslipError for a keyframe that the model doesn't have.
     """
-    moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in robot.flipper_bodies]
+    held = {*robot.flipper_bodies, *robot.wheels}
+    moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in held]
     names = [key.name for key in spec.keys]
     if robot.key and robot.key not in names:
         known = f"one of its keyframes, {some(names)}" if names else "left out: it has no keyframes"

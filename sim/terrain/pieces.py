@@ -12,15 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
-from trackslip.errors import (
-    Checked,
-    checked,
-    require,
-    require_at_most,
-    require_finite,
-    require_whole,
-    require_within,
-)
+from trackslip.errors import Checked, checked, require, require_at_most, require_finite, require_whole, require_within
 from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # of the boxes of slopes [m]

@@ -126,11 +126,7 @@ def _path(v: Array, w: Array) -> Array:
 
 
 def measured(
-    drive: Drive,
-    pose_step: float = 0.1,
-    position_noise: float = 0.005,
-    heading_noise: float = 0.005,
-    seed: int = 1,
+    drive: Drive, pose_step: float = 0.1, position_noise: float = 0.005, heading_noise: float = 0.005, seed: int = 1
 ) -> tuple[Array, Array]:
     """Times (K,) and poses (K, 3) as a tracker measures them."""
     rows = slice(None, None, round(pose_step / ENCODER_STEP))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -98,7 +100,10 @@ def test_a_tracked_robot_on_flat_ground_has_the_mass_matrix_of_its_model(name):
     np.testing.assert_allclose(axes @ np.diag(body.inertia) @ axes.T, inertia, atol=1e-9)
 
 
-@pytest.mark.parametrize("source", ["rescue", "husky", WIDE])
+UNEVEN = replace(load_tracked("box"), hull=((-0.2, 0.1, 0.1), (0, 0.099, 0.1), (0.2, 0.1, 0.1)))
+
+
+@pytest.mark.parametrize("source", ["rescue", "husky", WIDE, UNEVEN, replace(UNEVEN, contact="wheels")])
 def test_it_turns_as_theory_says_on_flat_ground_and_on_terrain(source):
     speeds, friction = np.array([0.04, 0.08]), 0.7
     parameters, tracked = load_parameters(source)[0], load_tracked(source)

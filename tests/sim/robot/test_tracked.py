@@ -75,15 +75,22 @@ def test_flippers_start_clear_of_the_ground(rescue):
     assert (lifted <= least + 2.6 / 60).all()
 
 
+MASKED = """<mujoco><worldbody><body name="base"><freejoint/><geom type="box" size=".2 .1 .1" {}="0" mass="9"/>
+<body name="arm" pos=".2 .3 .1"><joint axis="0 1 0"/><geom size=".01"/></body></body></worldbody></mujoco>"""
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        *((URDF, MASKED.format(mask), r"reaches down to -0\.1 m") for mask in ("contype", "conaffinity")),
         ("0 0 0.14", "0 0 nan", r"mine\.urdf: a number in it is nan, inf or too large"),
         ("</robot>", "", r"mine\.urdf: XML"),
         ("mine.urdf", "x" * 5000, "no such file"),
         ("mine.urdf", "gone.urdf", r"gone.urdf: no such file; `model` must name"),
-        ('body = "arm"', 'body = "leg"', "flippers: body = 'leg': must be one of the model's: arm"),
+        ('body = "arm"', 'body = "leg"', "flippers: body = 'leg': must be links of the model, such as base, arm"),
         ('body = "arm"', 'body = "base"', "body = 'base': must have one joint, a hinge"),
+        ('side = "left"', 'side = "right"', "side of 'arm' = 'right': lies at y = 0.3 m, on the other"),
+        ("</robot>", '<mujoco><option gravity="0 0 0"/></mujoco></robot>', "must have gravity downwards"),
         ("half_gauge", 'body = "arm"\nhalf_gauge', "body = 'arm': must be one that lies in the world: base"),
         ("0.1, 0.1]", "0.3, 0.1]", "geom .* reaches down to 0.09 m .* above the tracks' lowest point, at 0.2 m"),
     ],
@@ -91,18 +98,6 @@ def test_flippers_start_clear_of_the_ground(rescue):
 def test_robots_that_cannot_be_built(tmp_path, old, new, said):
     with pytest.raises(TrackslipError, match=said):
         build_tracked(load_tracked(write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new))))
-
-
-@pytest.mark.parametrize("mask", ["contype", "conaffinity"])
-def test_a_geom_with_one_mask_collides_and_must_be_clear_of_the_ground(tmp_path, mask):
-    geom = f'<geom type="box" size=".2 .1 .1" {mask}="0" mass="9"/>'
-    (tmp_path / "mine.urdf").write_text(
-        f'<mujoco><worldbody><body name="base"><freejoint/>{geom}</body></worldbody></mujoco>'
-    )
-    tracks = "half_gauge = 0.2\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n"
-    (tmp_path / "robot.toml").write_text('model = "mine.urdf"\n' + tracks)
-    with pytest.raises(TrackslipError, match=r"reaches down to -0\.1 m"):
-        build_tracked(load_tracked(tmp_path / "robot.toml"))
 
 
 ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20" range="-180 180"/>
@@ -114,7 +109,7 @@ ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20
     <joint class="big" axis="0 -1 0"/><geom type="capsule" size="0.04" fromto="0 0 0 0.4 0 0" mass="5"/></body></body>
   </body></worldbody><actuator><velocity name="spin" joint="spin"/>
   <position class="big" name="lift" joint="lift"/></actuator>
-  <keyframe><key name="out" qpos="0 0 0 1 0 0 0 0 0 0"/>
+  <keyframe><key qpos="0 0 0 1 0 0 0 0 0 0"/>
   <key name="home" qpos="9 9 9 1 0 0 0 0.5 1.57 2.9" ctrl="1 1.57"/></keyframe></mujoco>"""
 
 
@@ -124,12 +119,12 @@ def test_runs_begin_in_a_keyframe(tmp_path):
     tracks += "hull = [[-0.4, 0.08, 0.08], [0.4, 0.08, 0.08]]\n"
     (tmp_path / "arm.toml").write_text(tracks)
     plain = load_tracked(tmp_path / "arm.toml")
-    with pytest.warns(RobotWarning, match='its keyframes, out, home, are not used.*; key = "out" in the robot file'):
+    with pytest.warns(RobotWarning, match='its keyframes, unnamed_key0, home, are not used.*; key = "unnamed_key0" in'):
         assert build_tracked(plain).model.nkey == 0
     assert not check(tmp_path / "arm.toml").errors
-    (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "terrain only" in line)
-    assert line.startswith("drives on terrain only: com_x = 0.19")
-    with pytest.raises(TrackslipError, match="key = 'hom': must be one of its keyframes, out, home"):
+    (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "flat ground" in line)
+    assert line.startswith("not for flat ground: com_x = 0.19")
+    with pytest.raises(TrackslipError, match="key = 'hom': must be one of its keyframes, unnamed_key0, home"):
         build_tracked(replace(plain, key="hom"))
     (tmp_path / "home.toml").write_text(f'{tracks}key = "home"\n')
     world = Traverse(load_tracked(tmp_path / "home.toml"), [load_course("flat")], 2)

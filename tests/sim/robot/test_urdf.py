@@ -84,7 +84,8 @@ def test_meshes_are_found(tmp_path, filename, at, packages):
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
 ASCII_STL = "solid made by a CAD\n" + "facet normal 0 0 1 outer loop vertex 0 0 0\n" * 9
 PADDLE = '[[flippers]]\nbody = "paddle"\nside = "left"\nhull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]\n'
-HINGE = joint("base", "paddle", '0.2 0.3 0" rpy="0 0 1.57', **LIMITS)
+HINGE, HINGED = (joint("base", "paddle", f'0.2 0.3 0" rpy="0 0 {yaw}', **LIMITS) for yaw in (1.57, 0))
+TIPPED = [link("paddle", 1), HINGED, link("tip", 1, '<sphere radius="0.04"/>'), joint("paddle", "tip", "0.25 0 0")]
 OTHER = 'packages = ["rover_description/other"]\n'
 PACKAGE = {"other/package.xml": "<package><name>named</name></package>"}
 
@@ -102,7 +103,7 @@ def below(shape):
     [
         (mesh("package://gone/a.stl"), "", {}, "link 'base' needs package://gone/a.stl .*`packages` must list"),
         (mesh("../meshes/a.dae"), "", {"meshes/a.dae": ""}, "'base' needs .*MuJoCo doesn't read .dae; convert it"),
-        (mesh("a.stl", 0), "", {}, "link 'base' needs a.stl to collide or for its mass, but there is no"),
+        (mesh("a.stl"), "", {}, "link 'base' needs a.stl to collide or for its mass, but there is no"),
         (mesh("../meshes/a.stl"), "", {"meshes/a.stl": ASCII_STL}, r"such an \.stl \(ASCII, or over 200,000 faces\)"),
         (mesh("../meshes/a.obj"), "", {"meshes/a.obj": POINTER}, "but a.obj is a Git LFS .*git lfs pull"),
         (mesh("package://named/a.stl"), OTHER, PACKAGE, "package named in .*other has no a.stl$"),
@@ -133,6 +134,7 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
         (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
+        (rover(heights=(0.0, 0.02, 0.0, 0.0)), '"replace"', "alike on the left and right; found are left_front"),
         ([*rover(), *RADAR], [*LISTED, "radar"], "'radar': turns endlessly, must be round to be a wheel"),
     ],
 )
@@ -205,8 +207,11 @@ ROLLERS = [
         ([*rover(), *HUBS], [*LISTED, *(f"{name}_hub" for name in LISTED)]),
         ([*rover(kind="fixed", parent="block"), *BLOCK, *BELT], [*LISTED, "belt", "block"]),
         ([*rover(), *fixed(link("rider", 0, '<box size="1 1 1"/>', "0 0 1"))], '"replace"'),
-        (rover(heights=OFF), '"replace"'),  # a hair apart, and alike
-        ([*rover(heights=OFF), *ROLLERS], '"replace"'),
+        ([part.replace('xyz="0 0 0"/><geo', 'xyz="0 0 0" rpy="0 0.7 0"/><geo') for part in rover()], '"replace"'),
+        ([re.sub('<inertial><mass value="1"/>.*?</inertial>', "", part) for part in rover()], '"replace"'),
+        ([re.sub('mass value="1"', 'mass value="0"', part) for part in rover()], '"replace"'),
+        ([*rover(heights=OFF), *ROLLERS], '"replace"'),  # a hair apart, and alike
+        ([*rover(), *TIPPED], f'"replace"\n{PADDLE}'),
     ],
 )
 def test_tracks_replace_the_wheels(tmp_path, parts, wheels):
@@ -220,7 +225,8 @@ def test_tracks_replace_the_wheels(tmp_path, parts, wheels):
     with warnings.catch_warnings(action="error"):  # nothing is left that swings
         made = build_tracked(robot)
     masses = sum(float(mass) for part in parts for mass in re.findall('mass value="(.*?)"', part))
-    assert (made.model.nv, made.model.body_subtreemass[made.body]) == (6, pytest.approx(masses))
+    assert made.model.body_subtreemass[made.body] == pytest.approx(masses)
+    assert made.model.nv == 6 + len(robot.flippers)
 
 
 def carried_rover(axis, options, nested=False):
@@ -279,12 +285,16 @@ def test_wheels_of_an_mjcf_go_with_their_motors_and_sensors(tmp_path):
     motors = "".join(f'<velocity name="m{name}" joint="{name}"/>' for name in WHEELS)
     sensors = "".join(f'<jointpos joint="{name}"/><actuatorfrc actuator="m{name}"/>' for name in WHEELS)
     (tmp_path / "r.xml").write_text(
-        f'<mujoco><worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/>{wheels}'
-        f"</body></worldbody><actuator>{motors}</actuator><sensor>{sensors}</sensor></mujoco>"
+        '<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1" euler="0 0 90"><freejoint/>'
+        f'<geom name="g" type="box" size=".2 .1 .05" pos="0 0 .2"/>{wheels}</body></worldbody><tendon><fixed name="t">'
+        '<joint joint="left_rear" coef="1"/></fixed></tendon><contact><pair geom1="floor" geom2="g"/></contact>'
+        f'<actuator>{motors}<motor tendon="t"/></actuator><sensor>{sensors}</sensor></mujoco>'
     )
     (tmp_path / "r.toml").write_text('model = "r.xml"\nwheels = "replace"\n')
     model = build_tracked(load_tracked(tmp_path / "r.toml")).model
-    assert (model.nv, model.nu) == (6, 0)
+    assert (model.nv, model.nu, model.ntendon) == (6, 0, 0)
+    drawn = robot_looks(load_parameters(str(tmp_path / "r.toml"))[0]).model.body("robot/unnamed_body1")
+    np.testing.assert_allclose([*drawn.pos, *drawn.quat], [0, 0, 0.1, 1, 0, 0, 0], atol=1e-9)
 
 
 BOX = '<worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/></body></worldbody>'
@@ -307,15 +317,17 @@ def test_a_stated_physics_step_is_kept(tmp_path, text, step):
 def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
     arm, mast = (link(name, 1, f'<mesh filename="package://gone/{name}.stl"/>') for name in ("arm", "mast"))
     parts = [*rover(), *below('<box size="0.3 0.1 0.02"/>')[1:], arm, joint("base", "arm", "0 0 0.3")]
+    parts += [link("fan", 0, '<sphere radius="0.01"/>'), joint("base", "fan", "0 0 0.5", **LIMITS)]
     parts += [*fixed(mast, place="0 0 0.3"), *fixed(link("eye", 0, look="eye.dae"))]
     checked = check(write(tmp_path, parts, f"wheels = {LISTED}\n"))
     for said in ("link 'arm' needs", "link 'mast' needs", "a geom of link plate reaches down to -0.12 m"):
         assert sum(said in line for line in checked.errors) == 1
     assert len(checked.errors) == 3
-    for said in ("without 1 mesh file (eye.dae)", "nothing drives or holds 1 hinge without limits, arm_joint"):
+    nothing = "nothing drives or holds 1 hinge without limits, arm_joint"
+    for said in ("without 1 mesh file (eye.dae)", nothing, "without <inertial>, fan, weigh as water"):
         assert sum(said in line for line in checked.warnings) == 1
     facts = dict(checked.facts)
     assert facts["contact"] == "tracks, half gauge 0.25 m, 0.4 m long"
     assert facts["mass"].startswith("16 kg")
-    assert facts["joints without"] == "arm_joint"
+    assert facts["joints without"] == "arm_joint, fan_joint"
     assert not check("rescue").errors + check("warthog").errors

@@ -37,10 +37,7 @@ def require_true(log):
     np.testing.assert_allclose(log.gyro[1:][known], true[known], atol=0.05)
 
 
-@pytest.mark.parametrize(
-    ("mounting", "shown", "kind"),
-    [(UPRIGHT, "[0. 0. 1.]", "ros1"), (TILTED, "-0.87]", "mcap")],
-)
+@pytest.mark.parametrize(("mounting", "shown", "kind"), [(UPRIGHT, "[0. 0. 1.]", "ros1"), (TILTED, "-0.87]", "mcap")])
 def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
     found = read(tmp_path, imus(mounting), kind=kind)
     (log,) = found.runs

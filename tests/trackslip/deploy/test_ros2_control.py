@@ -16,12 +16,7 @@ from trackslip.laws.file import SHIPPED, load_laws, read_stored
 
 STORED = stored()
 EVEN_SIDES = {"offset_left": 0.04, "offset_right": 0.04, "radius_error_left": 0.01, "radius_error_right": -0.02}
-CASES = {
-    "none": STORED,
-    "icr": STORED,
-    "icr_radius": STORED,
-    "icr_sides": stored({"icr_sides": EVEN_SIDES}),
-}
+CASES = {"none": STORED, "icr": STORED, "icr_radius": STORED, "icr_sides": stored({"icr_sides": EVEN_SIDES})}
 
 
 @pytest.mark.parametrize("name", CASES)
