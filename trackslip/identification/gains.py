@@ -41,6 +41,8 @@ class Gains:
         """The gains as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
         speed = self.factors[0]
         turn = self.turn.value if self.turn else speed
+        if min(speed, turn) <= 0:  # of poses that hardly go with the wheels
+            speed = turn = 1.0
         return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
 
     def start(self, geometry: RobotGeometry, clock: float) -> dict[str, float]:
