@@ -169,7 +169,7 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     known = np.isfinite(window.moved) & (np.isfinite(window.turned) if headed else True)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
         way, turned = window.distance[known], window.turned[known]
-        unit = max(rms(window.moved[known]) / rms(way), 1e-9)  # of x and y
+        unit = max(rms(window.moved[known]) / rms(way), 1.0)  # of x and y, as mm
         aside = (2 * geometry.half_gauge * unit) ** -2  # of the sensor
         if not headed or (way @ turned) ** 2 > 0.9 * (way @ way) * (turned @ turned):
             aside = 1e12  # nearly on a circle, an offset to the side looks like a gain
