@@ -88,6 +88,7 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
+    b = geometry.half_gauge
     prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # of a machined radius, which nothing tells
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
@@ -95,10 +96,14 @@ def _reference(
     for name, value in start.items():
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
+    starts = [values]
+    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):  # front and rear may look alike
+        starts = [np.where(np.arange(len(values)) == model.index("sensor_x"), x, values) for x in (b, -b)]
     pairs = Pairs.of(drives, geometry)
     best: DriveFit | None = None
     for length in _lengths(drives):
-        fit = _described(fit_windows(model, drives, length, values, held, mean), held, pairs)
+        windows = (fit_windows(model, drives, length, start, held, mean) for start in starts)
+        fit = min((_described(each, held, pairs) for each in windows), key=_size)
         if best is not None and _size(best) <= 1.01 * _size(fit):  # a hundredth doesn't matter
             break
         best = fit
