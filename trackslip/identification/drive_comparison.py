@@ -61,8 +61,8 @@ def compare_drives(
     laws, notes = dict[str, DriveFit](), list(look.notes)
     for name in names or drive_laws():
         if "offset_left" in FAMILIES[name].names and reference.sits_aside:
-            place = f"{1000 * reference.extras['sensor_y']:.0f} mm to the left, where {REFERENCE} has it"
-            notes.append(f"law {name} takes the sensor {place}: else it looks like unequal ICRs; give --sensor")
+            aside = f"{1000 * reference.extras['sensor_y']:.0f} mm to the left, where {REFERENCE} has it"
+            notes.append(f"law {name} takes the sensor {aside}: else it looks like unequal ICRs; give --sensor")
         if fast or not FAMILIES[name].fast:
             laws[name] = fit_drives(name, look.drives, geometry, sensor, reference=reference, lag=lag)
         step(1.0)
