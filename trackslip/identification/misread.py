@@ -85,15 +85,10 @@ def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
         others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
         yield others, "tracks are swapped or encoders count backwards", advice
     if placed and headed:
-        for degree, offset, clockwise, advice in (
-            (np.pi / 180, 0.0, "", "multiply it by pi/180"),
-            (-np.pi / 180, np.pi / 2, ", clockwise", "give pi/2 - phi pi/180"),
-        ):
-            yield (
-                [_with_heading(drive, degree, offset) for drive in drives],
-                f"column phi is in degrees{clockwise}",
-                advice,
-            )
+        degrees = [_with_heading(drive, np.pi / 180) for drive in drives]
+        yield degrees, "column phi is in degrees", "multiply it by pi/180"
+        compass = [_with_heading(drive, -np.pi / 180, np.pi / 2) for drive in drives]
+        yield compass, "column phi is in degrees, clockwise", "give pi/2 - phi pi/180"
         for others in (
             [_with_heading(drive, -1.0) for drive in drives],
             [_with_heading(drive, -1.0, np.pi / 2) for drive in drives],

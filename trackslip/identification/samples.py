@@ -94,14 +94,12 @@ class SlipSamples:
 
         A sensor X ahead moves by X w to the left of the robot: another speed to the left, in proportion to v, is yaw.
         """
-        if self.lateral is None or not np.isfinite(self.lateral).all():
+        if self.lateral is None or not np.isfinite(self.lateral).all() or len(self) < 4:
             return self
         columns = self.twist * [1.0, geometry.half_gauge]
         (left, _), rest, rank, _ = np.linalg.lstsq(columns, self.lateral, rcond=0.1)
-        if rank < 2 or len(self) < 4:
-            return self
-        error = np.sqrt(rest.sum() / (len(self) - 2) * np.linalg.inv(columns.T @ columns)[0, 0])
-        if abs(left) < max(0.02, 4 * error):
+        error = np.sqrt(rest.sum() / (len(self) - 2) * np.linalg.pinv(columns.T @ columns)[0, 0])
+        if rank < 2 or abs(left) < max(0.02, 4 * error):
             return self
         moved = (self.twist[:, 0] + 1j * self.lateral) * np.exp(-1j * np.arctan(left))
         twist = np.column_stack([moved.real, self.twist[:, 1]])
