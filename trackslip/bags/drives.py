@@ -123,12 +123,15 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
     poses = read_poses(bag, source.name, notes)
     notes += clocks_apart(encoders, poses)
     log = joined(name, encoders, poses)
-    if _repeats_wheels(log):
+    moves, turns = _repeats_wheels(log)
+    if moves and turns:
         if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
             topics = bag.of_type(IMU)
             headings = f", {topics[0].name} takes only the headings of an IMU" if topics else ""
             raise LogError(f"{poses.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
         notes.append(f"{poses.source}: {REPEATED}")
+    elif moves:
+        notes.append(f"{poses.source}: its distances repeat those of the wheels: they tell nothing of ε")
     has_poses = source.origin is not PoseOrigin.IMU or log.is_valid.any()
     taken = encoders.taken + (f"; poses: {source.name} ({source.origin.value})" if has_poses else "; no poses")
     try:
@@ -142,26 +145,34 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
     return log, taken + by_gyro
 
 
-def _repeats_wheels(log: RunLog) -> bool:
-    """True if its poses move and turn in proportion to the sprockets, as measured ones don't: the ground slips."""
+def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
+    """Whether its poses move, and turn, in proportion to the sprockets, as measured ones don't: the ground slips.
+
+    Distances don't depend on the heading, which dead reckoning may take at either end of a step. Combinations of
+    wheels at two times stand for any time, as odometry may be late.
+    """
     rows = np.flatnonzero(log.has_place & log.has_heading)
     if not len(rows):
-        return False
+        return False, False
     time, pose = log.time[rows], log.pose[rows]
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])[rows]
     ends = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _STRIDE)))
-    heading = pose[:-1, 2] + np.diff(pose[:, 2]) / 2
-    steps = np.diff(turned.mean(axis=1))[:, None] * se2.direction(heading)
-    reckoned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    moved, turns = np.diff(pose[ends, :2], axis=0), np.diff(pose[ends, 2])
-    is_repeated = _in_proportion(moved, np.diff(reckoned[ends], axis=0))
-    return len(ends) > _MIN_STRIDES and is_repeated and _in_proportion(turns, np.diff(turned[ends] @ [-1.0, 1.0]))
+    if len(ends) <= _MIN_STRIDES:
+        return False, False
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
+    ahead = se2.direction(pose[:-1, 2] + np.diff(pose[:, 2]) / 2)
+    ways, turns = list[Array](), list[Array]()
+    for late in (0.0, 0.05):
+        turned = np.stack([np.interp(time - late, log.time, side) for side in sums.T], axis=-1)
+        steps = np.diff(turned.mean(axis=1))[:, None] * ahead
+        reckoned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        ways.append(np.hypot(*np.diff(reckoned[ends], axis=0).T))
+        turns.append(np.diff(turned[ends] @ [-1.0, 1.0]))
+    moved = np.hypot(*np.diff(pose[ends, :2], axis=0).T)
+    return _combines(moved, ways), _combines(np.diff(pose[ends, 2]), turns)
 
 
-def _in_proportion(motion: Array, by_wheels: Array) -> bool:
-    """True if motions of one shape are a multiple of others, to within _EXACT; false without any motion."""
-    power = float(np.sum(by_wheels**2))
-    if not power or not motion.any():
-        return False
-    rest = motion - by_wheels * (np.sum(by_wheels * motion) / power)
-    return bool(np.linalg.norm(rest) <= _EXACT * np.linalg.norm(motion))
+def _combines(motion: Array, by_wheels: list[Array]) -> bool:
+    """True if motions (n,) combine others linearly, to within _EXACT; false without any motion."""
+    columns = np.stack(by_wheels, axis=-1)
+    rest = motion - columns @ np.linalg.lstsq(columns, motion)[0]
+    return bool(motion.any() and columns.any() and np.linalg.norm(rest) <= _EXACT * np.linalg.norm(motion))

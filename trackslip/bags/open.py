@@ -1,11 +1,4 @@
-"""Bags of ROS 1 and ROS 2: their topics and messages, read by rosbags.
-
-from trackslip.bags.open import open_bags
-
-(bag,) = open_bags("run.mcap")
-for message in bag.messages("/scan"):
-    message.stamp, message.content.ranges
-"""
+"""Bags of ROS 1 and ROS 2: their topics and messages, read by rosbags."""
 
 from __future__ import annotations
 

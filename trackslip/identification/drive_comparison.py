@@ -22,7 +22,7 @@ from trackslip.identification.comparison import (
 )
 from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.law_fit import DriveFit, fit_drives
-from trackslip.identification.path import EXTRAS, DriveModel
+from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import PredictionErrors
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
@@ -60,9 +60,10 @@ def compare_drives(
     reference = fit_drives(REFERENCE, look.drives, geometry, sensor, start=start, lag=lag)
     laws, notes = dict[str, DriveFit](), list(look.notes)
     for name in names or drive_laws():
-        if names is None and "offset_left" in FAMILIES[name].names and _sits_aside(reference):
-            notes.append(f"law {name} isn't fitted: a sensor off the middle looks like unequal ICRs; give --sensor")
-        elif fast or not FAMILIES[name].fast:
+        if "offset_left" in FAMILIES[name].names and reference.sits_aside:
+            aside = f"{1000 * reference.extras['sensor_y']:.0f} mm to the left, where {REFERENCE} has it"
+            notes.append(f"law {name} takes the sensor {aside}: else it looks like unequal ICRs; give --sensor")
+        if fast or not FAMILIES[name].fast:
             laws[name] = fit_drives(name, look.drives, geometry, sensor, reference=reference, lag=lag)
         step(1.0)
     pairs, missed = reference.pairs, {name: law.missed for name, law in laws.items()}
@@ -117,13 +118,6 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
 def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
     """Values (p,) of a model's parameters by name; 0 where not known."""
     return np.array([known.get(name, 0.0) for name in model.names])
-
-
-def _sits_aside(fit: DriveFit) -> bool:
-    """True if the driving says that the sensor is off the middle, or that the ICRs of both sides differ as much."""
-    low, high = fit.interval95.get("sensor_y", (-np.inf, np.inf))
-    matters = EXTRAS["sensor_y"].scale
-    return low > matters or high < -matters
 
 
 def _alarms(law: DriveFit, errors: Mapping[str, Mapping[float, PredictionErrors]]) -> list[Alarm]:

@@ -158,7 +158,10 @@ def _alarms(drives: Sequence[PreparedDrive], gains: Gains, duration: float, matc
     for gain, what, unit in ((gains.speed, "move", "x and y"), (gains.turn, "turn", "phi")):
         if gain is not None and not 0.1 <= abs(gain.value) <= 3.0:
             times = f"the poses {what} {gain.value:.3g} times as far as the wheels"
-            alarms.append(Alarm("units", f"{times}: check the units of {unit} and omega, and sprocket_radius"))
+            alarms.append(Alarm("units", f"{times}: check the units of {unit} and omega, the gear and sprocket_radius"))
+    if all(drive.whole for drive in drives) and gains.speed is not None and not 0.8 <= abs(gains.speed.value) <= 1.2:
+        what = f"omega_l and omega_r are whole numbers, and the poses move {gains.speed.value:.3g} times as far"
+        alarms.append(Alarm("units", f"{what}: of counts, omega is 2 pi counts / (counts per turn * their time)"))
     if sum(int(drive.blocks(drive.time[-1:])[0]) + 1 for drive in drives) < FEWEST_BLOCKS:
         least = FEWEST_BLOCKS * BLOCK
         alarms.append(Alarm("little", f"{duration:.0f} s of driving are too few for intervals: drive {least:.0f} s"))

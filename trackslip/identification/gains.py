@@ -41,6 +41,8 @@ class Gains:
         """The gains as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
         speed = self.factors[0]
         turn = self.turn.value if self.turn else speed
+        if min(speed, turn) <= 0:  # of poses that hardly go with the wheels
+            speed = turn = 1.0
         return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
 
     def start(self, geometry: RobotGeometry, clock: float) -> dict[str, float]:
@@ -166,8 +168,9 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
         window = windows_of(drives, geometry, clock, turn_gain=turn.value if turn else 1.0)
     known = np.isfinite(window.moved) & (np.isfinite(window.turned) if headed else True)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
-        aside = (2 * geometry.half_gauge) ** -2  # of the sensor
         way, turned = window.distance[known], window.turned[known]
+        unit = max(rms(window.moved[known]) / rms(way), 1.0)  # of x and y, as mm
+        aside = (2 * geometry.half_gauge * unit) ** -2  # of the sensor
         if not headed or (way @ turned) ** 2 > 0.9 * (way @ way) * (turned @ turned):
             aside = 1e12  # nearly on a circle, an offset to the side looks like a gain
         across = window.turned if headed else np.zeros(len(known))

@@ -94,7 +94,7 @@ def identify_source(
 
 def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:
     """Fit and compare the laws of steady samples; raises LogError if they determine no law."""
-    steady = compare_laws(sampling.samples, geometry)
+    steady = compare_laws(sampling.samples.along_robot(geometry), geometry)
     warnings = (*sampling.notes, *map(str, sampling.refused), *steady.warnings)
     return Identification(geometry, "steady", steady, None, sampling.refused, warnings, logs)
 

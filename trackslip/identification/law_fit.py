@@ -10,7 +10,7 @@ import numpy as np
 from trackslip.identification.clocks import clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
 from trackslip.identification.gains import gains_of
-from trackslip.identification.path import DriveModel
+from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise
 from trackslip.identification.preparation import Drives, PreparedDrive
 from trackslip.identification.windows import WindowFit, fit_windows
@@ -45,6 +45,13 @@ class DriveFit(FittedLaw):
         bound = ((values < low + near) & (low != 0)) | (values > high - near)
         return tuple(name for name, at in zip(self.values, bound, strict=True) if at)
 
+    @property
+    def sits_aside(self) -> bool:
+        """True if the driving says that the sensor is off the middle, or that the ICRs of both sides differ as much."""
+        low, high = self.interval95.get("sensor_y", (-np.inf, np.inf))
+        matters = EXTRAS["sensor_y"].scale
+        return low > matters or high < -matters
+
 
 def fit_drives(
     name: str,
@@ -69,7 +76,7 @@ def fit_drives(
     model = replace(first.model, family=family(name))
     values = np.concatenate([_law_start(name, geometry, reference.values), [*reference.extras.values()]])
     held, mean = held_parameters(model, first.drives, sensor, lag), _means(model, sensor)
-    if "offset_left" in model.names:
+    if "offset_left" in model.names and not reference.sits_aside:
         values[model.index("sensor_y")] = mean[model.index("sensor_y")]
     return _described(fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs)
 
@@ -81,6 +88,7 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
+    b = geometry.half_gauge
     prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # of a machined radius, which nothing tells
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
@@ -88,10 +96,14 @@ def _reference(
     for name, value in start.items():
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
+    starts = [values]
+    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):  # front and rear may look alike
+        starts = [np.where(np.arange(len(values)) == model.index("sensor_x"), x, values) for x in (b, -b)]
     pairs = Pairs.of(drives, geometry)
     best: DriveFit | None = None
     for length in _lengths(drives):
-        fit = _described(fit_windows(model, drives, length, values, held, mean), held, pairs)
+        windows = (fit_windows(model, drives, length, start, held, mean) for start in starts)
+        fit = min((_described(each, held, pairs) for each in windows), key=_size)
         if best is not None and _size(best) <= 1.01 * _size(fit):  # a hundredth doesn't matter
             break
         best = fit

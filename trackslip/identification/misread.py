@@ -80,17 +80,22 @@ def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
             advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
         elif swapped and signs == (-1, -1):
             advice += ", or turn phi by pi"
+        elif swapped and signs == (1, 1):
+            advice += ", or change the signs of y and phi if phi runs clockwise"
         others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
         yield others, "tracks are swapped or encoders count backwards", advice
     if placed and headed:
         degrees = [_with_heading(drive, np.pi / 180) for drive in drives]
         yield degrees, "column phi is in degrees", "multiply it by pi/180"
+        compass = [_with_heading(drive, -np.pi / 180, np.pi / 2) for drive in drives]
+        yield compass, "column phi is in degrees, clockwise", "give pi/2 - phi pi/180"
         for others in (
             [_with_heading(drive, -1.0) for drive in drives],
             [_with_heading(drive, -1.0, np.pi / 2) for drive in drives],
             [replace(drive, pose=drive.pose[:, [1, 0, 2]]) for drive in drives],
+            [replace(drive, pose=drive.pose * [1, -1, 1]) for drive in drives],
         ):
-            turn = "change its sign, or exchange x and y if the wheels turn as it does"
+            turn = "change its sign, or, if the wheels turn as it does, exchange x and y or change the sign of y"
             yield others, "column phi runs clockwise by the course of x and y", turn
 
 
@@ -138,6 +143,7 @@ def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotG
         2 * np.pi / 60: f"{wheels} rpm: multiply them by 2 pi/60",
         2 * np.pi: f"{wheels} turns per second: multiply them by 2 pi",
         1 / radius: f"{wheels} m/s: divide them by sprocket_radius = {radius:g} m",
+        1e-3 / radius: f"{wheels} mm/s: divide them by sprocket_radius = {1000 * radius:g} mm",
         1000.0: "x and y look like mm: divide them by 1000",
         100.0: "x and y look like cm: divide them by 100",
         1e-3: "t looks like ms: divide it by 1000",

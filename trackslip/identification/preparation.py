@@ -37,6 +37,7 @@ class PreparedDrive:
     repeated: int = 0  # poses in the log that are left out as they repeat the one before,
     interpolated: int = 0  # or lie on the line between others
     held: bool = False  # encoders are read less often than logged
+    whole: bool = False  # they are logged as whole numbers, as counts are
 
     @property
     def has_heading(self) -> bool:
@@ -115,6 +116,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
         repeated=len(valid) - len(rows),
         interpolated=len(rows) - measured,
         held=bool((means != log.omega[1:]).any()) and not ticks,
+        whole=bool((log.omega == log.omega.round()).all()),
     )
 
 

@@ -89,6 +89,22 @@ class SlipSamples:
         run = tuple(name for part in parts for name in part.run)
         return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
 
+    def along_robot(self, geometry: RobotGeometry) -> SlipSamples:
+        """The samples with speeds along the robot, of a sensor that is turned on it by more than chance and 0.02 rad.
+
+        A sensor X ahead moves by X w to the left of the robot: another speed to the left, in proportion to v, is yaw.
+        """
+        if self.lateral is None or not np.isfinite(self.lateral).all() or len(self) < 4:
+            return self
+        columns = self.twist * [1.0, geometry.half_gauge]
+        (left, _), rest, rank, _ = np.linalg.lstsq(columns, self.lateral, rcond=0.1)
+        error = np.sqrt(rest.sum() / (len(self) - 2) * np.linalg.pinv(columns.T @ columns)[0, 0])
+        if rank < 2 or abs(left) < max(0.02, 4 * error):
+            return self
+        moved = (self.twist[:, 0] + 1j * self.lateral) * np.exp(-1j * np.arctan(left))
+        twist = np.column_stack([moved.real, self.twist[:, 1]])
+        return SlipSamples.of(self.omega, twist, geometry, self.run, self.covariance, moved.imag, self.load)
+
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
         run = tuple(np.array(self.run, object)[rows])

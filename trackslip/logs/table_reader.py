@@ -140,7 +140,7 @@ class _Reader:
         return bool(min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1)
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
-        rows = self._in_order(name, self._joined(rows))
+        rows = self._in_order(name, self._joined(self._by_time(rows)))
         omega, read = self._encoder(name, rows)
         beyond = self._beyond(np.setdiff1d(rows, read, assume_unique=True))
         rows = read
@@ -176,6 +176,17 @@ class _Reader:
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
         self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
+
+    def _by_time(self, rows: np.ndarray) -> np.ndarray:
+        """The rows by time: poses may be logged after later encoder readings. Rows out of their sensor's order stay."""
+        known, time = np.isfinite(self._values[rows, 1:_VALID]), self._values[rows, 0]
+        place = time.copy()
+        for sensor in np.unique(known, axis=0):
+            own = np.flatnonzero((known == sensor).all(axis=1))
+            ascending = in_order(time[own])
+            before = np.searchsorted(ascending, np.arange(len(own)), side="right") - 1
+            place[own] = time[own[ascending]][np.maximum(before, 0)]
+        return rows[np.argsort(place, kind="stable")]
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
         """The rows with those of one time as one, if no column has two readings: encoders, gyro and pose apart."""

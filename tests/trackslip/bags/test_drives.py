@@ -44,10 +44,13 @@ def states(angles=FOUR, names=WHEELS, velocity=(), effort=(), rows=ROWS, unstamp
     return messages
 
 
-def dead_reckoned(half_gauge=GEOMETRY.half_gauge):
-    """Poses at LOG's times by the wheels alone, on arcs."""
+def dead_reckoned(half_gauge=GEOMETRY.half_gauge, arcs=True):
+    """Poses at LOG's times by the wheels alone, on arcs or straight ahead at the end of each step."""
     twist = body_twist(LOG.omega[1:], 0.0, trackslip.RobotGeometry(half_gauge, GEOMETRY.sprocket_radius))
-    return se2.chain([0.0, 0.0, 0.4], se2.advance(np.zeros(3), twist, np.diff(LOG.time)))
+    pose = se2.chain([0.0, 0.0, 0.4], se2.advance(np.zeros(3), twist, np.diff(LOG.time)))
+    if not arcs:
+        pose[1:, :2] = np.cumsum((twist[:, 0] * np.diff(LOG.time))[:, None] * se2.direction(pose[1:, 2]), axis=0)
+    return pose
 
 
 def stated(poses, make=odometry, **others):
@@ -152,6 +155,8 @@ PASSED_ON = [STILL, *stated(dead_reckoned(), lambda at, where: transform(at, "od
     ("messages", "line"),
     [
         ([states(), stated(dead_reckoned())], REPEATED),
+        ([states(), stated(dead_reckoned(arcs=False))], REPEATED),
+        ([states(), stated(dead_reckoned(), lambda at, where: odometry(at + 30_000_000, where))], REPEATED),
         ([states(), PASSED_ON], "tf:map:base_link: its poses repeat the dead reckoning of the wheels"),
         ([states(FOUR * [1, 1, 1, -1]), poses_of(LOG)], "of one side turn against each other: choose with --left"),
         ([states(), poses_of(LOG, start=0, late=START)], "s: different clocks, simulated and wall time"),

@@ -68,6 +68,16 @@ def test_turns_to_one_side():
     assert found.alarms == ()
 
 
+@pytest.mark.parametrize("seed", [5, 8])
+def test_positions_alone_of_a_sensor_ahead(seed):
+    drive = drive_of(duration=100.0, speed=0.5, yaw_rate=1.5, seed=seed)
+    time, pose = measured(drive, pose_step=0.2, position_noise=0.01)
+    arm = np.exp(1j * pose[:, 2]) * (0.2 - 0.06j)
+    found = answer(log_of(drive, time, pose * [1, 1, np.nan] + np.stack([arm.real, arm.imag, arm.real], axis=1)))
+    require_true(found, offset=0.004)
+    assert found.alarms == ()
+
+
 @pytest.mark.parametrize("factor", [2.5, 0.4])
 def test_encoders_that_count_otherwise(factor):
     log = log_of(DRIVE.with_wheels(factor * DRIVE.omega), TIME, POSE)

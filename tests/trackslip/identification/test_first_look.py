@@ -168,9 +168,14 @@ def refused(match, **log):
             lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0],
             "phi runs clockwise by the course",
         ),
-        (lambda pose: pose[:, [1, 0, 2]], "phi runs clockwise .*, or exchange x and y"),
+        (lambda pose: [0, 0, 90] + pose * [1, 1, -180 / np.pi], r"in degrees, clockwise .*: give pi/2 - phi pi/180"),
+        (lambda pose: pose[:, [1, 0, 2]], "phi runs clockwise .*, exchange x and y"),
+        (lambda pose: pose * [1, -1, 1], "phi runs clockwise .* or change the sign of y"),
         (lambda pose: pose * [1, 1, 0] + np.sin(pose / 2) * [0, 0, 1], r"looks like the z of a quaternion: give phi ="),
-        (lambda pose: pose * [1000, 1000, 1], "x and y look like mm: divide them by 1000"),
+        (
+            lambda pose: pose * [1e3, 1e3, 1] + 300 * np.cos(pose[:, [2, 2, 2]] - [0, np.pi / 2, 0]) * [1, 1, 0],
+            "like mm",
+        ),
         (lambda pose: pose * [1000, 1000, np.nan], "x and y look like mm: divide them by 1000"),
         (
             lambda pose: [8.5, 47, np.nan] + pose / (111_320 * np.array([np.cos(np.radians(47)), 1, 1])),
@@ -211,6 +216,7 @@ def ticks(drive: Drive, per_turn: int, wraps: int = 0) -> np.ndarray:
     ("change", "match"),
     [
         (lambda w: w * HUSKY.radius, "look like m/s: divide them by sprocket_radius = 0.165 m"),
+        (lambda w: w * HUSKY.radius * 1000, "look like mm/s: divide them by sprocket_radius = 165 mm"),
         (lambda w: np.degrees(w), "look like deg/s"),
         (lambda w: w * 60 / (2 * np.pi), "look like rpm"),
         (lambda w: w / (2 * np.pi), "look like turns per second: .*, or omega_l and omega_r look like m/s"),
@@ -224,6 +230,11 @@ def ticks(drive: Drive, per_turn: int, wraps: int = 0) -> np.ndarray:
 )
 def test_readings_of_encoders_that_are_no_speeds(change, match):
     refused(match, drive=DRIVE.with_wheels(change(DRIVE.omega)))
+
+
+def test_counts_since_the_last_reading_are_an_alarm():
+    found = look_at(DRIVE.with_wheels(np.diff(counts(DRIVE.omega, 500), axis=0, prepend=0.0)))
+    assert "omega_l and omega_r are whole numbers" in found.alarms[0].line
 
 
 def test_a_counter_that_begins_anew():
@@ -249,7 +260,7 @@ def test_zeros_for_missing_poses(every):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda w: w[:, ::-1], ": exchange omega_l and omega_r$"),
+        (lambda w: w[:, ::-1], ": exchange omega_l and omega_r, or change the signs of y and phi if phi"),
         (lambda w: w * [-1, 1], ": change the sign of omega_l, for a bag by --reversed left$"),
         (lambda w: w * [1, -1], ": change the sign of omega_r, for a bag by --reversed right$"),
         (lambda w: -w, ": change the sign of omega_l and omega_r, for a bag by --reversed both$"),

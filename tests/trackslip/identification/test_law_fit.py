@@ -73,6 +73,12 @@ def test_a_given_sensor_is_held_and_improves_the_rest():
     assert given.stderr["radius_error"] < 1.1 * fitted(REFERENCE, log).stderr["radius_error"]
 
 
+def test_unequal_radii_under_a_sensor_off_the_middle():
+    fit = fitted("icr_sides", drive_log(1, 120.0, MOUNTED, law=IcrSides(0.045, 0.045, 0.02, -0.02, 0.168)))
+    require_within(fit, {"radius_error_left": 0.02, "radius_error_right": -0.02})
+    assert np.mean([fit.values["offset_left"], fit.values["offset_right"]]) == pytest.approx(0.045, abs=0.002)
+
+
 @pytest.mark.parametrize("lag", [0.0, 0.15])
 def test_a_lag_is_estimated_on_request_and_else_taken_up_by_the_clock(lag):
     log = drive_log(2, 30.0, EXACT, STILL, lag=lag)

@@ -99,6 +99,15 @@ def test_left_out_radii_are_predicted_as_well_as_the_law_is_right():
     assert np.abs(predicted - samples.twist[tight, 1]).max() < 3e-4
 
 
+def test_a_sensor_that_is_turned_on_the_robot_changes_no_speed():
+    samples = samples_of(ICR)
+    seen = (samples.twist @ [1, 0.2j]) * np.exp(-0.3j)
+    twist = np.column_stack([seen.real, samples.twist[:, 1]])
+    turned = SlipSamples.of(samples.omega, twist, GEOMETRY, samples.run, lateral=seen.imag).along_robot(GEOMETRY)
+    np.testing.assert_allclose(turned.twist, samples.twist)
+    assert turned.along_robot(GEOMETRY) is turned
+
+
 def test_sides_that_differ_are_told_when_turns_go_both_ways():
     sides = IcrSides(0.040, 0.050, 0.005, 0.012, 0.168)
     both = (*RADII, *(-radius for radius in RADII))

@@ -126,9 +126,16 @@ def test_any_number_of_rows_of_one_time_is_one(order):
     np.testing.assert_array_equal(run.pose[run.is_valid, 1], 2 * np.arange(0, 50, 5))
 
 
-@pytest.mark.parametrize("order", [np.argsort, lambda posed: np.random.default_rng(0).permutation(len(posed))])
+@pytest.mark.parametrize(
+    "order",
+    [
+        np.argsort,
+        lambda posed: np.random.default_rng(0).permutation(len(posed)),
+        lambda posed: np.argsort(np.arange(len(posed)) + 40 * posed),
+    ],
+)
 def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
-    """All rows with encoders before all with poses, or in no order."""
+    """All rows with encoders before all with poses, in no order, or as they arrive: poses 0.8 s late."""
     time = 0.02 * np.arange(1200)
     posed = np.arange(1200) % 6 == 5
     rows = order(posed)
@@ -136,7 +143,7 @@ def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
     cells = {"t": time[rows], "omega_l": wheels, "omega_r": wheels, "x": place, "y": place}
     table = pa.table({name: pa.array(values, from_pandas=True) for name, values in cells.items()})
     (run,) = (found := runs_from_table(table, "sensors.csv")).runs
-    assert found.notes[0].endswith("rows are not in the order of t, and are sorted")
+    assert found.notes[-1].endswith("row after its last encoder reading left out")
     np.testing.assert_array_equal(run.time, time[:-1])
     np.testing.assert_array_equal(run.is_valid, posed[:-1])
 
