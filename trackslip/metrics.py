@@ -38,18 +38,12 @@ class TrackingErrors:
     """Root mean square of the heading error [rad]."""
     cross_track: float
     """Root mean square of the error across the direction of the reference [m]."""
-    along_track: float
-    """Root mean square of the error along it [m]."""
     max_position: float
     """Largest position error [m]."""
     final_position: float
     """Position error at the end [m]."""
     final_heading: float
     """Absolute heading error at the end [rad]."""
-    iae: float
-    """Integral of the position error over time [m s]."""
-    itae: float
-    """Integral of time times the position error [m s^2]."""
     success: bool
     """True if the position error stayed within LOST."""
 
@@ -71,7 +65,7 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
     time, pose = np.asarray(time, float), np.asarray(pose, float)
     desired = reference.pose(time)
     away = pose - desired
-    along, across = se2.rotate(-desired[:, 2], away[:, :2]).T
+    across = se2.rotate(-desired[:, 2], away[:, :2])[:, 1]
     distance, heading = np.hypot(away[:, 0], away[:, 1]), wrap_angle(away[:, 2])
     return TrackingErrors(
         rms_position=rms(distance),
@@ -79,12 +73,9 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
         rms_position_arc=rms(distance[np.abs(reference.twist(time)[:, 1]) > _TURNING]),
         rms_heading=rms(heading),
         cross_track=rms(across),
-        along_track=rms(along),
         max_position=float(distance.max()),
         final_position=float(distance[-1]),
         final_heading=float(abs(heading[-1])),
-        iae=float(np.trapezoid(distance, time)),
-        itae=float(np.trapezoid(time * distance, time)),
         success=bool(distance.max() <= LOST),
     )
 

@@ -114,11 +114,7 @@ def _cell(row: Row, header: str) -> str:
 
 
 def page(
-    answer: Answer,
-    entries: Sequence[Row],
-    rows: Sequence[Row],
-    failures: Sequence[str],
-    manifest: Mapping[str, Any],
+    answer: Answer, entries: Sequence[Row], rows: Sequence[Row], failures: Sequence[str], manifest: Mapping[str, Any]
 ) -> Page:
     """The page of these entries of the leaderboard, and means over seeds."""
     plot = Plot("leaderboard", board_figure(entries), "Position error by controller and compensation", _CAPTION)

@@ -61,10 +61,7 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
     """Arguments of `write_bag` besides the log: poses as their source publishes them, and the scanner's scans."""
     source, counted = config.source.poses(), log.time * config.encoder_rate
     noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
-    contents = {
-        "readings": np.abs(counted - np.rint(counted)) < _ON_TIME,
-        "covariance": np.diag(noise**2),
-    }
+    contents = {"readings": np.abs(counted - np.rint(counted)) < _ON_TIME, "covariance": np.diag(noise**2)}
     if config.source.source == "scanner":
         scanner, motion = LaserScanner(rate=source.rate), Motion(log.time, _true_pose(log))
         time, scan = plate_scans(scanner, world.robot, motion, _random(config, log.run, "scans"))

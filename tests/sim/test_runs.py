@@ -61,8 +61,7 @@ def test_impulses_of_tractions_and_pad_forces_are_the_momentum_that_a_robot_gain
 
 def short_path():
     return SegmentedReference(
-        (0.0, 0.0, np.pi / 2),
-        [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)],
+        (0.0, 0.0, np.pi / 2), [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)]
     )
 
 

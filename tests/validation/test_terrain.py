@@ -18,10 +18,7 @@ from trackslip.skid_theory import steady_twist
 pytestmark = pytest.mark.slow
 PRESETS = ("accurate", "fast")
 ROBOTS = {"box": box, "rescue": rescue}
-CLIMBER = {
-    "hull": ((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)),
-    "centre_of_mass": (0.05, 0.12),
-}
+CLIMBER = {"hull": ((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)), "centre_of_mass": (0.05, 0.12)}
 """A box that can climb stairs."""
 SLOW, PIVOT = ((-0.04, 0.04), (0.0, 0.06), (0.04, 0.08), (0.1, 0.12)), ((-0.5, 0.5),)
 """Belt speeds [m/s]."""

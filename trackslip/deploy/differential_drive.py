@@ -66,7 +66,8 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
     lines = []
     for key, value in parameters.items():
         about = f"  # {meaning[key]}" if key in meaning else ""
-        lines.append(f"{indent}{key}: {_yaml(value)}{about}\n")
+        text = f"[{', '.join(map(yaml_number, value))}]" if isinstance(value, list) else yaml_number(value)
+        lines.append(f"{indent}{key}: {text}{about}\n")
     return comment(comments, "#") + f"{controller}:\n{head}" + "".join(lines)
 
 
@@ -114,10 +115,6 @@ def nearest(stored: StoredLaws, target: str) -> str:
     """The laws that a target can express, in words."""
     known = [name for name in stored.laws if name != NO_SLIP and target in FAMILIES[name].targets]
     return f"those in {stored.name}: {', '.join(known) or 'none'}"
-
-
-def _yaml(value: float | list[float]) -> str:
-    return f"[{', '.join(map(yaml_number, value))}]" if isinstance(value, list) else yaml_number(value)
 
 
 def yaml_number(value: float) -> str:

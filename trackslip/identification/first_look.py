@@ -18,12 +18,7 @@ from trackslip.errors import LogError, counted
 from trackslip.identification.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS
 from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
-from trackslip.identification.misread import (
-    matches_of,
-    refuse_cells,
-    refuse_readings,
-    refuse_units,
-)
+from trackslip.identification.misread import matches_of, refuse_cells, refuse_readings, refuse_units
 from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 

@@ -203,7 +203,8 @@ def usable_samples(
             for piece in pieces:
                 try:
                     require_steady_motion(piece)
-                    usable.append(_sample(piece, geometry, method or best_method(piece.log)))
+                    most_accurate = "arc" if piece.log.scans is None else "bundle"
+                    usable.append(_sample(piece, geometry, method or most_accurate))
                     steady += np.ptp(piece.window) + (max(settle, MARGIN) + MARGIN) / len(pieces)
                 except LogError as error:
                     left_out.append(replace(Refused.of(log.run, error), run=piece.name))
@@ -237,8 +238,3 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
     return SlipSamples.of(
         part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
     )
-
-
-def best_method(log: RunLog) -> str:
-    """The most accurate method that a run allows: from its ranges if it has any, else from its poses."""
-    return "arc" if log.scans is None else "bundle"

@@ -53,25 +53,20 @@ class Tracker:
 
     def believes(self, estimate: PoseEstimate) -> np.ndarray:
         """Mask (N,) of the estimates, one per robot, that are valid and close enough to the prediction."""
-        return self._close(estimate, self._unwrapped(estimate.pose))
-
-    def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
-        pose = self._unwrapped(estimate.pose)
-        valid = self._close(estimate, pose)
-        self._pose[valid] = pose[valid]
-        self._blind[valid] = 0.0
-        self._last[valid] = estimate.covariance[valid]
-        return PoseEstimate(self._pose.copy(), self._covariance(), valid)
-
-    def _close(self, estimate: PoseEstimate, pose: Array) -> np.ndarray:
-        """Mask (N,) of the estimates that are valid and whose unwrapped poses (N, 3) are close to the predictions."""
-        away = pose - self._pose
+        away = self._unwrapped(estimate.pose) - self._pose
         growth = GROWTH * self._blind
         far = np.hypot(away[:, 0], away[:, 1]) > GATE_POSITION + growth[:, 0]
         turned = np.abs(away[:, 2]) > GATE_HEADING + growth[:, 1]
         lost = growth[:, 1] > BLIND_TURN
         return estimate.valid & ~far & ~turned & ~lost
+
+    def update(self, estimate: PoseEstimate) -> PoseEstimate:
+        """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
+        pose, valid = self._unwrapped(estimate.pose), self.believes(estimate)
+        self._pose[valid] = pose[valid]
+        self._blind[valid] = 0.0
+        self._last[valid] = estimate.covariance[valid]
+        return PoseEstimate(self._pose.copy(), self._covariance(), valid)
 
     def _unwrapped(self, pose: Array) -> Array:
         """Poses (N, 3) with headings shifted by half turns to be nearest to the predictions."""

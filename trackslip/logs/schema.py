@@ -1,11 +1,7 @@
-"""The columns of a table of runs: name, unit, description, which files contain as metadata.
-
-`python -m trackslip.logs.schema` prints them as the table in docs/data.md.
-"""
+"""The columns of a table of runs: name, unit, description, which files contain as metadata."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -86,13 +82,3 @@ def with_units(table: pa.Table) -> pa.Table:
     """A table whose known columns have unit and description as metadata, but which has none itself."""
     fields = [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema]
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))
-
-
-def markdown(columns: Iterable[Column]) -> str:
-    """The Markdown table of columns in docs/data.md."""
-    lines = (f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns)
-    return "\n".join(["| column | unit | what |", "|---|---|---|", *lines, ""])
-
-
-if __name__ == "__main__":
-    print(markdown(COLUMNS.values()), end="")

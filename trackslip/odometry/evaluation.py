@@ -154,10 +154,7 @@ class OdometryErrors:
 
 
 def odometry_errors(
-    logs: RunLog | Sequence[RunLog],
-    odometry: SlipOdometry,
-    mounting: Mounting | None = None,
-    clock_offset: float = 0.0,
+    logs: RunLog | Sequence[RunLog], odometry: SlipOdometry, mounting: Mounting | None = None, clock_offset: float = 0.0
 ) -> OdometryErrors:
     """Errors of odometry against the measured poses of drives.
 

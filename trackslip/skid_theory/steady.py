@@ -18,11 +18,7 @@ _UNLOADED = Load()
 
 
 def steady_twist(
-    surface_speeds: ArrayLike,
-    contact: Contact,
-    gravity: float = np.inf,
-    shear: float = 0.0,
-    load: Load = _UNLOADED,
+    surface_speeds: ArrayLike, contact: Contact, gravity: float = np.inf, shear: float = 0.0, load: Load = _UNLOADED
 ) -> Array:
     """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], for track surface speeds (left, right) (..., 2) [m/s].
 

@@ -80,10 +80,7 @@ def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
 
 
 def waypoints(
-    points: ArrayLike,
-    limits: MotionLimits = LIMITS,
-    yaw: ArrayLike | None = None,
-    speed: ArrayLike | None = None,
+    points: ArrayLike, limits: MotionLimits = LIMITS, yaw: ArrayLike | None = None, speed: ArrayLike | None = None
 ) -> Reference:
     """A smooth reference through all points in order: a cubic spline parametrised by chord length.
 

@@ -128,10 +128,7 @@ def test_positions_alone_end_in_the_right_minimum_without_a_start(start):
 
 @pytest.mark.parametrize(
     ("speeds", "vague", "known", "true"),
-    [
-        ((0.2, 0.2), "offset", "radius_error", ICR.radius_error),
-        ((0.1, 0.2), "radius_error", None, None),
-    ],
+    [((0.2, 0.2), "offset", "radius_error", ICR.radius_error), ((0.1, 0.2), "radius_error", None, None)],
 )
 def test_what_the_driving_does_not_tell_is_said(speeds, vague, known, true):
     fit = fitted(REFERENCE, drive_log(1, 70.0, driving=constant_speeds(*speeds, 70.0)))

@@ -46,9 +46,7 @@ MISTAKES = {
 
 
 @settings(
-    max_examples=5,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    max_examples=5, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 )
 @example(["one sprocket at rest", "units of headings"], 14)  # a gain of turns of 0
 @example(["nearly at rest", "same pose"], 1)  # no part between jumps

@@ -5,7 +5,6 @@ import pytest
 from bound import pose_bound
 
 from trackslip.errors import LogError
-from trackslip.identification.samples import best_method
 from trackslip.kinematics import advance
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
@@ -151,9 +150,7 @@ def test_scans_of_something_else_are_left_out(logs):
     assert np.all(np.abs(change) < np.sqrt(np.diag(bundle(log, SCANNED).covariance)))
 
 
-def test_logs_without_ranges_are_refused_and_take_the_arc(logs):
+def test_logs_without_ranges_are_refused(logs):
     log = replace(logs[0][0], scans=None)
     with pytest.raises(LogError, match="has no ranges, which bundle needs"):
         bundle(log, SCANNED)
-    assert best_method(log) == "arc"
-    assert best_method(logs[0][0]) == "bundle"
