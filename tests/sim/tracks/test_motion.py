@@ -149,14 +149,14 @@ def even_pressure(along=200, across=12):
     x = ((np.arange(along) + 0.5) / along - 0.5) * 2 * HALF_LENGTH
     y = ((np.arange(across) + 0.5) / across - 0.5) * WIDTH
     x, y = np.repeat(x, across), np.tile(y, along)
-    return Contact(np.tile(x, 2), np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]), 0.7, 0.7, (FORWARDS, 0.0, HEIGHT))
+    return Contact(np.tile(x, 2), np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]), 0.7, 1.0, (FORWARDS, 0.0, HEIGHT))
 
 
 @pytest.mark.parametrize(("preset", "speeds", "bound"), [("accurate", SLOWLY, 0.01), ("fast", ON_THE_SPOT, 0.03)])
 def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
     spec = plane()
     add_robot(spec, FORWARDS)
-    _, data, _ = driven(spec, speeds, 2.0, preset, width=WIDTH)
+    _, data, _ = driven(spec, speeds, 2.0, preset, width=WIDTH, friction=(0.7, 1.0))
     measured = icr_half_width(speeds, data.qvel[5])
     expected = icr_half_width(speeds, steady_twist(speeds, even_pressure(), 9.81)[2])
     assert measured == pytest.approx(expected, rel=bound)
