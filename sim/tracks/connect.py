@@ -130,7 +130,7 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
             continue
         for geom, depth in zip(description.geoms, description.cores, strict=True):
             friction = list(description.friction)
-            if geom.rpartition("_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # it lies across
+            if geom.rpartition("_track_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # across
                 friction.reverse()
             for suffix, margin in (("", 0.0), ("_core", -depth))[: 1 + (depth > 0)]:
                 pair = {"geomname1": ground.name, "geomname2": geom, "condim": 3, "friction": [*friction, 0, 0, 0]}

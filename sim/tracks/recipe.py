@@ -40,7 +40,7 @@ _MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one ph
 _CORE_IMPEDANCE = 0.95  # [-]
 _CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
 _CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
-_EDGE = 1.5  # depth at which the core of a belt's edge touches, over that of a robot that stands [-]
+_EDGE = 2.4  # depth at which a belt edge's core touches, over that of a robot that stands, at most 2 at its ends [-]
 _TIMESTEP = 1  # in `spec.authored.option`, the bit of a timestep that the spec's file states
 _WIDTH = 0.001  # over which the engine would change the impedance, which is constant [m]
 

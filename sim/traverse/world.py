@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +31,7 @@ _DROP = 0.3  # depth below the lowest ground of a course at which a robot has fa
 _LEAN = 1.3  # angle between the chassis' and the world's vertical from which a robot has tipped over [rad]
 _FASTEST = 10.0  # speed of a chassis in a simulation that has not diverged [m/s]
 _GAP = 0.002  # above the ground at which robots are put down [m]
+_SPACING = 0.05  # of the points whose heights are compared for that, at most [m]
 
 
 @dataclass(frozen=True)
@@ -232,17 +234,14 @@ class Traverse(World):
         self.goal[row] = self.footprint.goal(course)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
-        """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under their tracks."""
-        robot = self.tracked.robot
+        """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground of their footprint."""
         self.batch.warning[rows] = 0
-        hull = np.array(robot.hull)
-        x = np.linspace((hull[:, 0] - hull[:, 2]).min(), (hull[:, 0] + hull[:, 2]).max(), 9)
-        y = robot.half_gauge * np.array([-1.0, 0.0, 1.0])
-        forwards, left = np.meshgrid(x, y)
-        under = np.zeros((self.size, forwards.size, 2))
-        under[rows] = se2.to_world(poses[:, None], np.column_stack([forwards.ravel(), left.ravel()]))
-        ground = self.elevation(under)[rows].max(axis=1)
-        self._place_at(rows, poses, ground - robot.lowest + _GAP)
+        around = self.footprint
+        sides = (-around.behind, around.ahead), (-around.aside, around.aside)
+        x, y = (np.linspace(*ends, math.ceil((ends[1] - ends[0]) / _SPACING) + 1) for ends in sides)
+        under = se2.to_world(poses[:, None], np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        ground = look_up([self.course[row] for row in rows], under).max(axis=1)
+        self._place_at(rows, poses, ground - self.tracked.robot.lowest + _GAP)
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:

@@ -107,14 +107,16 @@ def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behi
 def test_flippers_feel_the_ground_under_them_that_courses_have():
     course = Course((Ramp(0.3, 4.0),), start_length=3.0)
     world = Traverse(load_tracked("rescue"), [course], threads=1)
-    world.begin([0], start=[[-0.38, 0.0, 0.0]])
+    world.state.position[0, 0] = -0.38  # it stands level and looks along x, its flippers over the ramp
     shape = world.flippers
-    hinge = world.state.position[0] + shape.hinge  # it stands level and looks along x
+    hinge = world.state.position[0] + shape.hinge
     x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
     ground = course.height(x, hinge[:, 1:2])
     expected = reflex_angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
     np.testing.assert_allclose(reflex(world), expected, atol=1e-3)
     assert expected[0, shape.front].min() > 0.05
+    world.begin([0], start=[[-0.38, 0.0, 0.0]])  # above all that they reach over
+    assert world.state.position[0, 2] > course.height(world.footprint.ahead - 0.38, 0.0) > 0.04
 
 
 def test_the_scripted_controller_comes_back_to_the_middle():
