@@ -161,7 +161,7 @@ def _refused_value(stop: SystemExit) -> InvalidValueError | None:
         group, error = getattr(error, "arg", ""), error.__context__  # of a group of options
     if error is None or not group:
         return error
-    return InvalidValueError(f"{group}.{error.field}", error.value, error.allowed)
+    return InvalidValueError(f"{group}.{error.field}".removesuffix(".force"), error.value, error.allowed)
 
 
 def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:

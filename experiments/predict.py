@@ -9,7 +9,7 @@ from experiments.common.options import Distinct, Exclusion, Needs, Positive, Res
 from experiments.common.run import Run
 from experiments.common.table import Table
 from experiments.simulate.options import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR, RobotSource
-from sim.drive.drive import Pull
+from sim.drive.drive import MAX_FORCE, Pull
 from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
@@ -60,9 +60,9 @@ class Config(ResultsOptions):
     """Angle of the ground to the horizontal [rad]."""
     uphill: float = 0.0
     """Direction of uphill as the robot sees it, 0 straight ahead, positive to the left; needs --slope [rad]."""
-    pull: float = 0.0
+    pull: Annotated[float, Within(0, MAX_FORCE, "N")] = 0.0
     """Drawbar force, backwards along the robot [N]."""
-    pull_height: float = Pull.height
+    pull_height: Annotated[float, Within(0, 10, "m")] = Pull.height
     """Height of the hitch above the ground; needs --pull [m]."""
     com_x: Annotated[float | None, _ROBOTS] = None
     """Centre of mass, forward of the middle of the tracks [m]."""
@@ -85,7 +85,6 @@ class Config(ResultsOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         Ground(shear=self.shear or 0.0, slope=self.slope, uphill=self.uphill)
-        Pull(self.pull, self.pull_height)
         if self.friction is not None and self.slope == 0 and self.pull == 0:
             raise InvalidValueError("friction", self.friction, "left out without --slope and --pull")
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +19,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
-from trackslip.errors import RunFailedError, TrackslipError, require
+from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.localization.scan import Locator
@@ -46,13 +47,10 @@ class Pilot:
     def _loaded(self) -> SensesLoad | None:
         return self.compensation if isinstance(self.compensation, SensesLoad) else None
 
-    @cached_property
-    def _sensing(self) -> SensesSprockets | None:
-        return self.controller if isinstance(self.controller, SensesSprockets) else None
-
     def begin(self, record: RunRecorder) -> None:
         """Begin new runs at the robots' current poses, recorded by `record`."""
-        self.controller.reset()
+        with self._failing(record, 0.0):
+            self.controller.reset()
         self.compensation.reset(record.fleet.pose()[self.robots])
         if self._loaded is not None:
             record.sense_loads()
@@ -77,19 +75,23 @@ class Pilot:
             pose[:, 2] += self._loaded.crab_angle(law.twist(omega, geometry))
         if self.preview > 0:
             pose = advance(pose, law.twist(omega, geometry), self.preview)
-        try:
-            if self._sensing is not None:
-                self._sensing.sense(omega)
+        with self._failing(record, time):
+            if isinstance(self.controller, SensesSprockets):
+                self.controller.sense(omega)
             twist = np.asarray(self.controller.twist(time + self.preview, pose, reference), dtype=float)
-        except TrackslipError as error:
-            raise RunFailedError(str(error)) from error
-        except Exception as error:  # whatever a user's controller does
-            frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
+        record.wanted(k, self.robots, twist)
+        return twist
+
+    @contextmanager
+    def _failing(self, record: RunRecorder, time: float) -> Iterator[None]:
+        """Turn whatever a user's controller raises into a RunFailedError."""
+        try:
+            yield
+        except (Exception, SystemExit) as error:
+            frames = traceback.extract_tb(error.__traceback__)[2:]  # without this one and the call itself
             where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
             what = f"its controller fails at {time:g} s ({type(error).__name__}: {error}){where}"
             raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
-        record.wanted(k, self.robots, twist)
-        return twist
 
 
 def open_loop(

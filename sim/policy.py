@@ -114,7 +114,7 @@ class Policy:
         except OSError as error:
             raise LogError(f"{file}: {error.strerror or error}") from error
         except Exception as error:  # whatever NumPy, zipfile and json raise for a damaged file
-            raise LogError(f"{file}: not a policy of `trackslip train`: docs/controller.md has others") from error
+            raise LogError(f"{file}: not a policy.npz of `trackslip train`: docs/controller.md has others") from error
 
 
 @dataclass(frozen=True)

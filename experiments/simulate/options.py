@@ -8,10 +8,10 @@ import tyro
 
 from experiments.common.choices import GROUNDS, ROBOTS, SHIPPED
 from experiments.common.options import ResultsOptions, Whole, Within, default_is
-from sim.drive.drive import MAX_RADIUS_ERROR, Drive, Pull
+from sim.drive.drive import MAX_FORCE, MAX_RADIUS_ERROR, Drive, Pull
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
-from trackslip.errors import InvalidValueError, require_positive
+from trackslip.errors import InvalidValueError, checked, require_non_negative, require_positive
 
 T = TypeVar("T")
 Localization = Literal["plate", "line"]
@@ -126,7 +126,7 @@ def changed(base: T, options: object, prefix: str = "") -> T:
 class PullOptions(Pull):
     """Load that the robot tows."""
 
-    force: Annotated[float, tyro.conf.arg(name="", metavar="FLOAT")] = 0.0
+    force: Annotated[float, tyro.conf.arg(name="")] = checked(0.0, require_non_negative, MAX_FORCE, "N")
     """Drawbar force, backwards along the robot [N]."""
 
 

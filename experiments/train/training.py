@@ -1,5 +1,6 @@
 """Training with PPO: a model with checkpoints, its network and its learning curve."""
 
+import io
 import os
 import textwrap
 from collections.abc import Sequence
@@ -51,7 +52,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
         return PPO("MlpPolicy", task.robots, policy_kwargs=network, **settings)
     try:
         rate = {"learning_rate": settings.pop("learning_rate")}
-        model = PPO.load(checkpoint, task.robots, custom_objects=rate, **settings)
+        model = PPO.load(io.BytesIO(checkpoint.read_bytes()), task.robots, custom_objects=rate, **settings)
     except Exception as error:  # whatever is wrong with the file
         reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # of other spaces, it lists all bounds
         raise LogError(f"{checkpoint}: can't be resumed ({reason})") from error

@@ -57,8 +57,9 @@ def draw(
     range.
     """
     options, drawn = options_of("options", options, _OPTIONS), config.drawn
-    reference = table.index(options.get("reference", _choice(generator, config.references)))
-    base = config.load_ground(_choice(generator, config.grounds))
+    chosen = config.references[generator.integers(len(config.references))]
+    reference = table.index(options.get("reference", chosen))
+    base = config.load_ground(config.grounds[generator.integers(len(config.grounds))])
     setting = drawn.setting(generator, config.parameters, base, table.path(reference))
     ground = setting.ground
     if "ground" in options:
@@ -94,10 +95,6 @@ def _finite(name: str, values: Any, n: int) -> Any:
     for value in numbers:
         require_finite(name, value)
     return numbers
-
-
-def _choice(generator: np.random.Generator, names: tuple[str, ...]) -> str:
-    return names[generator.integers(len(names))]
 
 
 class ReferenceTable(Restorable):

@@ -111,7 +111,7 @@ class CrossingReward(Checked):
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
     progress            weight_progress times the way that the robot came closer to the goal [m]
-    energy              -weight_energy times the work of the belts against the ground [J]
+    energy              -weight_energy times the work of the belts against the ground over the robot's weight [m]
     time                -weight_time times the control period
     change              -weight_change times the mean square of the change of the actions
     end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
@@ -125,8 +125,8 @@ class CrossingReward(Checked):
 
     weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward per way [1/m]."""
-    weight_energy: float = checked(0.001, require_non_negative, MAX_WEIGHT)
-    """Cost of work [1/J]."""
+    weight_energy: float = checked(0.3, require_non_negative, MAX_WEIGHT)
+    """Cost of work over weight [1/m]."""
     weight_time: float = checked(0.5, require_non_negative, MAX_WEIGHT)
     """Cost of time [1/s]."""
     weight_change: float = checked(0.005, require_non_negative, MAX_WEIGHT)
@@ -139,8 +139,8 @@ class CrossingReward(Checked):
     def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
         """The terms (N,) in the order of `TERMS`.
 
-        They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the
-        actions (N, A), and the outcome of this step (N,).
+        They depend on the way gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time taken (N,)
+        [s], the change of the actions (N, A), and the outcome of this step (N,).
         """
         failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
         return (

@@ -99,6 +99,7 @@ class Crossing(Task):
             sample=SAMPLE,
             threads=threads,
         )
+        self._weight = 9.81 * self.world.tracked.model.body_subtreemass[self.world.tracked.body]  # of a robot [N]
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
         super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
@@ -180,7 +181,7 @@ class Crossing(Task):
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
         change = np.where(running[:, None], change, 0.0)
-        self._earn(self.config.reward.terms(gain, work, took, change, ended), running)
+        self._earn(self.config.reward.terms(gain, work / self._weight, took, change, ended), running)
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 

@@ -34,6 +34,7 @@ OPTIONS = [
     ),
     (f"{DRAG} --ground clay --pull 300", "pull = 300.0: must be less, to park"),
     (f"{DRAG} --pull 160 --pull.height 0.6", "tips over"),
+    (f"{DRAG} --pull -1", "pull = -1.0: must be a finite number >= 0"),
     # predictions from theory
     ("predict --slope 0.9", "less than the friction limit"),
     # drives by people, over courses, and planned

@@ -14,12 +14,10 @@ STUBBORN = """
 import numpy as np
 
 class Stubborn:
-    def reset(self):
-        pass
-
+    def reset(self): pass
     def twist(self, time, pose, reference):
         if time > 2.0:
-            raise RuntimeError("I have had enough")
+            raise SystemExit("I have had enough")
         return np.tile(reference.twist(time), (len(pose), 1))
 """
 
@@ -51,8 +49,7 @@ def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
         main(["track", "--controller", "stubborn_driver:Stubborn", *CIRCLE, "--out", "out"])
     line = capsys.readouterr().err.strip().splitlines()[-1]  # progress may come before
     assert stop.value.code == 2
-    assert "its controller fails at 2.05 s (RuntimeError: I have had enough)" in line
+    assert "its controller fails at 2.05 s (SystemExit: I have had enough)" in line
     (log,) = read_runs(tmp_path / "out" / "runs.parquet")
-    error = json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
-    assert log.metadata["failure"] == error
+    assert log.metadata["failure"] == json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
     assert 1.9 < log.time[-1] <= 2.05

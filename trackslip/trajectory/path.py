@@ -191,7 +191,8 @@ class ProfiledReference(PiecewiseReference):
         MIN_SPEED.
         """
         self._path, self._direction = path, direction
-        self._turn = np.array([0.0, 0.0, np.pi if direction < 0 else 0.0])  # from the path to the robot
+        turn = -np.copysign(np.pi, path.pose(path.knots[0])[2]) if direction < 0 else 0.0
+        self._turn = np.array([0.0, 0.0, turn])  # from the path to the robot
         speeds = _speeds(path, limits, speed_at)  # (K,)
         durations = 2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:])
         super().__init__(durations, direction * speeds[:-1], direction * speeds[1:])

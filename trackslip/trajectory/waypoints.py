@@ -104,6 +104,10 @@ def waypoints(
     yaw, speed = (None if column is None else np.asarray(column, float) for column in (yaw, speed))
     _require_drivable(points, yaw, speed)
     directions = np.ones(len(points) - 1, int) if yaw is None else _directions(points, yaw)
+    if speed is not None:
+        forwards = np.append(directions, 1) + np.insert(directions, 0, 1) == 2  # before and behind each point
+        row, allowed = int(np.argmin(speed * forwards)), "at least 0, unless a column yaw says reverse"
+        require(speed[row] >= 0 or not forwards[row], f"point {row + 1}, column v", float(speed[row]), allowed)
     ends = [0, *(np.flatnonzero(np.diff(directions)) + 1).tolist(), len(points) - 1]
     stretches = [slice(first, last + 1) for first, last in pairwise(ends)]
     references = [
@@ -123,9 +127,6 @@ def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> 
         row = int(np.argmax(far))
         allowed = f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g}"
         require(not far.any(), f"point {row + 1}, column {name}", float(values[row]), allowed)
-    if speed is not None and yaw is None:
-        row = int(np.argmin(speed))
-        require(speed[row] >= 0, f"point {row + 1}, column v", float(speed[row]), "at least 0 without a column yaw")
     lengths = np.hypot(*np.diff(points, axis=0).T)
     k = int(np.argmin(lengths))
     allowed = f"at least {MIN_SPACING:g} m from point {k + 1}"

@@ -18,7 +18,7 @@ class Late(LinearTimeVarying):
         return super().twist(time, pose, reference) * (np.nan if time > 2.0 else 1.0)
 
 class Broken(LinearTimeVarying):
-    def twist(self, time, pose, reference):
+    def reset(self):
         raise RuntimeError("out of order")
 
 class Careless(LinearTimeVarying):

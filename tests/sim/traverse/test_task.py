@@ -65,11 +65,11 @@ def test_options_that_make_no_sense_are_refused(options, message):
 def test_the_reward_is_the_sum_of_its_terms():
     outcome = np.array([Outcome.DRIVING, Outcome.REACHED, Outcome.TIPPED, Outcome.TIME])
     change = np.array([[1.0, -1.0], [0.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
-    gain, work, took = np.array([[0.1, 0.2, 0.0, -0.1], [10.0, 0.0, 0.0, 0.0], [0.1] * 4])
+    gain, work, took = np.array([[0.1, 0.2, 0.0, -0.1], [0.1, 0.0, 0.0, 0.0], [0.1] * 4])
     reward = CrossingReward()
     terms = dict(zip(reward.TERMS, reward.terms(gain, work, took, change, outcome), strict=True))
     np.testing.assert_allclose(terms["progress"], [0.2, 0.4, 0.0, -0.2])
-    np.testing.assert_allclose(terms["energy"], [-0.01, 0, 0, 0])
+    np.testing.assert_allclose(terms["energy"], [-0.03, 0, 0, 0])
     np.testing.assert_allclose(terms["time"], -0.05)
     np.testing.assert_allclose(terms["change"], [-0.005, 0, -0.01, 0])
     np.testing.assert_allclose(terms["end"], [0, 5, -1, 0])  # running out of time truncates
@@ -77,6 +77,7 @@ def test_the_reward_is_the_sum_of_its_terms():
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.ones(6, np.float32))
     assert reward == pytest.approx(sum(info[name] for name in info if name.startswith("reward_")), abs=1e-12)
+    assert info["reward_energy"] == pytest.approx(-0.3 * info["work"] / (31.0 * 9.81), rel=0.01)
 
 
 @pytest.mark.slow

@@ -64,6 +64,7 @@ def test_headings_say_where_it_reverses_and_speeds_how_fast():
     assert np.abs(w).max() == pytest.approx(0.1, rel=0.05)  # arcs of 1 m
     assert np.ptp(reference.pose(time)[:, 2]) == pytest.approx(np.pi / 2, abs=1e-3)
     np.testing.assert_allclose(reference.pose([0.0, reference.duration])[:, :2], table[[0, -1], :2], atol=1e-12)
+    assert waypoints([(0, 0), (-1, 0), (-2, 0)], yaw=np.zeros(3)).pose(0.0)[2] == pytest.approx(0)
 
 
 def _turned(angle):
@@ -115,7 +116,7 @@ def test_files_are_spelt_as_those_of_logs(csv, content):
         ("x,y\n0,0\n1,zero\n2,0", "row 2, column y: 'zero' is not a finite number"),
         ("0,1\n1,0\n2,0", "has no column x, y; found '0, 1'"),
         ("x,y,yaw\n0,0,0\n1,0,1.6\n2,0,0", "point 2, column yaw = 1.6: must be within 45 deg of the way from point 1"),
-        ("v,x,y\n.1,0,0\n.1,1,0\n-.1,2,0", "point 3, column v = -0.1: must be at least 0 without a column yaw"),
+        ("x,y,yaw,v\n0,0,0,.1\n1,0,0,-.1\n2,0,0,.1", "point 2, column v = -0.1: must be at least 0, unless"),
         (b"\xff\xfe\x00\x81", "has no column x|codec can't decode|CSV"),
     ],
 )
