@@ -122,7 +122,7 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
-    """The log with its poses up to the first lasting jump, without wild ones; all of them where none can be told."""
+    """The log with its poses up to the first lasting jump, without wild ones; all of them where that is unclear."""
     try:
         return without_jumps([log], geometry)[0][0]
     except (LogError, IndexError):

@@ -176,7 +176,7 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
-    """Lines on parameters that the target does not tell, and the clock of another log."""
+    """Lines on parameters that the target does not determine, and the clock of another log."""
     lines = [f"{name}: {estimate.vague}" for name, estimate in fit.estimates.items() if estimate.vague]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")

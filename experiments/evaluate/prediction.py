@@ -16,7 +16,7 @@ from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, Trajectory, e
 
 AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
 """Times [s] and distances [m] ahead; models are compared at the last one that all reach."""
-_MIN_PAIRS = 10  # from which a median and a 90 % quantile can be told
+_MIN_PAIRS = 10  # needed for a median and a 90 % quantile
 _MARGIN = 1e-3  # so that times ascend [s]
 
 

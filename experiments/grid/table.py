@@ -10,7 +10,7 @@ import pyarrow.parquet
 from experiments.common.run_table import COLUMNS
 from experiments.common.sweep import Row
 from experiments.grid.axes import known
-from trackslip.logs.schema import Column, markdown
+from trackslip.logs.schema import Column
 
 
 def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
@@ -32,4 +32,5 @@ def _array(values: list[Any], column: Column) -> pa.Array:
 
 
 if __name__ == "__main__":
-    print(markdown(COLUMNS.values()), end="")
+    for column in COLUMNS.values():
+        print(f"| `{column.name}` | {column.unit or '–'} | {column.description} |")

@@ -14,7 +14,7 @@ from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
 
 LINES = 25  # on the terminal at most, with the line of the report
-_AHEAD = 5.0  # horizon of the errors that are told [s]
+_AHEAD = 5.0  # horizon of the errors that are printed [s]
 _MOST_ALARMS, _MOST_NOTES = 4, 2
 
 
@@ -86,9 +86,9 @@ def _look(result: Identification) -> list[str]:
     gains = [
         (what, gain) for what, gain in (("speed", look.gains.speed), ("turn", look.gains.turn)) if gain is not None
     ]
-    told = [f"{what} gain {with_interval(gain.value, gain[1:])}" for what, gain in gains]
-    told += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
-    return [f"first look: {', '.join(told)}"] if told else []
+    parts = [f"{what} gain {with_interval(gain.value, gain[1:])}" for what, gain in gains]
+    parts += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
+    return [f"first look: {', '.join(parts)}"] if parts else []
 
 
 def _other_method(result: Identification) -> list[str]:

@@ -24,7 +24,7 @@ _NOTE = "Share: the standard error over the scale, for D half_gauge + D. The pla
 
 def page(plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any], steps: Sequence[str]) -> Page:
     """The page of a plan; `steps` are the command lines to run next."""
-    heading = f"{plan.limits.duration:g} s of driving will tell {_errors_text(plan, plan.expectation)}"
+    heading = f"{plan.limits.duration:g} s of driving will determine {_errors_text(plan, plan.expectation)}"
     answer = Answer(heading, _facts(plan, paper), next=steps)
     figure = Plot("plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected.")
     sections = [Section("Drive", [figure]), Section("Expected errors", [_expected(plan, paper)])]
@@ -62,7 +62,7 @@ def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
 
 
 def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
-    """Where the robot starts and stays, what the drive leaves open, and what the paper's runs tell."""
+    """Where the robot starts and stays, what the drive leaves open, and what the paper's runs would determine."""
     (x, y, heading), (across, up), knowledge = plan.start, np.ptp(plan.places, axis=0), plan.knowledge
     where = f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f}°"
     reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"
@@ -71,7 +71,7 @@ def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
     if held:
         facts.append(("not determined by this drive", ", ".join(held)))
     if paper is not None:
-        facts.append(("the paper's 25 runs of 30 s would tell", _errors_text(plan, paper)))
+        facts.append(("the paper's 25 runs of 30 s would determine", _errors_text(plan, paper)))
     return facts
 
 

@@ -188,7 +188,7 @@ class Simulation(Repeatable, Equipment):
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:
-    """Refuse a speed [m/s] that is not positive, can't be told from standing, or is above what the drive allows."""
+    """Refuse a speed [m/s] that is not positive, is hardly different from rest, or is above what the drive allows."""
     require_positive(name, speed)
     if speed > top_speed:
         raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")

@@ -41,7 +41,7 @@ class Estimate:
     stderr: float  # standard error
     low: float  # lower end of the 95 % interval
     high: float  # its upper end
-    vague: str = ""  # the reason if the target doesn't tell the parameter, so that the prior does
+    vague: str = ""  # why the target doesn't determine it, so that its prior does
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def calibrate(
     """Fit parameters of a candidate to a target.
 
     Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`. What
-    the target doesn't tell stays near its prior, and is as uncertain. Standard errors are by the parameters without
+    the target doesn't determine stays near its prior, and as uncertain. Standard errors are by the parameters without
     each cluster (the jackknife) where the target is robust, else from the residuals.
 
     Args:
@@ -250,15 +250,16 @@ class _Problem:
         return np.asarray(apart.T @ apart + inverse @ inverse)  # by the clusters, and by the priors
 
     def vague(self, end: _End, spread: Array) -> dict[str, str]:
-        """Why the target doesn't tell parameters with standard errors (p,), by name; those that it tells lack."""
+        """Reasons why the target doesn't determine parameters, by name; (p,) are their standard errors."""
         slope = end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
         strength = np.linalg.norm(slope, axis=0)
         alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
         reasons = {}
         for k in np.flatnonzero((spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)):
             others = [name for j, name in enumerate(self.names) if j != k and alike[j, k]]
-            apart = f" from {' and '.join(others)}" if strength[k] >= 1 and others else ""
-            reasons[self.names[k]] = f"the target does not tell it{apart}"
+            mixed = strength[k] >= 1 and others
+            what = f"distinguish it from {' and '.join(others)}" if mixed else "determine it"
+            reasons[self.names[k]] = f"the target does not {what}"
         return reasons
 
     def described(self, end: _End) -> Calibration:

@@ -36,12 +36,12 @@ _NUMERICAL_ERROR = 2e-5  # of simulated motion, relative
 HORIZONS = (0.5, 1.0, 1.8, 5.0)
 """Times ahead at which a drive is compared with its simulation [s]."""
 _PAIRS = 4.0  # pairs of poses in a horizon, about
-_MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
+_MIN_DRIVEN = 0.1  # distance driven by the belts from which a robot moves [half gauges]
 _WINDOW = 6.5  # duration of the windows into which drives are cut [s]
 _LEAD = 3.0  # time that is replayed before a window, if the drive has it, to forget where it begins, on ice, too [s]
 _MAX_WINDOWS = 200
 _KEPT = 3  # motions
-_FEW = 20  # steady rows among which single wrong ones can be told
+_FEW = 20  # steady rows among which single wrong ones stand out
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Layout:
     """Structure of n errors."""
 
     kind: np.ndarray  # kind of each error (n,), from 0; those of a kind are of one size
-    share: Array  # weight of each error (n,): errors that tell the same share one
+    share: Array  # weight of each error (n,): errors with the same information share one
     cluster: np.ndarray  # cluster of each error (n,), from 0; errors of different clusters are independent
     floor: Array  # least size of the errors of each kind (kinds,): that of the simulation's own
     robust: bool  # true if single errors may be large

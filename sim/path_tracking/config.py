@@ -60,7 +60,7 @@ class TrackingReward(Checked):
     TERMS: ClassVar = ("alive", "position", "heading", "change", "termination")
 
     weight_alive: float = checked(1.0, require_non_negative, MAX_WEIGHT)
-    """TrackingReward of every step [-]."""
+    """Reward of every step [-]."""
     weight_position: float = checked(0.7, require_non_negative, MAX_WEIGHT)
     """Weight of the position error [-]."""
     weight_heading: float = checked(0.2, require_non_negative, MAX_WEIGHT)

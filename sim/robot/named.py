@@ -20,7 +20,7 @@ from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
-from sim.robot.urdf import Refuse, refuse, said_of
+from sim.robot.urdf import Refuse, engine_errors, refuse
 from sim.robot.wheels import colliding, outline, own_wheels, start
 from sim.settings import build, read_named
 from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError, TrackslipError, counted, require
@@ -161,13 +161,13 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
     given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
-    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until its wheels tell
+    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until its wheels are read
     robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path))
     folder = path.parent
     robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
         return robot
-    with said_of(robot.model), warnings.catch_warnings(action="ignore", category=RobotWarning):  # see build_tracked
+    with engine_errors(robot.model), warnings.catch_warnings(action="ignore", category=RobotWarning):
         spec = load_spec(replace(robot, wheels=()), refuse=refuse)
         own = own_wheels(spec, chassis_of(spec, robot).name, robot, given)
     try:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
-from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
+from sim.robot.urdf import Refuse, engine_errors, find_meshes, refuse, some, weightless
 from sim.robot.wheels import choose_start, colliding, endless, forget_geoms, link_of, lock, outline, switch_off
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
@@ -91,7 +91,7 @@ def build_tracked(
     only looked at, which slow the physics down. `refuse` takes lines on parts that are missing or wrong; by default
     they are raised. Raises TrackslipError for a model that can't be compiled or lacks a part that the robot names.
     """
-    with said_of(robot.model):
+    with engine_errors(robot.model):
         spec = load_spec(robot, looks, refuse)
         chassis = chassis_of(spec, robot)
         if looks:

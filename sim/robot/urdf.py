@@ -197,7 +197,7 @@ def some(names: Sequence[str]) -> str:
 
 
 @contextmanager
-def said_of(path: Path) -> Iterator[None]:
+def engine_errors(path: Path) -> Iterator[None]:
     """Turn MuJoCo's errors into TrackslipErrors, in one line that names the file."""
     try:
         yield

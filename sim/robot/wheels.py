@@ -91,7 +91,7 @@ def _delete_joint(spec: Any, joint: Any) -> None:
 
 
 def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[str]) -> dict[str, Any]:
-    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, as the model's own wheels tell them.
+    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, of the model's own wheels.
 
     These are the wheels in `robot.wheels`, or else all that turn endlessly, together with flippers; those that flippers
     carry tell nothing. Raises TrackslipError unless there are any, alike on the left and right, or the fields `given`.

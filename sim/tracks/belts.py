@@ -32,7 +32,7 @@ class _Map:
         )
         before = np.cumsum(counts) - counts
         self.track = np.concatenate([tracks.track + k for tracks, k in zip(every, before, strict=True)])
-        first = np.searchsorted(self.track, np.arange(len(self.names)))  # a geom of each, which tells its speed
+        first = np.searchsorted(self.track, np.arange(len(self.names)))  # a geom of each, from which its speed is read
         self.leader, leading = self.geoms[first], self.direction[first]
         self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks in every for _ in tracks.names]

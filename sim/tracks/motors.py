@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackslip.errors import RobotWarning, require
+from trackslip.errors import RobotWarning, counted, require
 
 _TOLERANCE = 0.005  # of a motor's force, relative to its limit; the next step makes up for it
 _ROUGHNESS = 2e-4  # noise of the ground's forces, which the engine finds by iteration, relative to the weight
@@ -199,8 +199,8 @@ class Balance:
             if not going.size:
                 break
         else:
-            what = f"motors of {len(going)} of {len(self.goal)} robots are not in balance with the ground"
-            warnings.warn(f"{what} after {_ATTEMPTS} attempts in a step", RobotWarning, stacklevel=4)
+            what = f"after {_ATTEMPTS} attempts in a step, motors are not in balance with the ground"
+            warnings.warn(f"{what}: those of {counted(len(going), 'robot')}", RobotWarning, stacklevel=4)
         self.speed = tried
         return traction, force
 
@@ -263,8 +263,8 @@ def _updated(slope: Floats, moved: Floats, risen: Floats, noise: Floats) -> Floa
     """
     along = np.einsum("nij,nj->ni", slope, moved)
     expected = (moved * along).sum(axis=1)[:, None, None]
-    tells = (np.maximum(np.abs(along), np.abs(risen)) > noise).any(axis=1)[:, None, None]
-    moves = (expected > 0) & tells
+    clear = (np.maximum(np.abs(along), np.abs(risen)) > noise).any(axis=1)[:, None, None]
+    moves = (expected > 0) & clear
     # where the tractions rise less than that, or fall, take part of what was expected, so that the slope stays positive
     rise = (moved * risen).sum(axis=1)[:, None, None]
     flat = rise < _FLATTEST * expected

@@ -57,7 +57,7 @@ class Reading:
     def mean(self) -> Reading:
         """Means (N, T) of a reading (N, steps, T), and the largest depths.
 
-        Slip is that of the way that the belts ran and slid while they touched; NaN where they hardly ran.
+        Slip is the distance that the belts slid over that which they ran while they touched; NaN where they hardly ran.
         """
         steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
         slid, driven = (np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt))

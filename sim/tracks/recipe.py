@@ -145,8 +145,7 @@ _SOFT = 20 * 0.004 / 0.996  # of 20 points whose impedance is 0.004
 LEVEL = Preset(0.005, 5, 0.002, 0.7 * math.sqrt(1 + _SOFT), _SOFT)
 """Tracks that never leave a plane: no cores, and heave of a damping ratio of 0.7."""
 LEVEL_WIDE = replace(LEVEL, regularisation=_SOFT / 2, grip=2 * LEVEL.grip)
-"""The same of a wide robot. Near the middle of a short track the time that the grip takes, at the speed of the robot,
-is a way that counts."""
+"""The same of a wide robot: near the middle of its short tracks, elements slide so little that grip must be quick."""
 LEVEL_WHEELS = LEVEL.softer(25)
 """The same of wheels, whose robots are faster: they shift less load to points that slide."""
 

@@ -110,21 +110,21 @@ class CrossingLayout:
 class CrossingReward(Checked):
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
-    progress            weight_progress times the way that the robot came closer to the goal [m]
+    progress            weight_progress times the distance gained towards the goal [m]
     energy              -weight_energy times the work of the belts against the ground over the robot's weight [m]
     time                -weight_time times the control period
     change              -weight_change times the mean square of the change of the actions
     end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
                         being stuck; nothing where time runs out, which truncates the episode
 
-    The cost of failing is less than that of standing still from then on, discounted by up to 0.97 per step: who tries
-    and fails earns more than who waits.
+    The cost of failing is less than that of standing still from then on, discounted by up to 0.97 per step: a robot
+    that tries and fails earns more than one that waits.
     """
 
     TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
 
     weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
-    """CrossingReward per way [1/m]."""
+    """Reward per distance gained [1/m]."""
     weight_energy: float = checked(0.3, require_non_negative, MAX_WEIGHT)
     """Cost of work over weight [1/m]."""
     weight_time: float = checked(0.5, require_non_negative, MAX_WEIGHT)
@@ -132,15 +132,15 @@ class CrossingReward(Checked):
     weight_change: float = checked(0.005, require_non_negative, MAX_WEIGHT)
     """Cost of changes of the actions [-]."""
     weight_reached: float = checked(5.0, require_non_negative, MAX_WEIGHT)
-    """CrossingReward, once, for crossing the course [-]."""
+    """Reward, once, for crossing the course [-]."""
     weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for failing [-]."""
 
     def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
         """The terms (N,) in the order of `TERMS`.
 
-        They depend on the way gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time taken (N,)
-        [s], the change of the actions (N, A), and the outcome of this step (N,).
+        They depend on the distance gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time taken
+        (N,) [s], the change of the actions (N, A), and the outcome of this step (N,).
         """
         failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
         return (

@@ -106,7 +106,7 @@ class Crossing(Task):
         self.difficulty = config.difficulty  # range from which the difficulty of the next courses is drawn [-]
         self._difficulty: Array = np.full(size, _NOT_DRAWN)
         self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
-        self._length: Array = np.ones(size)  # way from start to goal [m]
+        self._length: Array = np.ones(size)  # distance from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
         self._work: Array = np.zeros(size)  # in the episode [J]
 
@@ -195,7 +195,7 @@ class Crossing(Task):
             "time": world.time,  # [s]
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
             "difficulty": self._difficulty,
-            "progress": 1 - world.way / self._length,  # share of the way [-]
+            "progress": 1 - world.way / self._length,  # share of that distance [-]
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
             "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]

@@ -15,7 +15,7 @@ from trackslip.logs.runlog import RunLog, Truth
 
 _STEEPEST = 1.5  # slope of the smoothest step from 0 to 1 in a unit of time, 3 u^2 - 2 u^3, at its middle
 _CLOSING = 2.404825557695773  # first zero of J_0: a heading of this amplitude, sinusoidal in time, closes an eight
-_BACK = -0.3  # how far back a lever goes of its own [of the way forwards]
+_BACK = -0.3  # how far back a lever goes of its own [share of its travel forwards]
 _STRAIGHT = 4.0  # on each side of a loop [s]
 
 

@@ -54,7 +54,7 @@ class PoseSource(Checked):
     jump_turn: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Turn of each, to a random side [rad]."""
     drift: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    """Drift of odometry, a random walk of the position: its error at the end over the distance driven [-]."""
     heading_drift: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
     ahead: float = checked(0.0, require_within, -_LARGEST, _LARGEST)

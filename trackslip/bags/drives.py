@@ -22,7 +22,7 @@ from trackslip.logs.logfile import RUNS, read_log, runs_file
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns
 
-REPEATED = "its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
+REPEATED = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
 _STRIDE = 1.0  # time over which motions by poses and by wheels are compared [s]
 _MIN_STRIDES = 10  # fewer motions prove nothing
 _EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
@@ -131,7 +131,7 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
             raise LogError(f"{poses.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
         notes.append(f"{poses.source}: {REPEATED}")
     elif moves:
-        notes.append(f"{poses.source}: its distances repeat those of the wheels: they tell nothing of ε")
+        notes.append(f"{poses.source}: its distances repeat those of the wheels: they say nothing about ε")
     has_poses = source.origin is not PoseOrigin.IMU or log.is_valid.any()
     taken = encoders.taken + (f"; poses: {source.name} ({source.origin.value})" if has_poses else "; no poses")
     try:

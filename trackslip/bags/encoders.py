@@ -20,7 +20,7 @@ from trackslip.logs.runlog import RunLog
 _MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
 _TOLERANCE = 0.01  # by which wrapped positions may leave their range, as they are rounded [rad]
 _MOVES = 1e-3  # speed above which a joint that reports it should move [rad/s]
-_STILL = 0.01  # way over that of the wheel that turns most, below which a wheel's encoder is dead [-]
+_STILL = 0.01  # turns over those of the wheel that turns most, below which a wheel's encoder is dead [-]
 _MIN_WAY = 1.0  # of the wheel that turns most, for a judgement [rad]
 
 
@@ -55,7 +55,7 @@ def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
     """The encoders' readings.
 
     Positions are preferred to velocities; the speeds of several joints on a side are averaged. `notes` gets a line for
-    what is left out. Raises LogError if there are no encoders, or no telling which they are.
+    what is left out. Raises LogError if there are no encoders, or it is unclear which they are.
     """
     topics, names = encoder_topics(bag, choice)
     joints = _joints(bag, [topic.name for topic in topics], names, choice.wheels, notes)

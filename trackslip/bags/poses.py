@@ -21,7 +21,7 @@ from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
 _NO_FIX = 0  # status below which a fix is none: sensor_msgs/NavSatStatus
 _MAX_ALTITUDE = 1e5  # heights above mean nothing [m]
-_MIN_WAY = 0.1  # way over which a constant heading is doubtful [m]
+_MIN_WAY = 0.1  # distance over which a constant heading is doubtful [m]
 
 
 def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:

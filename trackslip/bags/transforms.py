@@ -18,7 +18,7 @@ from trackslip.kinematics import Array
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 MAX_PLACE = 1e9  # places farther away mean nothing [m]
 MAX_TILT = np.radians(20.0)
-"""Of a robot or a scanner to the vertical, above which its heading and its way in the plane are doubtful [rad]."""
+"""Of a robot or a scanner to the vertical, above which its heading and its path in the plane are doubtful [rad]."""
 _TOLERANCE = 0.02  # by which a quaternion's norm may differ from 1: single precision and rounded text stay below
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
 _USUAL_GAPS = 5.0  # the same in its usual intervals [-]

@@ -103,9 +103,9 @@ class PathAhead:
     def pursued(
         self, time: float, pose: ArrayLike, look_ahead: float, gain: Callable[[Array], Array]
     ) -> tuple[Array, Array, Array]:
-        """Speeds [m/s], curvatures of the arcs through the goal [1/m] and ways left [m], (...) each, at poses (..., 3).
+        """Speeds [m/s], curvatures of arcs to the goal [1/m] and distances left [m], (...) each, at poses (..., 3).
 
-        The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; the way left ends where the goal's does.
+        The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; what is left ends where the goal's does.
         `gain` is that of the speed law by the reference's twist.
         """
         desired = self._reference.twist(time)
@@ -120,7 +120,7 @@ class PathAhead:
     def point(self, time: float, distance: float) -> tuple[Array, float]:
         """The pose (3,) on the path `distance` [m] beyond that at `time` [s], in the direction of travel.
 
-        Beyond a cusp, a stop or the end, the path continues along its tangent; the second value is the way there [m].
+        Beyond a cusp, a stop or the end, the path continues along its tangent; the second value is how far that is [m].
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)

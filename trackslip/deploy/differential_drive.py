@@ -17,7 +17,7 @@ _MEANING = (
 )
 _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
 _RATE = 50.0  # at which the controller states odometry, unless told otherwise [Hz]
-_UNKNOWN = 1e6  # variance of what the tracks can't tell [m^2/s^2, rad^2/s^2]
+_UNKNOWN = 1e6  # variance of what the tracks can't measure [m^2/s^2, rad^2/s^2]
 
 
 def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2) -> str:

@@ -14,8 +14,8 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 
-FEWEST_BLOCKS = 6  # independent parts of driving from which an interval can be told
-_SINGULAR = 1e-12  # smallest eigenvalue over the largest of what data tell
+FEWEST_BLOCKS = 6  # independent parts of driving needed for an interval
+_SINGULAR = 1e-12  # smallest eigenvalue over the largest of what the data determine
 _FEWEST_EFFECTIVE = 3.0  # with fewer, Student's t says nothing of a parameter, as of the sensor's place
 
 
@@ -67,7 +67,7 @@ def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
     """Steps (G, f) of f parameters from minima without G parts of the data to the minimum of all, by Newton's method.
 
     `rest` (G, f, f) are the normal equations without each part, `score` (G, f) their right sides of each part. Steps
-    are 0 where the rest tells nothing.
+    are 0 where the rest determines nothing.
     """
     scale = np.sqrt(np.maximum(np.einsum("gaa->ga", rest), 1e-200))
     inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True)
@@ -133,8 +133,8 @@ class Criterion:
     def as_good_as(self, errors: Array, leader: int) -> np.ndarray:
         """Laws (L,) bool whose mean errors, of (L, n), exceed the leader's by no more than chance or than matters.
 
-        Chance is a standard error, from the scatter of the sums over the blocks. Of fewer than five, which tell no
-        scatter, it is a quarter of the leader's errors.
+        Chance is a standard error, from the scatter of the sums over the blocks. Of fewer than five, whose
+        scatter is unknown, it is a quarter of the leader's errors.
         """
         worse = errors - errors[leader]
         mean, (number, block) = worse.mean(axis=1), np.unique(self.block, return_inverse=True)
@@ -147,7 +147,7 @@ class Criterion:
 
 
 def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]) -> Choice | None:
-    """The best of laws, and of those that odometry can express, by a rule `rank`; None if it can't tell.
+    """The best of laws, and of those that odometry can express, by a rule `rank`; None if it can't decide.
 
     A law that odometry can't express is best only if a term of its own differs from zero.
     """

@@ -1,4 +1,4 @@
-"""A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the driving can tell.
+"""A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the driving can determine.
 
 What can't be used is refused in one line that names the quantity, its value and what to do. All else is reported as it
 is: a gain far from 1 is no error, as wheels may slip on ice or be smaller than thought. Poses that jump off the path of
@@ -179,12 +179,12 @@ def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: fl
     if any(drive.held for drive in drives):
         notes.append("encoders are read less often than logged: held readings count once")
     if gains.speed is None and placed:
-        notes.append("gains of distances can't be told: the robot hardly drives, or poses are too rare")
+        notes.append("gains of distances can't be determined: the robot hardly drives, or poses are too rare")
     if gains.turn is None:
-        notes.append("gains of turns can't be told: the robot hardly turns, or poses are too rare")
+        notes.append("gains of turns can't be determined: the robot hardly turns, or poses are too rare")
     elif min(left, right) < 0.1 * (left + right):
         side = "left" if left > right else "right"
-        notes.append(f"turns to the {side} only: unequal sides can't be told from the turns")
+        notes.append(f"turns to the {side} only: unequal sides can't be distinguished from the turns")
     return notes
 
 

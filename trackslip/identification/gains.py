@@ -25,7 +25,7 @@ _HUBER = 1.345  # standard deviations: 95 % efficient for normal errors (P. J. H
 
 @dataclass(frozen=True)
 class Gains:
-    """Of distances and turns; None where the driving doesn't tell."""
+    """Of distances and turns; None where the driving doesn't determine it."""
 
     speed: Gain | None
     turn: Gain | None
@@ -34,7 +34,7 @@ class Gains:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Of distances and turns; 1 where the driving doesn't tell."""
+        """Of distances and turns; 1 where the driving doesn't determine it."""
         return self.speed.value if self.speed else 1.0, self.turn.value if self.turn else 1.0
 
     def law(self, geometry: RobotGeometry) -> dict[str, float]:
@@ -147,7 +147,7 @@ def windows_of(
         direction = (steps.moment[end] - steps.moment[begin]) / np.where(moving, distance, 1.0)
         distance, moved = np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))), np.abs(chord) + 0j
         turn = np.append(np.diff(direction), 0.0)
-        turned[np.abs(turn) > 2.0] = np.nan  # chords don't tell turns of half a circle and more
+        turned[np.abs(turn) > 2.0] = np.nan  # chords are ambiguous for turns of half a circle and more
     return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
 
 

@@ -1,4 +1,4 @@
-"""Laws fitted to drives by windows: which length, which start, values, intervals, and what the driving doesn't tell."""
+"""Laws fitted to drives by windows: length, start, values, intervals, and what the driving doesn't determine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackslip.laws.families import FAMILIES, family
 from trackslip.se2 import Mounting
 
 _LENGTHS = (10.0, 5.0, 2.0, 1.0)  # of windows that are tried [s]
-_COMPARED = (1.0, 5.0)  # horizons of the predictions that choose the length, and tell how slip varies [s]
+_COMPARED = (1.0, 5.0)  # horizons of the predictions that choose the length, and show how slip varies [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,14 +27,14 @@ class DriveFit(FittedLaw):
     """A law fitted to drives."""
 
     extras: dict[str, float]  # the other parameters (see `path.EXTRAS`), held ones included, in m, s and rad
-    held: dict[str, str]  # parameters that were held, or that the driving doesn't tell, and why
+    held: dict[str, str]  # parameters that were held, or that the driving doesn't determine, and why
     noise: dict[str, float]
     """Standard deviations of poses: position [m] and heading [rad]; of slip that varies: slip_forward and slip_sideways
     [m/√m], slip_turn [rad/√m]; with a gyro, also gyro [rad/√s]."""
     poses: int  # poses used
     blocks: int  # blocks of driving, whose scatter gives the standard errors
     fit: WindowFit  # the fit in full
-    missed: Array  # (n, 3) errors of `pairs`, each predicted by what other blocks of the driving tell [m, m, rad]
+    missed: Array  # (n, 3) errors of `pairs`, each predicted from other blocks of the driving [m, m, rad]
     pairs: Pairs
 
     @property
@@ -88,17 +88,17 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    b = geometry.half_gauge
-    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # of a machined radius, which nothing tells
+    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # of a machined radius, when nothing shows it
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()
     for name, value in start.items():
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
-    starts = [values]
+    starts = values[None]
     if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):  # front and rear may look alike
-        starts = [np.where(np.arange(len(values)) == model.index("sensor_x"), x, values) for x in (b, -b)]
+        starts = np.tile(values, (2, 1))
+        starts[:, model.index("sensor_x")] = geometry.half_gauge, -geometry.half_gauge
     pairs = Pairs.of(drives, geometry)
     best: DriveFit | None = None
     for length in _lengths(drives):
@@ -140,7 +140,7 @@ def held_parameters(
         held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured")
     if np.diff(drives.first).max() <= 2:
         ends = ("sensor_x", "sensor_y", "drift", "clock_offset")
-        held |= dict.fromkeys(ends, "poses at both ends of runs don't tell it")
+        held |= dict.fromkeys(ends, "poses at both ends of runs don't determine it")
     if not lag:
         held["lag"] = "not asked for"
     if "offset_left" in model.names:
@@ -165,7 +165,7 @@ def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float
 
 
 def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:
-    """A fit with all that is told of it."""
+    """A fit with its values, intervals and errors."""
     model, covariance = fit.model, fit.covariance
     names = [model.names[k] for k in fit.free]
     vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # half of what is known without driving
@@ -180,7 +180,7 @@ def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFi
         law=model.family.build(parameters, model.geometry),
         values=parameters,
         extras=values,
-        held={**held, **dict.fromkeys(unknown, "the driving doesn't tell it")},
+        held={**held, **dict.fromkeys(unknown, "the driving doesn't determine it")},
         noise=noise | ({"gyro": turn / np.sqrt(fit.drives.drives[0].interval)} if model.gyro else {}),
         poses=int(fit.drives.known.any(axis=0).sum()),
         blocks=len(fit.score),

@@ -15,7 +15,7 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
 FOLDS = 5
-"""Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
+"""Parts of the driving, of every fifth block each, that are predicted from the others."""
 HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times ahead [s]
 
 
@@ -41,13 +41,13 @@ class PredictionErrors:
     """Errors of predictions, all over the same time or distance."""
 
     count: int  # number of predictions, which overlap
-    way: float  # median way of the belts [m]
+    way: float  # median distance driven by the belts [m]
     position: Statistics | None  # errors of positions [m]; None without positions
     heading: Statistics | None  # absolute errors of headings [rad]; None without headings
 
     @classmethod
     def of(cls, way: Array, position: Array, heading: Array) -> PredictionErrors:
-        """Errors (n,) of predictions over ways (n,); NaN where not known."""
+        """Errors (n,) of predictions over distances (n,); NaN where not known."""
         known = (errors[np.isfinite(errors)] for errors in (position, heading))
         statistics = [Statistics.of(errors) if errors.size else None for errors in known]
         count = int((np.isfinite(position) | np.isfinite(heading)).sum())
@@ -62,7 +62,7 @@ class Pairs:
     start: np.ndarray  # (n,) index of the pose
     end: np.ndarray  # (n,)
     horizon: Array  # (n,) [s]
-    way: Array  # (n,) mean way of the belts in between [m]
+    way: Array  # (n,) mean distance driven by the belts in between [m]
 
     @classmethod
     def of(cls, drives: Drives, geometry: RobotGeometry, horizons: Sequence[float] = HORIZONS) -> Pairs:
@@ -194,7 +194,7 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
     heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one
     aside = variance[:, 1] - (heading + per_way[2] * way / 3) * reach
     per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
-    # growth is a difference of large numbers: medians don't tell less than a hundredth
+    # growth is a difference of large numbers: medians don't resolve less than a hundredth
     per_way = np.maximum(per_way, 0.01 * variance[1] / max(way[1], 1e-9))
     return dict(zip(names, np.sqrt(per_way).tolist(), strict=True))
 

@@ -33,7 +33,7 @@ class PreparedDrive:
     interval: float  # usual time between poses [s]
     gyro: Array | None = None  # (T, 3) encoder clock [s], and sums as in RunLog
     command: tuple[float, ...] | None = None  # constant one that it was driven by [rad/s]
-    beyond: Array | None = None  # (B, 4) time and pose, measured where no encoder was read: tells how clocks differ
+    beyond: Array | None = None  # (B, 4) time and pose, measured where no encoder was read: shows how clocks differ
     repeated: int = 0  # poses in the log that are left out as they repeat the one before,
     interpolated: int = 0  # or lie on the line between others
     held: bool = False  # encoders are read less often than logged
@@ -326,7 +326,7 @@ class Drives:
         return headings
 
     def way(self, radius: float) -> Array:
-        """Mean way (K,) that the belts of sprockets with this radius have moved until each pose [m]."""
+        """Mean distance (K,) driven by the belts of sprockets with this radius until each pose [m]."""
         turned = np.append(0.0, np.cumsum(np.abs(self.omega).mean(axis=1) * np.diff(self.edges)))
         return radius * np.interp(self.time, self.edges, turned)
 

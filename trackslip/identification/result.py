@@ -57,7 +57,7 @@ class Identification:
         times = self.answer.get("wheel_separation_multiplier")
         if times is None or not times.error > _VAGUE:
             return []
-        return [Alarm("turns", "the driving doesn't tell D: drive turns to both sides")]
+        return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
 
     def _unstated_multiplier(self) -> list[Alarm]:
         """An alarm if odometry was taken as encoders, whose multiplier nobody stated."""

@@ -203,8 +203,7 @@ def usable_samples(
             for piece in pieces:
                 try:
                     require_steady_motion(piece)
-                    most_accurate = "arc" if piece.log.scans is None else "bundle"
-                    usable.append(_sample(piece, geometry, method or most_accurate))
+                    usable.append(_sample(piece, geometry, method or ("arc" if piece.log.scans is None else "bundle")))
                     steady += np.ptp(piece.window) + (max(settle, MARGIN) + MARGIN) / len(pieces)
                 except LogError as error:
                     left_out.append(replace(Refused.of(log.run, error), run=piece.name))

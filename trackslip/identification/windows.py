@@ -156,7 +156,7 @@ def _gyro_residuals(
 ) -> tuple[Array, Array, np.ndarray]:
     """Turns by the gyro less those by the law, from the row before in the window.
 
-    Both are read by the encoders' clock, so that they tell nothing of the poses': their slope by it is 0.
+    Both are read by the encoders' clock, so that they say nothing about the poses': their slope by it is 0.
     """
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
@@ -190,8 +190,8 @@ class WindowFit:
     def without(self, blocks: np.ndarray) -> Array:
         """Parameters (F, p) without the blocks of (F, G) bool, by one step of Newton's method.
 
-        The normal equations of the weights, which stay regular, say what the rest of the driving tells; the step is as
-        much longer as the loss bends less than they do.
+        The normal equations of the weights, which stay regular, contain what the rest of the driving determines; the
+        step is as much longer as the loss bends less than they do.
         """
         out = blocks.astype(float)
         rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)

@@ -4,7 +4,7 @@ The likelihood has several maxima (a plate seen nearly edge-on looks much like i
 sight), so it is maximised from several starts, by damped Gauss-Newton steps for all scans and starts at once. If the
 climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Covariances are
 those of the likelihood's curvature. Where that says too little, a plate seen edge-on is no pose, and one seen from the
-side is known along itself only as well as the edges of its silhouette tell.
+side is known along itself only as well as from the edges of its silhouette.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _SCREENED = 24  # beams of a cluster used to screen the starts
 _ALIKE = 1e-3  # difference in cost of starts that led to the same pose: the first is taken, not one by rounding
 _FEW_BEAMS = 1.5  # beam steps that a short face spans if one or two beams fit on it
 _FROM_SIDE = np.radians(45.0)  # viewing angle above which the long face prevails
-_TINY = 1e-12  # keeps what the edges don't tell from dividing by zero
+_TINY = 1e-12  # keeps edges without information from dividing by zero
 _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
 
 

@@ -1,8 +1,8 @@
 """The plate in the raw scans of a stationary laser range finder.
 
-Its motion tells the plate from its surroundings. What a beam meets in most scans between which the robot has moved is
-background, and left out. In what is left, every scan is located independently, and poses that contradict the encoders
-are rejected. These need no calibration: how far the plate drives and turns per radian of the sprockets is measured.
+Its motion distinguishes the plate from its surroundings. What a beam meets in most scans between which the robot has
+moved is background, and left out. In what is left, every scan is located independently, and poses that contradict the
+encoders are rejected. No calibration is needed: how far the plate drives and turns per radian is measured.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_P
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate, returns_at, returns_of
 
 _KEY_SCANS = 400  # between which the sprockets turn equally far, to find the background: a robot may stand for long
-_FIRST_NOISE = 0.02  # assumed until the plate tells the scanner's noise [m]
+_FIRST_NOISE = 0.02  # assumed until the scanner's noise is known from the plate [m]
 _MAX_NOISE = 0.04  # more than any scanner's: what spreads more is neither background nor plate [m]
 _ROUNDS = 3  # of the background and noise by the plate, and the plate by these
-_ABOUT = 0.1  # distance from the plate within which returns tell nothing of the background [m]
-_MIN_RETURNS = 8  # of a scan that tells the noise
+_ABOUT = 0.1  # distance from the plate within which returns say nothing about the background [m]
+_MIN_RETURNS = 8  # of a scan from which the noise is estimated
 _COMPARED = (1, 2, 3, 4)  # places of the poses before and after that a pose is compared with
 _MIN_LOCATED = 12  # scans
 _TOLD = 0.3  # share of the distance driven that the front end must lead, or the rear end
@@ -133,7 +133,7 @@ def background(ranges: np.ndarray) -> Array:
     """Ranges (B,) of the background in scans (S, B) between which the robot has moved; NaN where there is none.
 
     That is the median, if most returns are close to it. Ranges are NaN for no return, and -inf for a beam that met the
-    plate, which tells nothing.
+    plate, which says nothing.
     """
     seen = np.where(np.isnan(ranges), np.inf, ranges)
     seen[ranges == -np.inf] = np.nan
@@ -205,7 +205,7 @@ def _plausible(tracks: Array, turn: Array, estimate: PoseEstimate) -> np.ndarray
 def _turn_round(tracks: Array, turn: Array, estimate: PoseEstimate) -> bool:
     """Turn valid headings round, in place, so that they are unwrapped and the front leads; False if it isn't known.
 
-    The encoders tell the half turns between poses. Where that is too far, a new piece begins, whose own driving tells.
+    The encoders decide about half turns between poses. Where that is too far, a new piece begins, which decides anew.
     """
     rows = np.flatnonzero(estimate.valid)
     piece = np.append(0, np.cumsum(GROWTH * np.abs(np.diff(turn[rows])) > BLIND_TURN))

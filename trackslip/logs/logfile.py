@@ -24,7 +24,7 @@ from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
 RUNS = "runs.parquet"  # name of the file of runs in a folder of results
-_LOOKED_AT = 50  # lines from which separator and decimal mark are told
+_LOOKED_AT = 50  # lines from which separator and decimal mark are recognised
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
 _TIMES = ("s", "sec", "ms", "us", "ns")  # in the column t of a row of units
 _NO_UNIT = ("", "-", "1")

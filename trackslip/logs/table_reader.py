@@ -228,7 +228,7 @@ class _Reader:
         return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
 
     def _beyond(self, rows: np.ndarray) -> Array | None:
-        """Times and poses (B, 4) of rows before and after the encoders' readings; they tell how clocks differ."""
+        """Times and poses (B, 4) of rows before and after the encoders' readings; they show how clocks differ."""
         poses = self._values[rows][:, [0, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])

@@ -51,12 +51,12 @@ class Trajectory:
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches, one from every start, of a way [m], to within a tenth of it."""
+    """`errors_between` the ends of stretches, one from every start, of a length [m], to within a tenth of it."""
     return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches, one from every start, of a time [s], to within half an interval."""
+    """`errors_between` the ends of stretches, one from every start, of a duration [s], to within half an interval."""
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
     return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
 
@@ -80,8 +80,8 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
 def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Array:
     """Errors (3, n) of stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known.
 
-    They are the way driven [m], the distance between the estimated and the measured end [m], and the absolute error of
-    the turn [rad], NaN where it was not measured.
+    They are the distance driven [m], that between the estimated and the measured end [m], and the absolute error of the
+    turn [rad], NaN where it was not measured.
     """
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]
@@ -144,7 +144,7 @@ class OdometryErrors:
     """Errors of odometry by one law."""
 
     after_metres: Mapping[float, PredictionErrors]
-    """By the way driven [m]."""
+    """By the distance driven [m]."""
     after_seconds: Mapping[float, PredictionErrors]
     """By the time passed [s]."""
     trajectories: tuple[Trajectory, ...]

@@ -29,7 +29,7 @@ from trackslip.se2 import arc_quotients
 
 _STILL = 1e-3  # sprocket speed of a robot at rest [rad/s]
 _MAX_DRIFT = 0.05  # reading of a gyro at rest, less its bias [rad/s]
-_TRUSTED = 5.0  # time at rest that tells as much of the bias as its first value [s]
+_TRUSTED = 5.0  # time at rest that is worth as much for the bias as its first value [s]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class OdometryPath:
 
 @dataclass(frozen=True)
 class _State:
-    """Sums along the way at one time, or with T more axes at the front at many."""
+    """Sums along the path up to a time, or with T more axes at the front to many."""
 
     place: np.ndarray  # (...) complex, x + i y from the start [m]
     heading: Array  # (...) [rad]

@@ -20,7 +20,7 @@ _ASYMMETRY = 1e-6  # of a covariance, relative to its variances
 
 @dataclass(frozen=True)
 class SlipNoise:
-    """Slip that varies: a random walk of the pose, whose variances grow with the mean way of the two belts."""
+    """Slip that varies: a random walk of the pose, whose variances grow with the mean distance of the two belts."""
 
     forward: float = 0.0
     """Standard deviation along the robot [m/sqrt(m)]."""
@@ -69,7 +69,7 @@ class Gyro:
 
 @dataclass(frozen=True)
 class LawErrors:
-    """Errors of a law's parameters, which stay the same along the whole way."""
+    """Errors of a law's parameters, which stay the same along the whole path."""
 
     names: tuple[str, ...]
     """Names of the parameters: attributes of the law."""

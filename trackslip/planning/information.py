@@ -17,7 +17,7 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.route import RATE
 
 _LENGTHS = (2.0, 10.0)  # of windows [s], for fine and for coarse poses
-_TOLD = 0.5  # share of the prior's width that a standard error has at most where the driving tells a parameter
+_DETERMINED = 0.5  # largest standard error, over the prior's width, of a parameter that the driving determines
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ def expected(
     covariances = [_covariance(model, values, data, length, white, per_way, free, prior) for length in _LENGTHS]
     covariance = min(covariances, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
     errors = np.sqrt(np.diag(covariance))
-    told = errors < _TOLD * model.prior[free]
-    stderr = {name: float(error) for name, error, is_told in zip(names, errors, told, strict=True) if is_told}
+    determined = errors < _DETERMINED * model.prior[free]
+    stderr = {name: float(error) for name, error, known in zip(names, errors, determined, strict=True) if known}
     return Expectation(stderr, (*held, *(name for name in names if name not in stderr)))
 
 

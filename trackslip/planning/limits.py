@@ -100,7 +100,7 @@ def first_knowledge(geometry: RobotGeometry) -> Knowledge:
 
 
 def read_identification(path: str | Path, law: str | None = None) -> tuple[LawInUse, Knowledge]:
-    """A law, by default the best one, of an identification or of a file, and what it tells of the robot's paths.
+    """A law, by default the best one, of an identification or of a file, and what it implies for the robot's paths.
 
     Raises InvalidValueError if the law is missing, LogError if it has no standard errors.
     """

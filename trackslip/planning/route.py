@@ -22,7 +22,7 @@ RATE = 50.0  # commands per second; maneuvers take multiples of its period [Hz]
 TURNING = 0.65
 """Largest yaw rate, as a share of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate, so
 that faster spins would identify a law of unusual driving."""
-_LEAST = 1e-9  # way of a maneuver that counts [m]
+_LEAST = 1e-9  # distance of a maneuver that counts [m]
 WAYPOINTS = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
 """Places (9, 2) in halves of the area's length and width, or of what can be driven in a larger one."""
 BOW = np.radians(30.0)
@@ -30,7 +30,7 @@ BOW = np.radians(30.0)
 MOST_BOW = 2
 _FITTED = 8  # rounds in which the places move together
 _SLACK = 1e-3  # relative, by which they move further than they seem to have to
-_LONGEST = 0.25  # way from the middle to a place in a large area, of what can be driven in all [-]
+_LONGEST = 0.25  # distance from the middle to a place in a large area, of what can be driven in all [-]
 _SMALLEST = 0.02  # scale below which there is no room
 _PARTS = 8  # of each maneuver
 _DEVIATIONS = 3.5  # of slip that the area allows for
@@ -69,7 +69,7 @@ class PlacedRoute:
 
 @dataclass(frozen=True)
 class Maneuvers:
-    """Ways of the belts, and the times that they take within the limits."""
+    """Distances driven by the belts, and the times that they take within the limits."""
 
     way: Array  # (n, 2) of the left and the right belt, negative backwards [m]
     duration: Array  # (n,) multiples of the period [s]
@@ -77,7 +77,7 @@ class Maneuvers:
 
     @classmethod
     def of(cls, way: Array, limits: DriveLimits) -> Maneuvers:
-        """The fastest maneuvers (n, 2) within the limits; maneuvers without any way are left out."""
+        """The fastest maneuvers (n, 2) within the limits; maneuvers that drive nowhere are left out."""
         way = way[np.abs(way).max(axis=1, initial=0.0) > _LEAST]
         return cls(way, durations(way, limits), limits.acceleration)
 
@@ -106,7 +106,7 @@ class Maneuvers:
 
 
 def durations(way: Array, limits: DriveLimits) -> Array:
-    """Shortest times (n,), in whole periods, of maneuvers with ways (n, 2) of the belts [m], from rest to rest [s]."""
+    """Shortest times (n,), in whole periods, of maneuvers that drive the belts (n, 2) [m], from rest to rest [s]."""
     length = np.abs(way).max(axis=1)
     turn = np.abs(way[:, 1] - way[:, 0])
     v = limits.max_speed * np.minimum(1.0, 2 * TURNING * np.maximum(length, _LEAST) / np.maximum(turn, _LEAST))

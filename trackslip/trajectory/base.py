@@ -56,7 +56,7 @@ class PiecewiseReference(ABC):
         return np.stack([speed, speed * self.curvature_in(k, way)], axis=-1)
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
-        """Index of the cell, way driven since its start [m] and speed [m/s], each (...)."""
+        """Index of the cell, distance driven since its start [m] and speed [m/s], each (...)."""
         time = np.asarray(time, float)
         clipped = np.minimum(np.maximum(time, 0.0), self.duration)
         k = cell(self._times, clipped)

@@ -63,7 +63,7 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
         assert parameters[name]["low"] < truth < parameters[name]["high"]
         assert parameters[name]["stderr"] < 0.08
     assert parameters["com_height"]["vague"]
-    assert "com_height: the target does not tell it" in found.printed
+    assert "com_height: the target does not determine it" in found.printed
     out = found.summary["held_out"]
     assert out["calibrated"]["heading_5s_median"] < 0.7 * out["before"]["heading_5s_median"], out
     assert "held out, before" in found.printed

@@ -41,7 +41,7 @@ def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(tr
     assert {path.name for path in (result.folder / "figures").iterdir()} == {"plan_path.svg", "plan_belts.svg"}
     report = (result.folder / "report.html").read_text()
     error = significant(1e3 * result.summary["stderr"]["offset"], "mm")
-    assert f"30 s of driving will tell D ± {error} and ε ± " in report
+    assert f"30 s of driving will determine D ± {error} and ε ± " in report
     command = "trackslip identify LOG --half-gauge 0.168 --sprocket-radius 0.06"
     assert command in report
     assert f"next: drive it, then {command}" in result.printed

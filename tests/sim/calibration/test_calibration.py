@@ -81,7 +81,7 @@ def test_what_is_not_told_widens_the_intervals_of_the_others():
     target = rows(BASE, rng=np.random.default_rng(3), noise=0.002)
     fit = calibrate(target, BASE, ("friction_ratio", "contact_length", "radius_error"))
     vague = {name: estimate.vague for name, estimate in fit.estimates.items() if estimate.vague}
-    assert vague == {"contact_length": "the target does not tell it from friction_ratio"}
+    assert vague == {"contact_length": "the target does not distinguish it from friction_ratio"}
     assert fit.candidate.robot.contact_length == pytest.approx(BASE.robot.contact_length, rel=0.01)
     alone = calibrate(target, BASE, ("friction_ratio", "radius_error")).estimates["friction_ratio"]
     ratio = fit.estimates["friction_ratio"]

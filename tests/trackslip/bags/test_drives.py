@@ -103,7 +103,7 @@ def test_rows_are_those_of_readings_and_poses(tmp_path):
     assert np.isnan(log.pose[readings]).all()
 
 
-REPEATED = "/odom: its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
+REPEATED = "/odom: its poses repeat the dead reckoning of the wheels: they say nothing about slip"
 NO_FIX = "topic /fix: 20 of 110 messages left out: they have no fix"
 
 

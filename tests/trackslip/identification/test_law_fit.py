@@ -132,7 +132,7 @@ def test_positions_alone_end_in_the_right_minimum_without_a_start(start):
 )
 def test_what_the_driving_does_not_tell_is_said(speeds, vague, known, true):
     fit = fitted(REFERENCE, drive_log(1, 70.0, driving=constant_speeds(*speeds, 70.0)))
-    assert fit.held[vague] == "the driving doesn't tell it"
+    assert fit.held[vague] == "the driving doesn't determine it"
     if known:
         require_within(fit, {known: true})
 
