@@ -6,7 +6,7 @@ import numpy as np
 from law_motion import STILL as STILL
 from law_motion import WHITE, LawMotion, SlipVariation, driven_by_law
 
-from sim.wander.motion import Driver, track_commands
+from sim.wander.motion import Driver, joined_log, track_commands
 from sim.wander.pose_source import PoseSource
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import DriveFit, fit_drives
@@ -39,7 +39,8 @@ def drive_log(
     speeds = track_commands(driving, duration, _ENCODERS, Driver(), rng) if isinstance(driving, str) else driving
     omega = speeds / GEOMETRY.sprocket_radius
     moves = LawMotion(law, GEOMETRY, variation, **motion)
-    return driven_by_law(f"drive {seed}", moves, omega, _ENCODERS, rng).measured(source, rng)
+    log, true = driven_by_law(f"drive {seed}", moves, omega, _ENCODERS, rng)
+    return joined_log(log, *source.measure(true, rng))
 
 
 def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:

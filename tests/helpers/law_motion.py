@@ -1,12 +1,11 @@
 """Robots that move exactly by a slip law, but for slip that varies at random, and their logs."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from sim.wander.motion import Motion, joined_log
-from sim.wander.pose_source import PoseSource
+from sim.wander.motion import Motion
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
@@ -73,29 +72,14 @@ class LawMotion:
         return twist - (1 - keep) * self.lag / step * missing
 
 
-@dataclass(frozen=True)
-class KnownDrive:
-    """A log of encoders with the true motion."""
-
-    log: RunLog
-    motion: Motion
-
-    def measured(self, source: PoseSource, rng: np.random.Generator) -> RunLog:
-        """The log with the poses of a source."""
-        return joined_log(self.log, *source.measure(self.motion, rng))
-
-
-def driven_by_law(name, law, omega, rate, rng, start=(0.0, 0.0, 0.0), counts=None) -> KnownDrive:
-    """A drive of a LawMotion from `start`; encoders read `omega` (T, 2), or whole counts of so many a revolution."""
+def driven_by_law(name, law, omega, rate, rng, start=(0.0, 0.0, 0.0), counts=None) -> tuple[RunLog, Motion]:
+    """The log and motion of a LawMotion from `start`; encoders read `omega` (T, 2), or so many counts a revolution."""
     moved, twist = law.drive(omega, rate, rng)
     motion = Motion(moved.time, se2.compose(np.array(start), moved.pose))
-    time = np.arange(len(omega)) / rate
-    command = np.concatenate([omega[1:], omega[-1:]])
-    log = RunLog(name, time, omega, motion.at(time), command, truth=Truth(motion.at(time), twist))
-    return KnownDrive(log if counts is None else _quantised(log, counts), motion)
-
-
-def _quantised(log: RunLog, counts: int) -> RunLog:
-    step, count = np.diff(log.time)[:, None], 2 * np.pi / counts
-    angle = np.floor(np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * step, axis=0)]) / count) * count
-    return replace(log, omega=np.concatenate([log.omega[:1], np.diff(angle, axis=0) / step]))
+    time, command = np.arange(len(omega)) / rate, np.concatenate([omega[1:], omega[-1:]])
+    pose = motion.at(time)
+    if counts is not None:
+        count, turned = 2 * np.pi / counts, np.cumsum(omega[1:] / rate, axis=0)
+        angle = np.floor(np.concatenate([np.zeros((1, 2)), turned]) / count) * count
+        omega = np.concatenate([omega[:1], np.diff(angle, axis=0) * rate])
+    return RunLog(name, time, omega, pose, command, truth=Truth(pose, twist)), motion

@@ -69,9 +69,6 @@ def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_p
                 assert decoded.velocity == own.velocity.tolist()
             count[channel.topic] += 1
     assert count == {topic: len(rows) for topic, rows in bag.items()}
-    names = "/joint_states", "/odom", "/tf", "/pose", "/scan"
-    types = [bag[name][0][1].__msgtype__.split("/")[-1] for name in names]
-    assert types == ["JointState", "Odometry", "TFMessage", "PoseWithCovarianceStamped", "LaserScan"]
     for topic, time in (
         *((topic, log.time) for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan")),
         ("/pose", log.time[valid]),
@@ -100,7 +97,6 @@ def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_p
     np.testing.assert_array_equal(np.where(np.isinf(ranges), np.nan, ranges), log.scans.full)
     bearings = scans[0].angle_min + scans[0].angle_increment * np.arange(BEAMS)
     np.testing.assert_allclose(bearings, log.scans.scan.bearings, atol=1e-6)
-    assert (scans[0].header.frame_id, scans[0].range_max, scans[0].time_increment) == ("laser", 20.0, 0.0)
 
 
 def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):

@@ -15,6 +15,7 @@ from experiments.common.laws import symbol, unit_of
 from experiments.common.table import Table, significant
 from sim import Drive
 from sim.seeds import generator
+from sim.wander.motion import joined_log
 from sim.wander.pose_source import SOURCES
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
@@ -87,11 +88,11 @@ def drive_plan(number: int, plan: DrivePlan) -> tuple[dict[str, Estimate], float
     """Estimates; reach from the middle of the area and largest speed of a belt, of what is allowed [-]."""
     rng, counts = generator(0, f"trial {number} of plan"), Drive().encoder_counts
     readings = np.concatenate([plan.omega[:1], plan.omega[:-1]])  # means since the row before
-    drive = driven_by_law("plan", law_motion(plan), readings, RATE, rng, plan.start, counts)
-    estimates = identified([drive.measured(SLAM, rng)], GEOMETRY)
-    reach = float((np.abs(drive.motion.pose[:, :2]) / (plan.limits.room / 2)).max())
+    log, motion = driven_by_law("plan", law_motion(plan), readings, RATE, rng, plan.start, counts)
+    estimates = identified([joined_log(log, *SLAM.measure(motion, rng))], GEOMETRY)
+    reach = float((np.abs(motion.pose[:, :2]) / (plan.limits.room / 2)).max())
     resolution = 2 * np.pi / counts * RATE
-    speed = (np.abs(drive.log.omega).max() - resolution) * GEOMETRY.sprocket_radius
+    speed = (np.abs(log.omega).max() - resolution) * GEOMETRY.sprocket_radius
     return estimates, reach, float(speed / plan.limits.max_speed)
 
 
@@ -102,4 +103,4 @@ def drive_paper_runs(number: int, plan: DrivePlan) -> dict[str, Estimate]:
         driven_by_law(f"circle {k}", law_motion(plan), np.tile(omega, (rows, 1)), PAPER_RATE, rng, counts=counts)
         for k, omega in enumerate(np.array(paper_runs(GEOMETRY)) / GEOMETRY.sprocket_radius)
     ]
-    return identified([drive.measured(SLAM, rng) for drive in drives], GEOMETRY)
+    return identified([joined_log(log, *SLAM.measure(motion, rng)) for log, motion in drives], GEOMETRY)

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from law_motion import LawMotion, driven_by_law
 
 from sim.wander.motion import DRIVING, Driver, Motion, joined_log, track_commands
-from trackslip import se2
-from trackslip.kinematics import RobotGeometry, advance, twist_of_tracks, wrap_angle
+from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 
 RATE = 50.0
@@ -28,17 +27,6 @@ def test_speeds_and_accelerations_stay_within_their_limits(driving, seed, max_sp
     assert len(speeds) == 1501
 
 
-@pytest.mark.parametrize("driving", ["eights", "loop"])
-def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving):
-    driver = Driver(half_gauge=0.213, acceleration=100.0)  # a short ramp, which would shift the figure
-    twist = twist_of_tracks(commands(driving, 0, 200.0, driver), driver.half_gauge)
-    pose = se2.chain(np.zeros(3), se2.exp(np.insert(twist[1:], 1, 0.0, axis=-1) / RATE))
-    pose = pose[100:]
-    away, turned = np.hypot(*(pose[:, :2] - pose[0, :2]).T), wrap_angle(pose[:, 2] - pose[0, 2])
-    leaves = np.flatnonzero(away > 0.5)[0]
-    assert ((away < 0.02) & (np.abs(turned) < 0.1))[leaves:].sum() >= 2
-
-
 GEOMETRY = RobotGeometry(0.168, 0.06)
 
 
@@ -46,7 +34,7 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 def encoders():
     rng = np.random.default_rng(0)
     omega = track_commands("random", 20.0, RATE, Driver(), rng) / GEOMETRY.sprocket_radius
-    return driven_by_law("drive", LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY), omega, RATE, rng).log
+    return driven_by_law("drive", LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY), omega, RATE, rng)[0]
 
 
 def test_rows_are_those_of_both_clocks(encoders):
@@ -69,8 +57,6 @@ def test_sprockets_and_truth_are_those_of_the_encoders_rows(encoders):
     rows = np.isin(log.time, encoders.time)
     np.testing.assert_allclose(log.truth.pose[rows], encoders.truth.pose, atol=1e-12)
     np.testing.assert_allclose(log.truth.twist[rows], encoders.truth.twist, atol=1e-12)
-    steps = np.hypot(*np.diff(log.truth.pose[:, :2], axis=0).T)
-    assert steps.max() < 0.3 * 0.02 * 1.2
 
 
 RNG = np.random.default_rng(4)

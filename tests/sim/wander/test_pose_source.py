@@ -27,16 +27,9 @@ def measure(source, motion, seed=1):
     return stamps, poses, motion.at(stamps)
 
 
-def test_a_perfect_source_returns_the_truth(motion):
-    stamps, poses, true = measure(PERFECT, motion)
-    np.testing.assert_allclose(poses, true, atol=1e-12)
-    np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-12)
-    assert 0 <= stamps[0] < 0.1
-    assert len(stamps) in (1199, 1200)
-
-
 def test_a_sensor_is_where_it_is_mounted(motion):
-    _, poses, true = measure(replace(PERFECT, ahead=0.3, left=0.1, mounting=0.087), motion)
+    stamps, poses, true = measure(replace(PERFECT, ahead=0.3, left=0.1, mounting=0.087), motion)
+    np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-12)
     np.testing.assert_allclose(se2.between(true, poses), np.tile([0.3, 0.1, 0.087], (len(true), 1)), atol=1e-12)
 
 
