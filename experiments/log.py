@@ -79,7 +79,7 @@ def run(config: Config) -> None:
     except LogError as error:
         if not bags:
             raise
-        _print_warnings((*damage, str(error)))  # the topics are an answer, too: they show what there is to choose from
+        _print_warnings((*damage, str(error)))  # the topics are an answer, too: they show the choices
         return
     _columns_table(read.runs).print()
     _runs_table(f"Runs in {config.path}", read.runs).print()
@@ -139,7 +139,7 @@ def _runs_table(title: str, logs: Sequence[RunLog]) -> Table:
 
 
 def _print_sources(read: ReadRuns, choice: BagChoice) -> None:
-    """Print which topics were taken, and what the scans say of the scanner."""
+    """Print which topics were used, and what the scans reveal about the scanner."""
     for line in (*read.taken, *(_scanner_lines(read.runs) if choice.plate is not None else ())):
         print(line)
 
@@ -165,7 +165,7 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
             raise OutputError(f"{target}: exists already; --overwrite replaces it")
     read = read_runs_of(path, choice)
 
-    def write_both(draft: Path) -> None:  # or none
+    def write_both(draft: Path) -> None:  # or neither
         write_csv(read.runs, draft)
         write_output(units, lambda columns: _write_units(draft, columns))
 

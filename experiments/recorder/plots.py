@@ -1,6 +1,6 @@
 """Plots over time and the layout of the viewer: 3-D and plan on the left, plots on the right.
 
-The viewer draws the entities of a panel, and lists them in its legend, by the alphabet: what comes later lies on top.
+The viewer draws a panel's entities, and lists them in its legend, in alphabetical order; later ones lie on top.
 """
 
 from collections.abc import Sequence

@@ -15,13 +15,13 @@ from trackslip.motion.steady_twist import even_poses
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
-_MIN_SPROCKET_SPEED = 0.3  # below it a slip is a quotient of noise [rad/s]
+_MIN_SPROCKET_SPEED = 0.3  # below it, slip is mostly noise [rad/s]
 _DEGREE = 4  # of the polynomials that smooth poses, after Savitzky and Golay
-_WINDOW = 3.0  # that a polynomial is fitted to [s]
+_WINDOW = 3.0  # window that each polynomial is fitted to [s]
 
 
 class Traces:
-    """A run of T rows, ready to be drawn. What a log doesn't have is None; what it lacks in a row is NaN."""
+    """A run of T rows, ready to draw. Quantities missing from the log are None; values missing in a row are NaN."""
 
     def __init__(self, log: RunLog) -> None:
         self.log, truth = log, log.truth
@@ -66,9 +66,9 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
 
 
 def _smooth_twist(log: RunLog) -> Array | None:
-    """Mean twists (T, 2) since the row before, by polynomials fitted to a sliding window of measured poses.
+    """Mean twists (T, 2) since the previous row, from polynomials fitted to a sliding window of measured poses.
 
-    NaN beyond the poses; None if there are too few.
+    NaN before the first and after the last pose; None if there are too few poses.
     """
     try:
         time, pose = even_poses(log)
@@ -84,7 +84,7 @@ def _smooth_twist(log: RunLog) -> Array | None:
 
 
 def _filled(pose: Array) -> Array:
-    """Poses (T, 3) with NaN replaced by what lies between the neighbours, or at an end by the next."""
+    """Poses (T, 3) with NaN interpolated between neighbours, or replaced by the nearest pose at the ends."""
     rows, known = np.arange(len(pose)), np.isfinite(pose).all(axis=1)
     if not known.any():
         return np.zeros_like(pose)
