@@ -103,7 +103,7 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
 
 
 def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
-    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those taken under the choice."""
+    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those that the choice selects."""
     found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
     found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}

@@ -14,7 +14,7 @@ GAINS_FILE = "gains.json"
 ROUGHNESS_LIMIT = 2.0
 """Limit above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
 TUNED = "tuned"
-"""Name of the source of the shipped gains, for trackslip's controllers."""
+"""Source that stands for the shipped gains of trackslip's controllers."""
 
 Arguments = Mapping[tuple[str, str], Mapping[str, float]]
 """Constructor arguments by controller and compensation."""

@@ -19,7 +19,7 @@ class Look:
     Colours have a contrast of at least 3 : 1 on light pages and on dark ones, where figures are inverted.
     """
 
-    label: str  # what it is, in a few words
+    label: str  # description in a few words
     colour: str = "#009E73"
     dashes: Any = "-"  # matplotlib's line style, unique so that lines differ without colour
     formula: tuple[str, ...] = ("-",)  # lines

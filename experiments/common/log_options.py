@@ -34,7 +34,7 @@ class BagOptions:
     imu: Annotated[str | None, default_is("found", "TOPIC")] = None
     """Topic of sensor_msgs/Imu whose gyro measures the yaw rate; none to use no gyro."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
-    """Find a plate of this size on the robot, such as 0.5x0.02, in the scans of a stationary scanner [m]."""
+    """Find a plate of this size on the robot, such as 0.5x0.02, in scans from a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
     """Topic of sensor_msgs/LaserScan of the stationary scanner; needs --plate."""
 

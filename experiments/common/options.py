@@ -18,7 +18,7 @@ class Bound:
     """
 
     def check(self, name: str, value: Any) -> None:
-        """Raise InvalidValueError, naming the option, its value and what is allowed, for a value that isn't."""
+        """Raise InvalidValueError for a value that isn't allowed, naming option, value and what is allowed."""
         for number in value if isinstance(value, tuple) else (value,):
             if number is not None:
                 self._check_number(name, number)

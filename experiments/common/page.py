@@ -97,7 +97,7 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what is below it, in order; a nested section has a smaller heading."""
+    """A heading and the blocks below it, in order; a nested section has a smaller heading."""
 
     heading: str
     blocks: Sequence[Union["Block", None]]

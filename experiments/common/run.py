@@ -60,7 +60,7 @@ class Run:
         """Write the summary with the times, the manifest and, if there are any, logs.
 
         Args:
-            summary: content of summary.json; its times, under "timing", come before those of the run.
+            summary: content of summary.json; its times, under "timing", come before the run's.
             logs: the runs to write to runs.parquet.
             simulated: simulated time, summed over all robots [s].
             manifest: the manifest if there is one already, as in a report.

@@ -1,4 +1,4 @@
-"""The table of a grid's runs: its columns, and the choice of runs by the values of its axes."""
+"""The table of a grid's runs: its columns, and the choice of runs by their values on the axes."""
 
 import contextlib
 from collections.abc import Sequence

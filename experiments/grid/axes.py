@@ -1,4 +1,4 @@
-"""The axes of a sweep: any option of a grid by its name, the robot's parameters, and the ratio of friction."""
+"""The axes of a sweep: any option of a grid by its name, the robot's parameters, and the friction ratio."""
 
 from __future__ import annotations
 

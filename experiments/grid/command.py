@@ -1,4 +1,4 @@
-"""`trackslip grid`: drive a grid of runs, or those that are missing, and sum up."""
+"""`trackslip grid`: drive the runs of a grid that are missing, and sum up."""
 
 from typing import Any
 

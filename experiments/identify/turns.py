@@ -63,7 +63,7 @@ def slip_at(law: SlipLaw, radius: Array, speed: float, *, left: bool = True) -> 
 
 
 def _inner_outer(values: Array, left: np.ndarray) -> Array:
-    """Values (n, 2) of the inner and outer track from those of the left and right one; `left` is (n,) bool."""
+    """Values (n, 2) for the inner and outer track from values for the left and right one; `left` is (n,) bool."""
     return np.where(left[:, None], values, values[:, ::-1])
 
 

@@ -40,7 +40,7 @@ def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], lo
     """Send patches of different friction as far as they lie between `low` and `high` (2,)."""
     for k, patch in enumerate(patches):
         edges = np.array([patch["x"], patch["y"]], float)
-        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch has no end
+        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch is unbounded
         if (begin < end).all():
             flat = rr.Boxes3D(
                 centers=[[*(begin + end) / 2, _PATCH]],

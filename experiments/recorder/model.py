@@ -126,7 +126,7 @@ def _shape(model: mujoco.MjModel, i: int) -> Any:
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Array:
-    """The triangles (F, 3, 3) of the surface of a height field, cut as the engine cuts it."""
+    """The triangles (F, 3, 3) of a height field's surface, split as the engine splits it."""
     rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     length, width, high, _ = model.hfield_size[field]
     x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))

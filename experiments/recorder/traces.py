@@ -40,7 +40,7 @@ class Traces:
         self.identified: Array | None = None
         """Slips (T, 2) from the smoothed measured poses [-]."""
         self.assumed: Array | None = None
-        """Slips (T, 2) with which the set points yield the commanded twists: those that compensation allows for [-]."""
+        """Slips (T, 2) that compensation allows for: with them, the set points yield the commanded twists [-]."""
         if (geometry := stored_geometry(log)) is not None:
             measured = _smooth_twist(log)
             self.identified = None if measured is None else _slip(log.omega, measured, geometry)
@@ -79,7 +79,7 @@ def _smooth_twist(log: RunLog) -> Array | None:
     filtered = [scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=k, delta=step, axis=0) for k in (0, 1)]
     heading, rates = filtered[0][:, 2], filtered[1]
     v = se2.rotate(-heading, rates[:, :2])[:, 0]
-    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means, too
+    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are also means
     return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, rates[:, 2])], axis=-1)
 
 

@@ -52,7 +52,7 @@ class RadiusSummary:
 
     commanded: tuple[float, ...]
     observed: Array  # (R,) from the mean curvature over the speeds; NaN where no run gave a sample
-    published: Array  # (R,) the paper's; NaN where it has none
+    published: Array  # (R,) the paper's; NaN where the paper has none
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
 

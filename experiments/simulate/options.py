@@ -65,7 +65,7 @@ class GroundOptions:
 
 
 OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
-"""A property that defaults to that of the robot's drive."""
+"""A property whose default is the value of the robot's drive."""
 
 
 @dataclass(frozen=True)

@@ -31,14 +31,14 @@ def last_checkpoint(out: Path) -> Path:
 
 
 def model_of(config: Config, task: LearningTask) -> Any:
-    """A new PPO model, or that of the last checkpoint."""
+    """A new PPO model, or the one from the last checkpoint."""
     import torch
     from stable_baselines3 import PPO
 
     torch.set_num_threads(1)  # its threads would take processors from the simulation
     checkpoint, first = last_checkpoint(config.out), config.learning_rate
     settings: dict[str, Any] = {
-        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # by the share of training left
+        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # left: remaining share
         "n_steps": config.horizon,
         "batch_size": config.batch,
         "n_epochs": config.epochs,

@@ -111,7 +111,7 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
         slopes = limit + np.radians([2.0, 3.0, 4.0])
         fleet = setup.fleet(np.tile([0.0, 0.0, heading], (len(slopes), 1)))
         velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]  # of the mass, a live view
-        for share in np.linspace(0.0, 0.97, 100).tolist():  # tilted slowly until the loads are those of sliding
+        for share in np.linspace(0.0, 0.97, 100).tolist():  # tilted slowly until the loads are as in sliding
             fleet.set_ground(replace(setup.ground, slope=share * limit))
             fleet.advance(0.02)
         fleet.advance(1.0)

@@ -81,7 +81,7 @@ def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
 def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes: float = 3.0) -> Turns:
     """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load whose uphill is straight ahead.
 
-    If the ground shears, it is steady when the slower belt has carried its elements through the contact `passes` times.
+    On ground that shears, this takes until the slower belt has carried its elements through the contact `passes` times.
     """
     load, belts, p, settle = load or Load(), omega * setup.sprocket_radius, setup.parameters, 1.5
     ground, pull = replace(setup.ground, slope=load.slope), Pull(load.pull * p.mass * GRAVITY, load.hitch_height)
