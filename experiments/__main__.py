@@ -28,13 +28,13 @@ def main() -> None:
     for number in numbers:
         signal.signal(number, stop)
     try:
-        from experiments.cli import main as run  # here, as an interrupt may come while modules are imported
+        from experiments.cli import main as run  # here, because an interrupt may come during imports
 
         run()
     except SystemExit:
         if not signals:
             raise
-    except BaseException:  # of any type, in a module that was half imported
+    except BaseException:  # of any type, if a module is half imported
         if not signals:
             raise
         print("trackslip: interrupted", file=sys.stderr)
@@ -43,7 +43,7 @@ def main() -> None:
             signal.signal(number, signal.SIG_IGN)  # the command has ended: its exit code stands
     if signals:
         sys.stderr.flush()
-        os._exit(130)  # workers that were killed would be waited for
+        os._exit(130)  # a normal exit would wait for killed workers
 
 
 if __name__ == "__main__":

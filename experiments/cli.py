@@ -1,4 +1,4 @@
-"""The `trackslip` command line: finds a command, parses its options and runs it; a refusal is one line, exit code 2."""
+"""The `trackslip` command line: find a command, parse its options, run it; a mistake gets one line and exit code 2."""
 
 import ast
 import contextlib
@@ -39,7 +39,7 @@ _GROUPS = {
     "robots": ("calibrate", "validate"),
     "logs": ("log", "view"),
 }
-"""Headings of the help; commands that none has come last."""
+"""Headings of the help; commands under no heading come last."""
 _INSTEAD = {
     "bag": "trackslip log BAG",
     "export": "trackslip log PATH --out FILE",
@@ -50,14 +50,14 @@ _INSTEAD = {
     "sensitivity": "trackslip grid --sweep examples/sensitivity.toml",
     "bench": "pytest tests/benchmarks",
 }
-"""What replaces the commands of version 0.2 that are gone."""
+"""Replacements for the removed commands of version 0.2."""
 _ROOT = Path(__file__).parent
-_KERNEL = ("__init__", "__main__", "cli")  # files here that are no commands
+_KERNEL = ("__init__", "__main__", "cli")  # files here that are not commands
 
 
 @functools.cache
 def commands() -> dict[str, str]:
-    """Every command and the sentence about it: the files here, and the folders with a command.py."""
+    """Every command with a sentence on it: from the files here, and from the folders with a command.py."""
     sources = {file.stem: file for file in _ROOT.glob("*.py") if file.stem not in _KERNEL}
     sources |= {file.parent.name: file.with_name("__init__.py") for file in _ROOT.glob("*/command.py")}
     return {name: _sentence(sources[name]) for name in sorted(sources)}
@@ -82,7 +82,7 @@ def run_module(command: str) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; exits with 2 for a mistake in it, 130 when interrupted."""
+    """Run a command; exits with 2 if it has a mistake, and with 130 when interrupted."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         with warnings.catch_warnings():
@@ -155,7 +155,7 @@ def _examples(examples: Sequence[tuple[str, str]]) -> str:
 
 
 def _refused_value(stop: SystemExit) -> InvalidValueError | None:
-    """The options' own error if it is why tyro stops; its field is named as the option is, ground.across."""
+    """The options' own error if it is why tyro stops; its field gets the option's name, such as ground.across."""
     group, error = "", stop.__context__
     while error is not None and not isinstance(error, InvalidValueError):
         group, error = getattr(error, "arg", ""), error.__context__  # of a group of options
@@ -165,7 +165,7 @@ def _refused_value(stop: SystemExit) -> InvalidValueError | None:
 
 
 def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:
-    """Show a warning in one line, once, without the line of code that gives it; see `warnings.showwarning`."""
+    """Show a warning in one line, once, without the line of code that issued it; see `warnings.showwarning`."""
     line = " ".join(str(message).split())
     if line not in shown:
         shown.add(line)

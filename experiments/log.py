@@ -79,7 +79,7 @@ def run(config: Config) -> None:
     except LogError as error:
         if not bags:
             raise
-        _print_warnings((*damage, str(error)))  # the topics are an answer, too: they show what there is to choose from
+        _print_warnings((*damage, str(error)))  # the topics are an answer, too: they show the choices
         return
     _columns_table(read.runs).print()
     _runs_table(f"Runs in {config.path}", read.runs).print()
@@ -103,7 +103,7 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
 
 
 def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
-    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those taken under the choice."""
+    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those that the choice selects."""
     found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
     found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
@@ -139,7 +139,7 @@ def _runs_table(title: str, logs: Sequence[RunLog]) -> Table:
 
 
 def _print_sources(read: ReadRuns, choice: BagChoice) -> None:
-    """Print which topics were taken, and what the scans say of the scanner."""
+    """Print which topics were used, and what the scans reveal about the scanner."""
     for line in (*read.taken, *(_scanner_lines(read.runs) if choice.plate is not None else ())):
         print(line)
 
@@ -165,7 +165,7 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
             raise OutputError(f"{target}: exists already; --overwrite replaces it")
     read = read_runs_of(path, choice)
 
-    def write_both(draft: Path) -> None:  # or none
+    def write_both(draft: Path) -> None:  # or neither
         write_csv(read.runs, draft)
         write_output(units, lambda columns: _write_units(draft, columns))
 

@@ -32,16 +32,16 @@ _ROBOTS = default_is("the robot's", "FLOAT")
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Predict slip from quasi-static theory, without simulating: on Coulomb ground a law, on other ground its slips.
+    """Predict slip from quasi-static theory, without simulating: a law for Coulomb ground, slips for other ground.
 
     With --shear, --slope or --pull, slips depend on radius and load; the law then fits their mean over the radii. With
     --turns and --measured, turns counted by hand give wheel_separation_multiplier and D; nothing else is computed.
     """
 
     turns: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
-    """Turns on the spot by the wheels' odometry, as commanded or as it counts them; needs --measured [-]."""
+    """Turns on the spot according to wheel odometry, as commanded or as counted; needs --measured [-]."""
     measured: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
-    """Turns that the robot really made meanwhile; needs --turns [-]."""
+    """Turns that the robot actually made in that time; needs --turns [-]."""
     multiplier: Annotated[float, Within(*MULTIPLIERS)] = 1.0
     """wheel_separation_multiplier of that odometry; needs --turns [-]."""
     robot: RobotSource = SHIPPED
@@ -59,7 +59,7 @@ class Config(ResultsOptions):
     slope: float = 0.0
     """Angle of the ground to the horizontal [rad]."""
     uphill: float = 0.0
-    """Direction of uphill as the robot sees it, 0 straight ahead, positive to the left; needs --slope [rad]."""
+    """Direction of uphill relative to the robot, 0 straight ahead, positive to the left; needs --slope [rad]."""
     pull: Annotated[float, Within(0, MAX_FORCE, "N")] = 0.0
     """Drawbar force, backwards along the robot [N]."""
     pull_height: Annotated[float, Within(0, 10, "m")] = Pull.height
@@ -71,7 +71,7 @@ class Config(ResultsOptions):
     radius_error: Annotated[float, RADIUS_ERROR] = 0.0
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     radii: Annotated[tuple[float, ...], Distinct("radius"), Within(MIN_RADIUS, MAX_RADIUS, "m")] = OBSERVED_RADII
-    """Radii driven that the table lists [m]."""
+    """Driven radii that the table lists [m]."""
     out: Path = Path("out/predict")
     """Folder for the results."""
 
@@ -134,7 +134,7 @@ def run(config: Config) -> None:
 
 
 def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
-    """The robot, its centre of mass midway between the tracks; the level ground; and what slope and pull add."""
+    """The robot, its centre of mass midway between the tracks; the level ground; and the load from slope and pull."""
     robot, ground = load_parameters(config.robot)
     given = {name: getattr(config, name) for name in ("half_gauge", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})

@@ -39,7 +39,7 @@ class Config(options.Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
-    """Controller, such as linear:stiffness=160, the paper's Eq. 31; ppo:FOLDER of train, MODULE:CLASS of your own."""
+    """Controller, such as linear:stiffness=160, the paper's Eq. 31; ppo:FOLDER from train; MODULE:CLASS, your own."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0

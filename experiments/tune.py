@@ -36,7 +36,7 @@ EXAMPLES = (
     ("your own controller", "trackslip tune my_controller:MyController --out out/mine"),
 )
 _MAX_EVALUATIONS = 10_000
-_POPULATION = 12  # candidates of a generation
+_POPULATION = 12  # candidates in a generation
 _COMPARED = ("none", "icr_radius", "online")
 _FLEETS = (3, 32)  # robots of the smallest and the largest fleet worth driving
 
@@ -48,8 +48,8 @@ Gains = dict[str, float]
 class Config(ClosedLoopOptions):
     """Find gains that minimise the position error on training paths and drawn plants, below a limit on roughness.
 
-    Every controller and compensation gets the same number of evaluations. Each evaluation drives four paths, which the
-    suite fair of benchmark does not have, with --seeds plants each. An interrupted search resumes when it is run again
+    Every controller and compensation gets the same number of evaluations. Each evaluation drives four paths, which are
+    not in benchmark's suite fair, each on the plants of all --seeds. An interrupted search resumes when it is run again
     with the same options.
     """
 
@@ -107,8 +107,8 @@ def run(config: Config) -> None:
 class Search:
     """The search for the gains of a controller with a compensation.
 
-    A candidate is a row: its `gains`, the means over the training runs of the `position` error after the transient,
-    0.5 m for a run that lost the path [m], and of the `roughness` [rad/s^2], and the `error` of a run that failed.
+    A candidate is a row: its `gains`; the means over the training runs of the `position` error after the transient [m]
+    (0.5 m for a run that lost the path) and of the `roughness` [rad/s^2]; and the `error` of a run that failed.
     """
 
     config: Config
@@ -122,13 +122,13 @@ class Search:
         return [BenchmarkCase(controller, self.compensation, path, "stone", "random", seed) for path, seed in runs]
 
     def ids(self) -> list[str]:
-        """Ids of all candidates: digests of what the search depends on, and their number."""
+        """Ids of all candidates: digests of what the search depends on and the candidate's number."""
         runs = [case.id for case in self.loops.identified(self.cases({}))]
         search = [runs, self.config.seed, self.config.roughness]
         return [digest([search, k]) for k in range(self.config.evaluations // _POPULATION * _POPULATION)]
 
     def drive(self, pool: Workers, store: Store, report: Progress, generation: Mapping[str, Gains]) -> list[Row]:
-        """The candidates with these gains, by id; those that the store lacks are driven."""
+        """The candidates with these gains, by id; those that are missing from the store are driven."""
         missing = {
             id: self.cases(gains)
             for id, gains in generation.items()
@@ -152,7 +152,7 @@ class Search:
         return [store.rows[id] for id in generation]
 
     def cost(self, candidate: Row) -> float:
-        """The position error; above the limit on roughness more than any error, and the more the rougher [m]."""
+        """The position error [m]; above the roughness limit, more than any error, increasing with roughness."""
         if candidate["error"] is not None:
             return np.inf
         excess = candidate["roughness"] / self.config.roughness
@@ -161,7 +161,7 @@ class Search:
     def best(self, drive: Callable[[Mapping[str, Gains]], list[Row]]) -> Row:
         """The best gains, within a factor of ten of the defaults of the controller's class.
 
-        The search is in the logarithms of the gains, and the defaults are the first candidate. They are kept if no
+        The search is in the logarithms of the gains, and the defaults are the first candidate, and are kept if no
         candidate is smooth enough. Raises TrackslipError if a run fails with each of the candidates.
         """
         (defaults, _), ids = tunable(self.controller), self.ids()

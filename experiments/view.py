@@ -54,7 +54,7 @@ class Config(Options):
 def run(config: Config) -> None:
     """Read, choose, show."""
     recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
-    if recording.is_file():  # it shows the course, which the log doesn't hold
+    if recording.is_file():  # it shows the course, which is not in the log
         if config.run:
             raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
         if config.save is None:

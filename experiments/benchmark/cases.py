@@ -1,4 +1,4 @@
-"""The runs of a benchmark: suites, what one run is, and the plants that differ from those the laws were made on."""
+"""The runs of a benchmark: suites, single cases, and plants that differ from the one the laws were identified on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,11 +24,11 @@ _THREE = ("none", "icr_radius", "online")
 _GROUNDS = ("stone", "ice", "sticky")
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
-_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
+_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # limits for a random start [m, rad]
 
 
 class Suite(NamedTuple):
-    """Full factorial designs of the values of FACTORS, and what `--plants` and `--gains` are by default."""
+    """Full factorial designs over FACTORS, and the defaults of `--plants` and `--gains`."""
 
     plants: str
     gains: str
@@ -58,7 +58,7 @@ class BenchmarkCase:
     start: str
     seed: int
     id: str = ""
-    """Hash of everything that its numbers depend on, the contents of files included."""
+    """Hash of everything that the run's numbers depend on, including the contents of files."""
 
     @property
     def name(self) -> str:
@@ -72,7 +72,7 @@ class BenchmarkCase:
 
     @property
     def fleet(self) -> str:
-        """See Planned: robots on one reference are driven together."""
+        """See Planned: robots on the same reference are driven together."""
         return self.reference
 
     @property
@@ -82,7 +82,7 @@ class BenchmarkCase:
 
     @property
     def key(self) -> str:
-        """Key of the random numbers besides the seed: the reference's name, without the folder of its file."""
+        """Key for the random numbers, in addition to the seed: the reference's name, without the folder of its file."""
         return Path(self.reference).stem
 
     def start_pose(self) -> Array:
@@ -98,7 +98,7 @@ class BenchmarkCase:
 
 
 def planned_cases(config: Config) -> list[BenchmarkCase]:
-    """Every run once."""
+    """All runs, without duplicates."""
     options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
     cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:
@@ -108,9 +108,9 @@ def planned_cases(config: Config) -> list[BenchmarkCase]:
 
 
 def plant_ranges(robot: RobotParameters) -> Randomization:
-    """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own.
+    """Ranges around a robot's values, from which each property is drawn uniformly and independently.
 
-    Raises InvalidValueError for a robot so near the limits that it could not stand, or be simulated.
+    Raises InvalidValueError for a robot so close to the limits that it could not stand or be simulated.
     """
     nominal, lag, shift = robot.radius_error, robot.drive.lag, 0.1 * robot.half_gauge
     ranges = Randomization(

@@ -1,4 +1,4 @@
-"""`trackslip benchmark`: compare controllers and slip compensations; drive what isn't driven yet, gather, report."""
+"""`trackslip benchmark`: compare controllers and slip compensations; drive the missing runs, gather, report."""
 
 import shlex
 import textwrap
@@ -20,7 +20,7 @@ from trackslip.errors import counted
 
 
 def run(config: Config) -> None:
-    """Drive what is missing, gather, store and print."""
+    """Drive the missing runs, gather, store and print."""
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
     loops = ClosedLoops(config, config.plants or suite.plants, gains)

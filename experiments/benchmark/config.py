@@ -27,9 +27,9 @@ class Config(ClosedLoopOptions):
     """
 
     suite: Literal["paper", "fair", "full"] = "fair"
-    """Runs: Sec. IV of the paper, tuned controllers on drawn plants, or these on all paths and three grounds."""
+    """Runs: Sec. IV of the paper, tuned controllers on drawn plants, or the same on all paths and three grounds."""
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
-    """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER of train, MODULE:CLASS of your own."""
+    """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER from train, MODULE:CLASS for your own."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{COMPENSATIONS} ...")] = (
         None
     )
@@ -41,11 +41,11 @@ class Config(ClosedLoopOptions):
     starts: Annotated[tuple[Start, ...] | None, Distinct(), default_is("the suite's", "{zero,paper,random} ...")] = None
     """Start poses: on the path, beside it as in the paper (0.36 m, 30 deg), or at random (up to 0.15 m, 20 deg)."""
     seeds: Annotated[tuple[int, ...] | None, Distinct(), Whole(), default_is("the suite's", "INT ...")] = None
-    """Seeds of plants, random starts and the scanner's noise, the same for all controllers and compensations."""
+    """Seeds for plants, random starts and scanner noise, the same for all controllers and compensations."""
     plants: Annotated[Literal["nominal", "drawn"] | None, default_is("the suite's", "{nominal,drawn}")] = None
-    """Robots: that which the laws were identified on, or robots, grounds and scanners drawn around it."""
+    """Robots: the one that the laws were identified on, or robots, grounds and scanners drawn around it."""
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
-    """Gains of the controllers: their classes' defaults, the tuned ones, or those that tune wrote, else the tuned."""
+    """Controller gains: the classes' defaults, the shipped tuned ones, or tune's in FOLDER (shipped ones if absent)."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")

@@ -31,21 +31,21 @@ from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
 
 _NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_TIMED_STEPS = 21  # of a controller
-_SPACING = 0.05  # of the points of a path that patches may lie on [s]
+_TIMED_STEPS = 21  # steps of a controller that are timed
+_SPACING = 0.05  # time between the points of a path on which patches may lie [s]
 
 
 @dataclass(frozen=True)
 class ClosedLoops:
-    """Closed-loop runs by the names of what drives them."""
+    """Closed-loop runs, with controllers, compensations, references and grounds given by name."""
 
     config: ClosedLoopOptions
     plants: str = "nominal"
-    """"nominal", the robot that the laws were identified on, or "drawn" around it."""
+    """"nominal" for the robot that the laws were identified on, or "drawn" for random ones around it."""
     gains: Gains = field(default_factory=Gains)
     """Gains of the controllers."""
     sizes: ClassVar[tuple[int, int]] = (400, 400)
-    """A path is one fleet: localization and controllers of a large one cost little more than those of a small one."""
+    """A path is one fleet: localization and controllers cost little more for a large fleet than for a small one."""
 
     @property
     def world(self) -> World:
@@ -106,7 +106,7 @@ class ClosedLoops:
         path, follower = reference(reference_name), self.controller(controller)
         follower.reset()
         taken = []
-        with contextlib.suppress(Exception):  # of a user's controller that fails in some runs
+        with contextlib.suppress(Exception):  # a user's controller may fail in some runs
             for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
                 pose = path.pose(time)[None]
                 begin = perf_counter()
@@ -115,7 +115,7 @@ class ClosedLoops:
         return float(np.median(taken)) if taken else 0.0
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
-        """SHA-256 of laws, policies and a user's modules, paths and grounds by file; None for what is no file."""
+        """SHA-256 of laws, policies, a user's modules, paths and grounds, by file; None if not a file."""
         laws = self.config.laws or SHIPPED
         names = {name for case in cases for name in (case.reference, case.ground)}
         names |= {str(path) for case in cases if (path := policy_path(case.controller))}
@@ -123,7 +123,7 @@ class ClosedLoops:
         return {name: content(Path(name)) for name in sorted(names)}
 
     def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
-        """The cases with their ids, for which a user's controllers must have been imported."""
+        """The cases with their ids; a user's controllers must have been imported before."""
         config, world, files = self.config, self.world, self.files(cases)
         robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]

@@ -10,11 +10,11 @@ from experiments.common.lookup import has_arguments
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"
-"""Of a folder of results, and of trackslip's controllers beside this module."""
+"""File of gains in a folder of results and, for trackslip's controllers, beside this module."""
 ROUGHNESS_LIMIT = 2.0
-"""Above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
+"""Limit above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
 TUNED = "tuned"
-"""Source of the gains of trackslip's controllers."""
+"""Source that stands for the shipped gains of trackslip's controllers."""
 
 Arguments = Mapping[tuple[str, str], Mapping[str, float]]
 """Constructor arguments by controller and compensation."""
@@ -24,22 +24,22 @@ class Choice(NamedTuple):
     """The gains of a controller with a compensation."""
 
     gains: str
-    """Where they come from: "tuned", the name of a result of `tune`, "given" with the controller, or "default"."""
+    """Their source: "tuned", the name of a `tune` result, "given" (with the controller), or "default"."""
     arguments: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Constructor arguments of controllers that were tuned; those of the others are their classes' defaults."""
+    """Constructor arguments of tuned controllers; other controllers keep their classes' defaults."""
 
     tables: Mapping[str, Arguments] = field(default_factory=dict)
-    """By source; the first that has a controller counts."""
+    """Tables by source; the first one that contains a controller counts."""
 
     @classmethod
     def load(cls, source: str) -> Self:
-        """Gains by name: "default" for those of the classes, "tuned" for the shipped ones, or a result of `tune`.
+        """Gains by name: "default" for the classes' defaults, "tuned" for the shipped ones, or a `tune` result.
 
-        Controllers that a result of `tune` lacks take the shipped gains. Raises InvalidValueError for any other source.
+        Controllers missing from a `tune` result get the shipped gains. Raises InvalidValueError for any other source.
         """
         if source == "default":
             return cls()
@@ -53,7 +53,7 @@ class Gains:
     def choice(self, controller: str, compensation: str) -> Choice:
         """The gains of a controller with a compensation.
 
-        A compensation that was not tuned for takes the gains of a similar one: `online` for those that learn, else
+        Without gains for this compensation, those for a similar one are used: for `online` if it learns, otherwise for
         `icr_radius`.
         """
         if has_arguments(controller):
@@ -80,6 +80,6 @@ def _arguments(path: Path) -> Arguments:
 
 
 def specified(controller: str, arguments: Mapping[str, float]) -> str:
-    """A controller with constructor arguments, as `lookup.controller` takes it."""
+    """A controller with constructor arguments, in the form that `lookup.controller` expects."""
     listed = ",".join(f"{name}={value!r}" for name, value in arguments.items())
     return f"{controller}:{listed}" if listed else controller

@@ -1,4 +1,4 @@
-"""What a benchmark shows: the answer and the leaderboard, which the terminal shows too, and a page with all rows."""
+"""The output of a benchmark: answer and leaderboard, on the terminal too, and a page with all rows."""
 
 import math
 import textwrap
@@ -19,8 +19,8 @@ from experiments.common.table import MISSING, Table, number
 
 _CAPTION = "Means over references, grounds and seeds, with 95 % intervals; runs that lose the path count 500 mm."
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
-_MOST = 3  # entries that are as good as the best one and named
-_NUMBERS = {  # header of a column: its name in a row, factor from SI, decimals
+_MOST = 3  # largest number of entries named as being as good as the best one
+_NUMBERS = {  # column header: key in a row, factor from SI, decimals
     "kept [%]": ("success", 100.0, 0),
     "error [mm]": ("score", 1e3, 1),
     "gain": ("gain", 1.0, 1),
@@ -37,13 +37,13 @@ BOARD_LEGEND = (
     " one. Behind: mean of the paired differences, with a 95 % bootstrap interval. Turning: error while the reference"
     f" turns. Rough: rms rate of change of the set points; ! above {ROUGHNESS_LIMIT:g} rad/s², the limit of tune."
 )
-"""What the columns of the leaderboard are."""
+"""Explanation of the leaderboard's columns."""
 
 
 def answer(entries: Sequence[Row], next_command: str, steps: Mapping[str, float], period: float) -> Answer:
-    """The first entry of the leaderboard and its error, its gain over no compensation, its rivals, and warnings.
+    """The leaderboard's first entry with its error, gain over no compensation and rivals; and warnings.
 
-    `steps` are the times that controllers take for a step, `period` is the time between two commands [s].
+    `steps` are the controllers' computing times per step, `period` is the time between two commands [s].
     """
     best, *others = entries
     heading = f"Best: {_name(best, entries)}, {_millimetres(best['score'], best['score_ci95'])} from the path"
@@ -75,7 +75,7 @@ def answer(entries: Sequence[Row], next_command: str, steps: Mapping[str, float]
 
 
 def _name(entry: Row, entries: Sequence[Row]) -> str:
-    """What is compared: controller, compensation and, where there are several, the start."""
+    """The name of an entry: controller, compensation and, if there are several starts, the start."""
     several = len({other["start"] for other in entries}) > 1
     start = f", start {entry['start']}" if several else ""
     return f"{entry['controller']} with {entry['compensation']}{start}"
@@ -116,7 +116,7 @@ def _cell(row: Row, header: str) -> str:
 def page(
     answer: Answer, entries: Sequence[Row], rows: Sequence[Row], failures: Sequence[str], manifest: Mapping[str, Any]
 ) -> Page:
-    """The page of these entries of the leaderboard, and means over seeds."""
+    """The page with these leaderboard entries and with means over seeds."""
     plot = Plot("leaderboard", board_figure(entries), "Position error by controller and compensation", _CAPTION)
     return Page(
         "Controllers of a tracked robot, with and without compensation of slip",

@@ -1,4 +1,4 @@
-"""The rows of a benchmark as summary.json has them: means over seeds, and the leaderboard."""
+"""The rows of a benchmark as in summary.json: means over seeds, and the leaderboard."""
 
 import dataclasses
 from collections.abc import Iterable, Sequence
@@ -17,18 +17,18 @@ MEASURES = (
     *(f.name for f in dataclasses.fields(Expense)),
     *("valid_fraction", "icr_offset", "icr_radius_error"),
 )
-"""Errors and expense of a run, as in `trackslip.metrics`; the share of the scans that gave a pose [-]; and what online
-compensation found in the end: the longitudinal offset of the ICRs [m] and the error of the sprocket radius [-]."""
+"""Errors and expense of a run, as in `trackslip.metrics`; the share of the scans that gave a pose [-]; and the final
+estimates of online compensation: longitudinal offset of the ICRs [m] and error of the sprocket radius [-]."""
 SETTING = FACTORS[:-1]
-"""What a row is: all but the seed."""
+"""Columns that identify a mean over seeds: all factors but the seed."""
 ENTRY = ("controller", "compensation", "start")
-"""What an entry of the leaderboard is."""
-_PLACE = itemgetter("reference", "seed", "ground")  # what runs that are compared have in common
+"""Columns that identify an entry of the leaderboard."""
+_PLACE = itemgetter("reference", "seed", "ground")  # columns on which compared runs agree
 _RESAMPLES = 2000
 
 
 def score(run: Row) -> float:
-    """What a run is ranked by [m]: its position error after the transient, LOST if it lost the path or failed."""
+    """The number that ranks a run [m]: its position error after the transient, LOST if it lost the path or failed."""
     kept = run["error"] is None and run["success"]
     return float(run["rms_position_after_12s"]) if kept else LOST
 
@@ -43,10 +43,10 @@ def board(runs: Sequence[Row]) -> list[Row]:
 
     Entries are compared pair by pair: runs on the same plant and path, from the same start. `behind` is the mean of the
     differences from the best entry; `gain` is the mean score without compensation over the entry's. Both have 95 %
-    intervals from 2000 bootstrap samples of the seeds, drawn for each path on its own; the grounds of a seed, which
-    share plant, start and noise, stay together. Samples have a seed less than there are, so that their variance has no
-    bias (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). Entries share a `rank` with the first one from which they can't
-    be distinguished.
+    intervals from 2000 bootstrap samples of the seeds, drawn separately for each path; the grounds of a seed,
+    which share plant, start and noise, stay together. Each sample has one seed fewer than there are, so that the
+    variance is unbiased (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). The `rank` of an entry is that of the first
+    entry from which it can't be distinguished.
     """
     groups = sorted(_groups(runs, ENTRY), key=lambda group: np.mean([score(run) for run in group]))
     scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])  # (E, P)
@@ -80,7 +80,7 @@ def _resampled(scores: Array) -> Array:
 
 
 def _interval95(samples: Array) -> list[float] | None:
-    """The ends between which 95 % of samples (B,) are; None without samples."""
+    """Ends of the interval that contains 95 % of the samples (B,); None without samples."""
     return np.percentile(samples, [2.5, 97.5]).tolist() if samples.size else None
 
 
@@ -93,9 +93,9 @@ def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
 
 
 def _means(group: Sequence[Row], names: Sequence[str]) -> Row:
-    """The columns `names` that runs share, counts, and means of all measures, None where no run has them.
+    """The shared columns `names` of some runs, counts, and the mean of each measure, None if no run has it.
 
-    `success` is the share of the runs that stayed within 0.5 m of where they should be; a failed one did not.
+    `success` is the share of runs that stayed within 0.5 m of the reference; failed runs count as unsuccessful.
     """
     driven = [run for run in group if run["error"] is None]
     row: Row = {name: group[0][name] for name in names}

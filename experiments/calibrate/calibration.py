@@ -1,4 +1,4 @@
-"""Calibration of the simulated robot: its targets, and its fits as tables and as results."""
+"""Calibration of the simulated robot: targets, and fits as tables and as results."""
 
 from __future__ import annotations
 
@@ -32,32 +32,32 @@ _METRICS = {
     "position": ("position", 1.0, 3, "m"),
     "heading": ("heading", float(np.degrees(1.0)), 1, "°"),
 }
-"""Name, factor, decimals and unit of errors, by the first part of their names."""
-_MIN_STEADY = 0.5  # share of the driving that is steady, of simulated runs compared by their steady samples [-]
+"""Label, factor from SI, decimals and unit of each error, by the first part of its name."""
+_MIN_STEADY = 0.5  # least share of steady driving for simulated runs to be compared by their steady samples [-]
 _STATISTICS = {"median": "median", "p90": "90 %"}
 
 
 @dataclass(frozen=True)
 class Test:
-    """Errors on another log, where only a free clock is fitted."""
+    """Errors on another log, to which only the clock is fitted, if it is free."""
 
     before: dict[str, float]
     calibrated: dict[str, float]
     clock_offset: float
-    """Encoder clock minus pose clock there [s]."""
+    """Encoder clock minus pose clock in that log [s]."""
 
 
 def first_candidate(
     robot: str, ground: GroundOptions, sensor: tuple[float, float, float] | None, clock: float | None
 ) -> Candidate:
-    """The robot before it is calibrated, on the ground that the options name, else on its own."""
+    """The robot before calibration, on the ground that the options name or, if they name none, on its own."""
     parameters, own = load_parameters(robot)
     named = load_ground(ground.source) if ground.source else own
     return Candidate(parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0)
 
 
 def read_target(name: str, config: Config, base: Candidate) -> Target:
-    """The published target, or that in a file, the base's geometry being used for a log without; raises LogError."""
+    """The published target or one from a file; a log without a geometry gets the base's. Raises LogError."""
     if name == "published":
         return PublishedTurns(config.threads)
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
@@ -70,7 +70,7 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
 
 
 def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -> Source:
-    """A log, of a robot of the `known` size if neither the log nor the options state one."""
+    """A log; if neither it nor the options state the robot's size, the `known` one is used."""
     try:
         return read_source(path, reading)
     except InvalidValueError:
@@ -81,7 +81,7 @@ def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -
 
 
 def _steady(source: Source) -> bool:
-    """True if the runs are mostly steady, as those of a grid are."""
+    """True if the runs are mostly steady, as in a grid."""
     try:
         return source.sampling.steady_share >= _MIN_STEADY
     except LogError:
@@ -89,7 +89,7 @@ def _steady(source: Source) -> bool:
 
 
 def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
-    """Labels (n,) of the folds of a target's errors, parts in the order of the log; None without."""
+    """Fold labels (n,) of a target's errors; folds are consecutive parts of the log. None without folds."""
     layout = target.layout
     if folds is None:
         return None
@@ -111,7 +111,7 @@ def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
 
 
 def fit_summary(fit: Calibration) -> dict[str, Any]:
-    """A fit as an entry of a summary: parameters, their errors, what is left, and the values of the folds."""
+    """A fit as an entry of a summary: parameters with their errors, remaining errors, and values from each fold."""
     parameters = {
         name: {**vars(estimate), "identifiable": not estimate.vague} for name, estimate in fit.estimates.items()
     }
@@ -151,7 +151,7 @@ def _parameter_text(name: str, estimate: Estimate) -> str:
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:
-    """Errors before and after the fit, of the target, of what was held out and of another log."""
+    """Errors on the target, the held-out part and another log, before and after the fit."""
     columns = {"before": fit.before, "calibrated": fit.metrics}
     if fit.held_out is not None and fit.held_out_before is not None:
         columns |= {"held out, before": fit.held_out_before, "held out": fit.held_out}
@@ -176,7 +176,7 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
-    """Lines on parameters that the target does not determine, and the clock of another log."""
+    """Lines on parameters that the target does not determine, and on the other log's clock."""
     lines = [f"{name}: {estimate.vague}" for name, estimate in fit.estimates.items() if estimate.vague]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")

@@ -18,7 +18,7 @@ Parameter = Literal[
 
 OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
 OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
-"""Parameters to fit by default: to steady turns, and to drives."""
+"""Parameters to fit by default: OF_TURNS to steady turns, OF_DRIVES to drives."""
 ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
@@ -31,7 +31,7 @@ EXAMPLES = (
 class Config(ResultsOptions):
     """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
 
-    A log is one that identify reads: drives or windows with poses, or steady samples.
+    A log can be any that identify reads: drives or windows with poses, or steady samples.
     """
 
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
@@ -51,13 +51,13 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("the middle", "X Y YAW")] = None
-    """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
+    """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading [m, m, rad]."""
     clock_offset: Annotated[float, Within(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET, "s")] = 0.0
     """Initial encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
-    """Number of parts of the log, each of which is predicted by a fit to the others."""
+    """Number of parts of the log, each predicted by a fit to the others."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None
     """Another log to predict, for which only the clock is fitted."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0

@@ -1,4 +1,4 @@
-"""The page of a calibration: its parameters, its gain, and measured against simulated motion."""
+"""The page of a calibration: its parameters, its gain, and measured and simulated motion."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -20,7 +20,7 @@ from trackslip.odometry.evaluation import from_pose
 def page(
     fit: Calibration, base: Candidate, target: Target, test: Test | None, use: str, manifest: Mapping[str, Any]
 ) -> Page:
-    """The page; `use` are the options by which commands take the robot."""
+    """The page; `use` holds the options with which commands use the robot."""
     line, facts = gain(fit, test), parameter_rows(fit)
     answer = Answer(
         f"{line[0].upper()}{line[1:]}", facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"]
@@ -34,7 +34,7 @@ def page(
 
 
 def gain(fit: Calibration, test: Test | None) -> str:
-    """The error before and after: on another log, on what was held out, or as fitted."""
+    """The error before and after the fit: on another log, on the held-out part, or on the fitted data."""
     table = error_table(fit, test)
     ahead = [row for row in table.texts if row[0].startswith("position") and row[0].endswith("median")]
     row = (ahead or table.texts)[-1 if ahead else 0]
@@ -43,7 +43,7 @@ def gain(fit: Calibration, test: Test | None) -> str:
 
 @style.styled
 def _paths(target: Drives, candidates: Mapping[str, tuple[str, Candidate]]) -> style.Panels:
-    """Measured and simulated paths in up to four windows of a log; the candidates are by label, with their colours."""
+    """Measured and simulated paths in up to four windows of a log; `candidates` has a colour and a robot per label."""
     figures = []
     for k in np.linspace(0, len(target.windows) - 1, min(4, len(target.windows))).astype(int):
         log = target.windows[k]

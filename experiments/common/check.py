@@ -1,4 +1,4 @@
-"""Checks: measured numbers against what theory, or a requirement, expects of them, and their table."""
+"""Checks: measured numbers compared with what theory or a requirement expects, and their table."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.common.table import Table, percent, significant
 
-_SHARE = 0.2  # largest bound of an error that is printed in per cent, and of a length or speed in millimetres
+_SHARE = 0.2  # largest bound for which errors are printed in per cent, and lengths and speeds in millimetres
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Check:
         return f"{self.name} {self.measured:.3g}, {allowed}"
 
     def to_json(self) -> dict[str, Any]:
-        """An entry of `checks` in a summary.json, where an end that is infinite becomes null."""
+        """An entry of `checks` in a summary.json, in which an infinite end becomes null."""
         expected = None if isinstance(self.tolerance, tuple) else self.expected
         entry = {"name": self.name, "value": self.measured, "expected": expected, "bound": self.bound}
         return {**entry, "unit": self.unit, "holds": self.holds, "source": self.source}

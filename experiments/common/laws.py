@@ -1,4 +1,4 @@
-"""Slip laws as reports show them: one name everywhere, colour, line, formula, symbols and units of parameters."""
+"""How reports show slip laws: one name everywhere, colour, line, formula, and symbols and units of parameters."""
 
 import math
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from trackslip.laws.families import FAMILIES, GAINS
 class Look:
     """Appearance of a slip law, of a compensation by a law, or of another model of the motion.
 
-    Colours have a contrast of at least 3 : 1 on light pages and on dark ones, which invert figures.
+    Colours have a contrast of at least 3 : 1 on light pages and on dark ones, where figures are inverted.
     """
 
-    label: str  # what it is, in a few words
+    label: str  # description in a few words
     colour: str = "#009E73"
     dashes: Any = "-"  # matplotlib's line style, unique so that lines differ without colour
     formula: tuple[str, ...] = ("-",)  # lines
@@ -72,7 +72,7 @@ def symbol(law: str, parameter: str) -> str:
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
-    """A law in a table: its name, on a page with what it is and its formula."""
+    """A law in a table: its name and, on a page, its description and formula."""
     look = law_looks().get(name, Look(name))
     lines = (look.label, *look.formula) if formula else ()
     return Cell(name, lines=lines, mark="best" if best else "")
@@ -91,9 +91,9 @@ def printed_unit(unit: str) -> tuple[float, str]:
 
 
 def with_interval(value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")) -> str:
-    """A value with its 95 % interval, in the decimals that show two digits of half its width.
+    """A value with its 95 % interval, rounded to two significant digits of its half-width.
 
-    `unit` is a factor from SI and a unit's name; ends are None or NaN where there is no interval.
+    `unit` is a factor from SI and a unit's name; `ends` is None or NaN if there is no interval.
     """
     factor, name = unit
     low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)

@@ -1,4 +1,4 @@
-"""The options of commands that read logs: what to take from a bag, and where the sensor of the poses sits."""
+"""The options of commands that read logs: what to take from a bag, and where the pose sensor is mounted."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
 
 MAX_CLOCK_OFFSET = 0.5
-"""Largest difference of the encoders' and the poses' clocks [s]."""
+"""Largest difference between the encoders' and the poses' clocks [s]."""
 _MAX_LEVER = 100.0  # [m]
 _CLEAR = "where the bag leaves no doubt"
 
@@ -26,15 +26,15 @@ class BagOptions:
     left: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """Names of the joints on the left, separated by commas; their mean is used."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """The same on the right."""
+    """Names of the joints on the right, likewise."""
     reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
     """Encoders that count backwards."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
     imu: Annotated[str | None, default_is("found", "TOPIC")] = None
-    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate; none to take no gyro."""
+    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate; none to use no gyro."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
-    """Find a plate of this size on the robot, such as 0.5x0.02, in the scans of a stationary scanner [m]."""
+    """Find a plate of this size on the robot, such as 0.5x0.02, in scans from a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
     """Topic of sensor_msgs/LaserScan of the stationary scanner; needs --plate."""
 
@@ -42,7 +42,7 @@ class BagOptions:
         self.choice()
 
     def choice(self) -> BagChoice:
-        """The choice as the readers of bags take it; raises InvalidValueError."""
+        """The choice in the form that the bag readers expect; raises InvalidValueError."""
         parsed = {
             "left": _names("left", self.left),
             "right": _names("right", self.right),

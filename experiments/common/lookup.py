@@ -27,7 +27,7 @@ from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
 _POLICY = "ppo:"
-_OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # parameters of constructors that are given
+_OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # constructor parameters set from the robot
 _MARGIN = 0.98  # share of the top speed that controllers plan with
 
 
@@ -45,10 +45,10 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
 def controller(
     name: str, geometry: RobotGeometry, top_speed: float, period: float, half_gauge: float | None = None
 ) -> Controller:
-    """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, both with arguments, or a policy, ppo:PATH.
+    """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, with or without arguments, or a policy, ppo:PATH.
 
-    Arguments of the constructor follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters of
-    these names get what they are for this robot: `geometry`; `half_gauge`, b + D of the slip law in use [m], by default
+    Arguments of the constructor follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters with
+    these names get this robot's values: `geometry`; `half_gauge`, b + D of the slip law in use [m], by default
     b; `track_speed`, slightly below `top_speed` of the tracks [m/s]; `period` between two commands [s].
 
     Raises InvalidValueError for an unknown name or argument and a value that is not allowed.
@@ -86,7 +86,7 @@ def tunable(name: str) -> tuple[dict[str, float], list[str]]:
 
 
 def has_arguments(name: str) -> bool:
-    """Whether arguments of the constructor follow a controller's name; a policy's file counts as one."""
+    """Whether constructor arguments follow a controller's name; a policy's file counts as one."""
     base, _, rest = name.partition(":")
     return bool(rest) if base in CONTROLLERS or name.startswith(_POLICY) else ":" in rest
 
@@ -119,7 +119,7 @@ def _errors_of(name: str) -> Iterator[None]:
 
 
 def _arguments(name: str, given: str | None, parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
-    """Arguments by name from ARGUMENT=VALUE,..., of the types of the constructor's parameters."""
+    """Arguments by name from ARGUMENT=VALUE,..., converted to the types of the constructor's parameters."""
     if given is None:
         return {}
     plain = (bool, int, float, str, type(None), type)  # an empty default is a type
@@ -136,7 +136,7 @@ def _arguments(name: str, given: str | None, parameters: Mapping[str, inspect.Pa
 
 
 def _value(key: str, text: str, default: Any) -> Any:
-    """An argument's value, of the type of the default: text, true or false, or a number; without one, any of these."""
+    """An argument's value, of the default's type: text, true or false, or a number; any of these without a default."""
     if isinstance(default, str):
         return text
     value: Any = text

@@ -38,7 +38,7 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
-    """Seed, model and ground, where all runs state the same; empty for a real robot's."""
+    """Seed, model and ground, as far as all runs agree on them; empty for a real robot's runs."""
     first = logs[0].metadata if logs else {}
     keys = [key for key in ("seed", "model_sha256", "ground") if first.get(key) is not None]
     return {key: first[key] for key in keys if all(log.metadata.get(key) == first[key] for log in logs)}
@@ -60,12 +60,12 @@ def command_line(command: str) -> str:
 
 
 def digest(value: Any) -> str:
-    """A short name for `value`, which JSON must know, by its content."""
+    """A short name for `value`, from its content, which must fit into JSON."""
     return hashlib.sha256(json.dumps(plain(value), sort_keys=True).encode()).hexdigest()[:32]
 
 
 def content(path: Path) -> str | None:
-    """A file's digest; None where there is no file."""
+    """A file's digest; None if there is no file."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
 
 

@@ -1,4 +1,4 @@
-"""The base of every command's options: bounds of single options and exclusions between options, both as data."""
+"""The base of every command's options: bounds on single options and exclusions between options, both as data."""
 
 import dataclasses
 import functools
@@ -14,11 +14,11 @@ from trackslip.errors import InvalidValueError, require_at_most, require_non_neg
 class Bound:
     """Allowed values of an option, as metadata of its type: `speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3`.
 
-    None is an option that isn't given. Each number of a tuple is checked.
+    None stands for an option that isn't given. Each number of a tuple is checked.
     """
 
     def check(self, name: str, value: Any) -> None:
-        """Raise InvalidValueError, which names the option, its value and what is allowed."""
+        """Raise InvalidValueError for a value that isn't allowed, naming option, value and what is allowed."""
         for number in value if isinstance(value, tuple) else (value,):
             if number is not None:
                 self._check_number(name, number)
@@ -42,7 +42,7 @@ class Within(Bound):
 
 @dataclasses.dataclass(frozen=True)
 class NonNegative(Bound):
-    """Finite numbers from 0, up to `most`, in `unit`."""
+    """Finite numbers from 0 to `most`, in `unit`."""
 
     most: float = float("inf")
     unit: str = ""
@@ -75,7 +75,7 @@ class Whole(Bound):
 
 @dataclasses.dataclass(frozen=True)
 class Distinct(Bound):
-    """At least one `item`, all of them different."""
+    """At least one `item`, with no duplicates."""
 
     item: str = "value"
 
@@ -93,7 +93,7 @@ class Distinct(Bound):
 class Exclusion:
     """Options `names` that have no effect, and so must keep their defaults, depending on another `option`.
 
-    That option matches if it has one of `values`, or, without values, is not at its default.
+    That option matches if it has one of `values` or, if there are none, differs from its default.
     """
 
     names: tuple[str, ...]
@@ -101,7 +101,7 @@ class Exclusion:
     values: tuple[Any, ...] = ()
 
     where: ClassVar[bool]
-    """Whether the names have no effect where the option matches, or where it does not."""
+    """True if the names have no effect when the option matches, False if they have none when it does not."""
 
     def applies(self, options: "Options") -> bool:
         """True if the names have no effect."""
@@ -110,7 +110,7 @@ class Exclusion:
         return bool(matches) == self.where
 
     def check(self, options: "Options") -> None:
-        """Raise InvalidValueError for the first of the names that is given in vain."""
+        """Raise InvalidValueError for the first of the names that is given without effect."""
         if self.applies(options):
             values = (getattr(options, self.option),) if self.where and self.values else self.values
             reason = " or ".join(map(self._flag, values or (None,)))
@@ -124,13 +124,13 @@ class Exclusion:
 
 
 class Excludes(Exclusion):
-    """The names have no effect where the option matches."""
+    """The names have no effect when the option matches."""
 
     where = True
 
 
 class Needs(Exclusion):
-    """The names have no effect where the option does not match."""
+    """The names have no effect when the option does not match."""
 
     where = False
 
@@ -139,7 +139,7 @@ class Needs(Exclusion):
 class Options:
     """Base of a command's options, which checks bounds and exclusions.
 
-    A subclass adds exclusions of its own, and in `__post_init__` the checks that are neither.
+    A subclass adds its own exclusions, and in `__post_init__` checks of any other kind.
     """
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = ()
@@ -162,7 +162,7 @@ class ResultsOptions(Options):
 
 
 def bounds_of(options: type) -> Iterator[tuple[str, Bound]]:
-    """The bounds of a class of options, with the option's name."""
+    """The bounds in a class of options, each with its option's name."""
     hints = typing.get_type_hints(options, include_extras=True)
     for field in dataclasses.fields(options):
         for bound in getattr(hints[field.name], "__metadata__", ()):
@@ -212,5 +212,5 @@ def with_option(config: Any, name: str, value: object) -> Any:
 
 
 def default_is(text: str, metavar: str) -> object:
-    """Annotation of an option that is None by default: what `--help` prints as its default, and for its value."""
+    """Annotation of an option that is None by default: what `--help` shows as its default and as its placeholder."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {text})")

@@ -1,4 +1,4 @@
-"""Pages of a report: an answer, then sections of text, tables and plots, as one HTML file that needs no other."""
+"""Pages of a report: an answer, then sections of text, tables and plots, as one self-contained HTML file."""
 
 import functools
 import io
@@ -22,7 +22,7 @@ Drawing = Figure | Sequence[Figure] | None  # a figure, several that are shown s
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure as the contents of files."""
+    """A drawn figure, as the contents of its files."""
 
     name: str
     svg: str
@@ -30,7 +30,7 @@ class Drawn:
     pdf: bytes = b""
     """A PDF file, if one was wanted."""
     is_narrow: bool = False
-    """True for one panel, which a page does not stretch to its width."""
+    """True for a single panel, which is not stretched to the page's width."""
 
     @property
     def inline(self) -> Markup:
@@ -62,9 +62,9 @@ class Plot:
     """A figure on a page, and its file."""
 
     name: str
-    """Of the file and of the element on the page; files of several panels are named after their titles, too."""
+    """Name of the file and of the element on the page; with several panels, file names also contain their titles."""
     figure: Drawing | Callable[[], Drawing]
-    """Or what makes it, when the page is written; a plot of None is left out."""
+    """The figure, or a function that makes it when the page is written; a plot of None is left out."""
     heading: str
     caption: str = ""
     """Text, or Markup; seed, ground and command follow in small print."""
@@ -97,17 +97,17 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what is below it, in order; a section in a section has a smaller heading."""
+    """A heading and the blocks below it, in order; a nested section has a smaller heading."""
 
     heading: str
     blocks: Sequence[Union["Block", None]]
-    """None is left out, and so is a section of nothing. A str is a paragraph; Markup keeps its tags."""
+    """None is left out, and so is an empty section. A str is a paragraph; Markup keeps its tags."""
     folded: bool = False
-    """Collapse it until its heading is clicked: methods, and what few readers decide by."""
+    """Collapse it until its heading is clicked; for methods, and for details that few readers need."""
 
     @property
     def anchor(self) -> str:
-        """Its id on the page."""
+        """The section's id on the page."""
         return file_name(self.heading)
 
     def __bool__(self) -> bool:
@@ -130,11 +130,11 @@ class Answer:
     """The first thing on a page: the answer that its reader came for."""
 
     heading: str
-    """The answer itself, in a few words with its number."""
+    """The answer itself, in a few words and a number."""
     facts: Sequence[tuple[str, str]] = ()
     """Quantities and their values with ± and unit."""
     lines: Sequence[str] = ()
-    """Sentences: the gain over today, the one thing to know."""
+    """Sentences, such as the gain over today's method, or the one thing to know."""
     warnings: Sequence[str] = ()
     next: Sequence[str] = ()
     """Command lines to run next."""
@@ -142,16 +142,16 @@ class Answer:
 
 @dataclass(frozen=True)
 class Page:
-    """A page, which is written with its figures."""
+    """A page, written together with its figures."""
 
     title: str
     command: str
     """The command line that made it."""
     manifest: Mapping[str, Any]
-    """Configuration, versions, seed: anything that fits into JSON; listed at the end."""
+    """Configuration, versions, seed and anything else that fits into JSON; listed at the end of the page."""
     sections: Sequence[Section | None]
     intro: Sequence[Block | None] = ()
-    """Below the title and the answer."""
+    """Blocks below the title and the answer."""
     answer: Answer | None = None
 
     @property
@@ -172,7 +172,7 @@ class Page:
         return {block.name: drawn_plot(block, pdf) for block in self.blocks if isinstance(block, Plot)}
 
     def html(self, figures: Mapping[str, Sequence[Drawn]] | None = None) -> str:
-        """The page alone; `figures` are those of each plot by its name, if they have been drawn already."""
+        """The page's HTML; `figures` holds each plot's figures by its name, if they have been drawn already."""
         return _template().render(
             vars(self),
             sections=[section for section in self.sections if section],
@@ -193,7 +193,7 @@ def _template() -> jinja2.Template:
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
-    """Seed, ground and command on one line, for captions; what the manifest lacks is left out."""
+    """Seed, ground and command on one line, for captions; items missing from the manifest are left out."""
     seed, ground = manifest.get("seed"), manifest.get("ground")
     seeds = ", ".join(map(str, seed)) if isinstance(seed, list | tuple) else seed
     parts = [None if seed is None else f"seed {seeds}", _ground(ground) if isinstance(ground, Mapping) else None]
@@ -213,7 +213,7 @@ def _ground(ground: Mapping[str, Any]) -> str:
 
 
 def file_name(text: str) -> str:
-    """A title as the name of a file: lower-case letters and digits, everything else underscores."""
+    """A title as a file name: lower-case letters and digits, with underscores for everything else."""
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 

@@ -18,9 +18,9 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """`value` as what JSON knows; dataclasses become mappings, numbers that aren't finite None.
+    """`value` in JSON's types: dataclasses become mappings, and numbers that aren't finite become None.
 
-    A dataclass' field is left out where it has the value that its metadata call `stored_unless`.
+    A field of a dataclass is left out if it has the value that its metadata give as `stored_unless`.
     """
     if type(value) in _AS_IT_IS:
         return value
@@ -43,6 +43,6 @@ def _stored(value: Any) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
     """The fields of a dataclass that are stored, and their values."""
     for f in dataclasses.fields(value):
         item = getattr(value, f.name)
-        # arrays are compared element by element, so only where it is asked for
+        # arrays compare element by element, so only fields that ask for it are compared
         if "stored_unless" not in f.metadata or f.metadata["stored_unless"] != item:
             yield f, item

@@ -63,7 +63,7 @@ def _processes(count: int) -> Iterator[Workers]:
     pool = futures.ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)
     try:
         yield Workers(pool, count)
-    except KeyboardInterrupt:  # without waiting: a worker that is killed while it sends would never end
+    except KeyboardInterrupt:  # without waiting: a worker killed while sending would never end
         for child in multiprocessing.active_children():
             child.kill()
         raise
@@ -84,7 +84,7 @@ def _end_with_parent() -> None:
 
 @contextlib.contextmanager
 def _cluster(name: str, patience: float = 10.0) -> Iterator[Workers]:
-    """A cluster that has workers, all of which can import trackslip, within `patience` [s]."""
+    """A cluster that has workers within `patience` [s], all of which can import trackslip."""
     try:
         from distributed import Client
 

@@ -10,12 +10,12 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 _PAUSE = 60.0  # between lines in a log [s]
 
-Advance = Callable[[float], None]  # call it with what has been done since the last call
+Advance = Callable[[float], None]  # called with the amount done since the last call
 
 
 @contextmanager
 def progress(stage: str, total: float | None, unit: str = "s", done: float = 0.0) -> Iterator[Advance]:
-    """Show the progress of a stage, by default in simulated seconds; `done` counts as done before."""
+    """Show the progress of a stage, by default in simulated seconds; `done` is the amount done earlier."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _logged(stage, total, unit, done)

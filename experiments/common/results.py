@@ -1,4 +1,4 @@
-"""Folders of results, complete or not at all; single files that are written whole; bags of runs."""
+"""Folders of results and single files, each written completely or not at all; bags of runs."""
 
 import contextlib
 import itertools
@@ -30,15 +30,15 @@ DRIVE_RECORDING = "drive.rrd"
 TRAJECTORIES_FOLDER = "trajectories"
 
 _DRAFT, _LOCK = ".draft", ".lock"
-_LONGEST_NAME = 120  # characters of a file's name, of the 255 that file systems take
+_LONGEST_NAME = 120  # characters in a file name; file systems allow 255
 
 
 @contextlib.contextmanager
 def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
-    """A folder to write results into, which are moved to `out` when the block ends, and deleted if it fails.
+    """A folder to write results into; they are moved to `out` when the block ends, and deleted if it fails.
 
-    `out` must be new, empty, or with `overwrite` the results of a command, which the new ones replace. No other command
-    can write there meanwhile. What hidden files keep, such as the runs of an unfinished sweep, goes when results come.
+    `out` must be new or empty or, with `overwrite`, contain a command's results, which are replaced. No other command
+    can write there meanwhile. Hidden files, such as runs of an unfinished sweep, are deleted when the results arrive.
 
     Raises OutputError: at once, before anything is computed, if `out` can't be used; later, if the disk is full.
     """
@@ -49,7 +49,7 @@ def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
         if old and not overwrite:
             raise OutputError(f"out = {str(out)!r}: contains results; --overwrite replaces them")
         draft = out / _DRAFT
-        shutil.rmtree(draft, ignore_errors=True)  # of a command that was killed
+        shutil.rmtree(draft, ignore_errors=True)  # left by a killed command
         draft.mkdir()
         try:
             yield draft
@@ -57,14 +57,14 @@ def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
                 if file.name not in (_DRAFT, _LOCK):
                     shutil.rmtree(file) if file.is_dir() else file.unlink()
             for file in sorted(draft.iterdir(), key=lambda file: file.name == MANIFEST_FILE):
-                file.replace(out / file.name)  # the manifest last, which marks them as complete
+                file.replace(out / file.name)  # the manifest, which marks the results as complete, is last
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
 
 @contextlib.contextmanager
 def output_errors(what: str) -> Iterator[None]:
-    """Turn failures to write, of the system or of pyarrow, into OutputErrors that say what can't be written."""
+    """Turn write errors from the system or pyarrow into OutputErrors that say what can't be written."""
     try:
         yield
     except OutputError:
@@ -72,7 +72,7 @@ def output_errors(what: str) -> Iterator[None]:
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else first_line(error)  # pyarrow's words are longer
         raise OutputError(f"{what}: can't be written ({reason})") from error
-    except RecursionError as error:  # of mkdir
+    except RecursionError as error:  # from mkdir
         raise OutputError(f"{what}: can't be written (its path is too deep)") from error
 
 
@@ -93,7 +93,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _folders(folder: Path) -> Iterator[None]:
-    """Make a folder and those around it for a block; those that the block leaves empty go."""
+    """Make a folder and its parents for a block; folders that the block leaves empty are removed."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,7 +124,7 @@ def write_output(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:
-    """File names (n,) with an ending for runs, all different whatever the runs are called."""
+    """File names (n,) with an ending for runs, all different whatever the names of the runs."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST_NAME] or "run"
@@ -162,9 +162,9 @@ def write_bags(
     options: Callable[[RunLog], dict[str, Any]] = lambda log: {},
     done: Callable[[float], None] = lambda bags: None,
 ) -> dict[str, str]:
-    """Write a bag of each run, called `names`, to BAGS_FOLDER in `folder`; returns their places in it by these names.
+    """Write a bag of each run to BAGS_FOLDER in `folder`, named by `names`; returns the bags' paths in it by name.
 
-    `options` gives more arguments of `write_bag`; `done` is called with the number of bags since the last call.
+    `options` holds further arguments of `write_bag`; `done` is called with the number of bags since the last call.
     """
     from sim.bags.writer import write_bag  # late: few need it
 

@@ -1,4 +1,4 @@
-"""A command's run: its folder of results, progress, times and manifest, and what is kept of runs that fail."""
+"""A command's run: its folder of results, progress, times and manifest, and what is kept if driving fails."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,8 +18,8 @@ from trackslip.logs.runlog import RunLog
 class Run:
     """A run of the command whose options are `config`, as a context in which results are written to `folder`.
 
-    They are moved to `config.out` when the block ends; if it fails, nothing is. Where driving fails in the block
-    (RunFailedError), `config.out` gets the logs until then, and a manifest with the reason under "error"; the failure
+    The results are moved to `config.out` when the block ends, unless it fails. If driving fails in the block
+    (RunFailedError), `config.out` gets the logs up to then, and a manifest with the reason under "error"; the failure
     is raised as a TrackslipError. Raises OutputError as `results_folder` does.
     """
 
@@ -42,7 +42,7 @@ class Run:
         return progress(stage, None, "")
 
     def progress(self, stage: str, total: float, unit: str = "s", done: float = 0.0) -> AbstractContextManager[Advance]:
-        """Show the progress of a stage, for a block that calls what it gets with what has been done since."""
+        """Show the progress of a stage during a block, which reports each amount done to the function it gets."""
         return progress(stage, total, unit, done)
 
     def manifest(self, **about: Any) -> dict[str, Any]:
@@ -60,11 +60,11 @@ class Run:
         """Write the summary with the times, the manifest and, if there are any, logs.
 
         Args:
-            summary: content of summary.json; its times, under "timing", come before those of the run.
-            logs: what is written to runs.parquet.
-            simulated: how long all robots drove together [s].
+            summary: content of summary.json; its times, under "timing", come before the run's.
+            logs: the runs to write to runs.parquet.
+            simulated: simulated time, summed over all robots [s].
             manifest: the manifest if there is one already, as in a report.
-            about: more entries of the manifest.
+            about: further entries of the manifest.
         """
         timing: dict[str, Any] = {**summary.get("timing", {}), "wall_s": self.wall}
         if simulated is not None:

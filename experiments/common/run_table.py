@@ -1,4 +1,4 @@
-"""The table of a grid's runs: its columns, and the choice of runs by the values of its axes."""
+"""The table of a grid's runs: its columns, and the choice of runs by their values on the axes."""
 
 import contextlib
 from collections.abc import Sequence
@@ -34,15 +34,15 @@ COLUMNS = {
         Column("saturated", PURE, "share of the time with a motor at its limit, the worse track"),
     )
 }
-"""Besides the axes of the sweep, which come after `id`."""
-_SHOWN = 10  # values of an axis in a message
+"""Columns besides the axes of the sweep, which come after `id`."""
+_SHOWN = 10  # largest number of an axis' values in a message
 
 
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:
     """Names of the runs for which every NAME=VALUE of `where` holds.
 
-    Raises InvalidValueError for an axis or a value that the sweep doesn't have, LogError for a folder without a table
-    of runs.
+    Raises InvalidValueError for an axis or a value that is not in the sweep, LogError for a folder without a table of
+    runs.
     """
     table = read_table(folder / TABLE_FILE)
     Columns(table, str(folder / TABLE_FILE)).require(("run",))

@@ -61,7 +61,7 @@ def legend_below(figure: Figure, handles: Sequence[Artist], ncols: int = 3, **lo
 
 
 def thin(rows: int, most: int = 500) -> slice:
-    """Every n-th of `rows` rows, so that about `most` remain: by default, as many as can be told apart on a line."""
+    """Every n-th of `rows` rows, so that about `most` remain: by default, as many as can be distinguished on a line."""
     return slice(None, None, max(1, rows // most))
 
 
@@ -77,7 +77,7 @@ def mark_span(axis: Axes, begin: float, end: float) -> None:
 
 
 def law_line(name: str, **more: Any) -> dict[str, Any]:
-    """Keywords of the line of the slip law or compensation `name`."""
+    """Line keywords for the slip law or compensation `name`."""
     return {"color": shown(name).colour, "linestyle": shown(name).dashes, **more}
 
 
@@ -92,7 +92,7 @@ def zero_line(axes: Axes) -> None:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 of each decade, or at all where there is but one."""
+    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 in each decade, or at 1 to 9 if the range is short."""
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=range(1, 10) if high < 3 * low else (1.0, 2.0, 5.0), numticks=7))
     axis.set_major_formatter("{x:g}")

@@ -1,6 +1,6 @@
-"""Sweeps: runs are driven fleet by fleet on any workers and stored as they end, so that a killed command resumes.
+"""Sweeps: runs are driven fleet by fleet on any workers and stored as they finish, so that a killed command can resume.
 
-A part of the store has a fleet's runs: rows as JSON, logs as Parquet. A run's id is a hash of all but the code.
+Each part of the store holds a fleet's rows as JSON and its logs as Parquet. A run's id hashes everything but the code.
 """
 
 import contextlib
@@ -26,13 +26,13 @@ from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
 STORE = ".runs"
-"""Folder in the folder of results with what an unfinished command has done."""
-_EACH = 4  # fleets per worker at least, so that all end at about the same time, unless fleets would be too small
-_LONG = 2_000.0  # simulated time of a fleet, all robots together, above which another worker is worth its start [s]
-_AT_ONCE = 20_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
+"""Folder in the folder of results for the finished work of an unfinished command."""
+_EACH = 4  # least number of fleets per worker, to finish at about the same time, unless fleets would be too small
+_LONG = 2_000.0  # simulated time of a fleet, summed over robots, above which starting another worker pays off [s]
+_AT_ONCE = 20_000.0  # longest simulated time of a fleet, summed over robots, for its logs to fit into memory [s]
 
 Row = dict[str, Any]
-"""What is known of a run, by column: its name `run`, `id`, `error` (None unless it failed), and measurements."""
+"""Data on a run, by column: its name `run`, `id`, `error` (None unless it failed), and measurements."""
 
 
 class Planned(Protocol):
@@ -71,28 +71,28 @@ class RunKind(Protocol[KindRunT]):
         """Robots of the smallest and of the largest fleet worth driving."""
 
     def drive(self, runs: Sequence[KindRunT], watch: Stopwatch, progress: Progress | None) -> Sequence[RunLog]:
-        """Drive runs as one fleet; `progress` is given in the command's own process, and takes seconds of the fleet."""
+        """Drive runs as one fleet; `progress`, given only in the command's own process, takes the fleet's seconds."""
 
     def measure(self, run: KindRunT, log: RunLog) -> Row:
         """Measurements of a run that didn't fail, by column."""
 
 
 class Store:
-    """The rows of finished work by their ids, and the logs that belong to them, in the STORE of a folder of results."""
+    """The rows of finished work by id, and the logs that belong to them, in the STORE of a folder of results."""
 
     def __init__(self, out: Path, ids: Collection[str], anew: bool) -> None:
-        """Find which of the `ids` are there, but those that failed; nothing with `anew`."""
+        """Load the stored rows with these `ids`, except failed ones; none with `anew`."""
         self.rows: dict[str, Row] = {}
         self._folder, self._logs = out / STORE, dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
-            with contextlib.suppress(ValueError):  # a disk that was full
+            with contextlib.suppress(ValueError):  # from a full disk
                 rows = json.loads(file.read_text(encoding="utf-8"))
                 self._add([row for row in rows if row["id"] in ids and row["error"] is None], file)
 
     def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
         """Store rows and a Parquet file of their logs: the logs first, the rows last, each whole or not at all.
 
-        Rows that all failed are known, but not stored: they are driven again.
+        If all rows failed, they are not written to the file, so that a resumed command drives them again.
         """
         file = self._folder / f"{digest([row['id'] for row in rows])}.json"
         if any(row["error"] is None for row in rows):
@@ -102,7 +102,7 @@ class Store:
         self._add(rows, file)
 
     def gather(self, runs: Iterable[Planned], file: Path) -> None:
-        """Write the logs of runs, in order, to one file; without any log there is no file."""
+        """Write the logs of runs, in order, to one file; no file is written without logs."""
         driven = [run for run in runs if self.rows[run.id]["error"] is None]
         if driven:
             join_parquet([(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven], file)
@@ -120,11 +120,11 @@ class DrivenFleet:
     logs: bytes | None
     """Parquet file of the runs that did not fail, if any."""
     stages: Mapping[str, float]
-    """Work by stage [s]."""
+    """Computing time by stage [s]."""
 
 
 def drive_fleet(kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> DrivenFleet:
-    """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds of single robots."""
+    """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds, summed over robots."""
     watch = Stopwatch()
 
     def drive(some: Sequence[RunT]) -> Sequence[RunLog]:
@@ -162,7 +162,7 @@ def _row(kind: RunKind[RunT], run: RunT, outcome: RunLog | BaseException) -> Row
 
 
 def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[tuple[RunT, ...]]:
-    """Runs that can be driven together, in fleets of suitable `sizes` for that many workers, the longest first."""
+    """Fleets of runs that can be driven together, of suitable `sizes` for that many workers, the longest first."""
     least, most = sizes
     size = min(max(least, -(-len(runs) // (_EACH * workers))), most)
     alike: dict[str, list[RunT]] = {}
@@ -186,13 +186,13 @@ def drive_missing(
     jobs: int = 0,
     executor: str = "processes",
 ) -> None:
-    """Drive the runs that `store` lacks, and keep them there.
+    """Drive the runs that are missing from `store`, and keep them there.
 
     Args:
         runs: all runs of the sweep.
-        store: the finished ones.
+        store: the finished runs.
         kind: drives and measures a fleet.
-        watch: takes the work of all workers together, by stage.
+        watch: adds up the computing time of all workers, by stage.
         jobs: number of worker processes, 0 for one per processor.
         executor: name of an executor, as in `workers`.
     """
@@ -218,9 +218,9 @@ def drive_missing(
 
 @contextlib.contextmanager
 def resumable(config: Any, ids: Collection[str], what: str = "runs driven") -> Iterator[tuple[Run, Store]]:
-    """The run of a command that can be stopped, and the store of its work, which goes when the results are complete.
+    """The run of a command that can be stopped, and the store of its work, which is deleted when results are complete.
 
-    If it is stopped, the message says how much was kept, and that the same command resumes.
+    If the command is stopped, the message says how much was kept, and that the same command resumes.
     """
     with Run(config) as run:
         store = Store(Path(config.out), ids, config.overwrite)

@@ -16,7 +16,7 @@ MISSING = "–"
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
-    """A number with that many decimals and its unit; MISSING for None and for what is not finite."""
+    """A number with that many decimals and its unit; MISSING for None and for values that aren't finite."""
     if value is None or not math.isfinite(value):
         return MISSING
     return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
@@ -41,7 +41,7 @@ def pair(values: Sequence[str], unit: str = "") -> str:
 
 
 def span(values: Array, unit: str = "") -> str:
-    """Smallest and largest of some values, or the one value that they all have, with three significant digits."""
+    """Smallest and largest value, or the common value if all are equal, with three significant digits."""
     low, high = float(np.min(values)), float(np.max(values))
     text = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
@@ -57,32 +57,32 @@ class Cell:
     """A cell that says more on a page than on the terminal."""
 
     text: str
-    """On the page."""
+    """Text on the page."""
     name: str = ""
-    """On the terminal, if not the same."""
+    """Text on the terminal, if different."""
     lines: Sequence[str] = ()
-    """Small lines below, on the page alone."""
+    """Small lines below, only on the page."""
     mark: str = ""
-    """A badge, such as "best", on the page alone; its row is highlighted."""
+    """A badge, such as "best", only on the page; its row is highlighted."""
 
 
 @dataclass(frozen=True)
 class Table:
     """A table, described once for the terminal and for a page.
 
-    A row whose first cell is empty continues the row above: on a page, their first cells are one.
+    A row whose first cell is empty continues the row above: on a page, their first cells are merged.
     """
 
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str | Cell]]
     align: str = "lr"
-    """A letter per column, l or r; the last one counts for all that follow."""
+    """A letter per column, l or r; the last one applies to all further columns."""
     note: str = ""
-    """Text below the table, on the page alone."""
+    """Text below the table, only on the page."""
 
     def print(self) -> None:
-        """Print it on the terminal, in signs that can be searched and copied."""
+        """Print the table on the terminal, in characters that can be searched and copied."""
         table = RichTable(
             title=escape(self.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0
         )
@@ -108,12 +108,12 @@ class Table:
 
     @property
     def dense(self) -> bool:
-        """True if the table has so many columns that a page sets it smaller."""
+        """True if the table has so many columns that a page shows it in smaller type."""
         return len(self.header) > 9
 
     @property
     def groups(self) -> list[list[list[Cell]]]:
-        """The rows for a page, each with those that continue it."""
+        """The rows for a page, each grouped with the rows that continue it."""
         groups: list[list[list[Cell]]] = []
         for row in self.rows:
             cells = [_cell(value) for value in row]
@@ -125,7 +125,7 @@ class Table:
 
 
 def _cell(value: str | Cell) -> Cell:
-    """A cell, with MISSING for a number that is not known."""
+    """A cell, with MISSING for an unknown number."""
     if isinstance(value, Cell):
         return value
     return Cell(MISSING if value in ("nan", "+nan") else value)

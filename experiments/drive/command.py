@@ -9,7 +9,7 @@ from trackslip.errors import TrackslipError, counted
 
 
 def check_robot(source: str) -> None:
-    """Print what is known of a robot; raises TrackslipError if it can't drive."""
+    """Print what is known about a robot; raises TrackslipError if it can't drive."""
     from sim.robot.named import check
 
     checked = check(source)
@@ -24,7 +24,7 @@ def run(config: Config) -> None:
         check_robot(config.robot)
         return
     if config.pictures:
-        prefer_egl()  # before the modules below import MuJoCo, which chooses its OpenGL then
+        prefer_egl()  # before the modules below import MuJoCo, which then chooses its OpenGL
 
     from experiments.drive.course import drive_course
     from experiments.drive.page import answer, page, tracks_table

@@ -21,7 +21,7 @@ EXAMPLES = (
 )
 
 FLIPPERS = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
-"""Angles of front and rear flippers by their name: up, along the tracks, or as the ground asks [rad]."""
+"""Front and rear flipper angles by name: up, along the tracks, or None for reflex [rad]."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class Config(ResultsOptions):
     """Drive a robot with tracks over a course, store the run with pictures, and print how it went."""
 
     robot: RobotSource = "rescue"
-    """Robot: a name, a file of a model (MJCF, URDF) with its tracks, or of parameters as written by calibrate."""
+    """Robot: a name, a model file (MJCF, URDF) with its tracks, or a parameter file as written by calibrate."""
     course: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "stairs"
     """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, FTR-Bench's, FILE."""
     difficulty: Annotated[float, Within(0.0, 1.0)] = 0.5
-    """Difficulty of a course of FTR-Bench, from the smallest published sizes to the largest [-]."""
+    """Difficulty of an FTR-Bench course, from the smallest published sizes to the largest [-]."""
     speed: Annotated[float, Within(-2.0, 2.0, "m/s")] = 0.3
     """Speed of the belts, negative to drive backwards [m/s]."""
     turn: Annotated[float, Within(-5.0, 5.0, "rad/s")] = 0.0
@@ -41,9 +41,9 @@ class Config(ResultsOptions):
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
     """Waypoints x, y to follow by the true pose, in the course's frame [m]."""
     flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex}|FRONT,REAR")] = "reflex"
-    """Flippers: up, down (along the tracks), by reflex, or angles of the front and rear ones, tips up [rad]."""
+    """Flippers: up, down (along the tracks), reflex, or front and rear angles, tips up [rad]."""
     preset: Literal["accurate", "fast"] = "accurate"
-    """Contact of the tracks: steps of 2 ms, or of 4 ms."""
+    """Track contact: steps of 2 ms (accurate) or 4 ms (fast)."""
     friction: Annotated[float | None, Positive(5.0), default_is("the course's", "FLOAT")] = None
     """Friction coefficient between tracks and course [-]."""
     duration: Annotated[float, Positive(MAX_DURATION, "s")] = 60.0
@@ -51,11 +51,11 @@ class Config(ResultsOptions):
     seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
     """Seed of the course's random parts."""
     policy: Annotated[Path | None, default_is("none", "FILE")] = None
-    """Policy that drives, as trained by train --env traverse: its .npz, or the folder with it."""
+    """Policy that drives, from train --env traverse: its .npz file, or the folder with that file."""
     pictures: Annotated[int, Whole(0, 1000)] = 0
-    """Number of pictures to write to OUT/pictures, evenly over the run."""
+    """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False
-    """Print all that is known of the robot and all that is wrong with it, instead of driving."""
+    """Print all that is known about the robot and all that is wrong with it, instead of driving."""
     out: Path = Path("out/drive")
     """Folder for the results."""
 
@@ -73,7 +73,7 @@ class Config(ResultsOptions):
         self.flipper_angles()
 
     def flipper_angles(self) -> tuple[float, float] | None:
-        """Angles of front and rear flippers, tips up; None by reflex [rad]."""
+        """Front and rear flipper angles, tips up [rad]; None for reflex."""
         if self.flippers in FLIPPERS:
             return FLIPPERS[self.flippers]
         try:

@@ -1,4 +1,4 @@
-"""One robot driven over a course, and what is recorded of it."""
+"""One robot driven over a course, and the record of its drive."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from sim.world import States
 from trackslip.kinematics import Array
 
 Driver = Callable[[Traverse], Command | None]
-"""Gives the set points of a world of one robot; None ends the run."""
+"""Returns the set points for a world with one robot; None ends the run."""
 PERIOD = 0.02  # time between set points, and between rows of a run [s]
 STOPPED = "stopped"  # outcome of a run that its driver ended, at the end of a path
-_SIDE_POINTS = 11  # along each track, that the slope of the ground is taken from
+_SIDE_POINTS = 11  # along each track, for the slope of the ground
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class DrivenCourse:
 
     robot: TrackedRobot
     course: Course
-    goal: float  # x at which it is crossed [m]
+    goal: float  # x at which the course is crossed [m]
     tracks: tuple[str, ...]  # names (T,)
     outcome: str
     """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
@@ -55,7 +55,7 @@ class DrivenCourse:
 
     @cached_property
     def slope(self) -> Array:
-        """Slopes (R,) along the robot of the line that fits the ground under its tracks best, positive uphill [rad]."""
+        """Slopes (R,) along the robot of the line that best fits the ground under its tracks, positive uphill [rad]."""
         hull = np.array(self.robot.hull)
         along = np.linspace(hull[:, 0].min(), hull[:, 0].max(), _SIDE_POINTS)
         heading = self.state.heading[:, None, None]

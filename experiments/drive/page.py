@@ -26,8 +26,8 @@ SENTENCES = {
     "time": "It ran out of time",
     "stopped": "The driver stopped",
 }
-_PICTURES = 12  # on the page, about
-_EARTH = "#b9b2a6"  # an area
+_PICTURES = 12  # approximate number on the page
+_EARTH = "#b9b2a6"  # colour of the ground
 _TABLE_NOTE = "Slip is weighted by the distance that the belt runs. Work is negative where a belt holds the robot back."
 _SLIP_CAPTION = (
     "Every tick is a row of the run. The slope is that of the line that best fits the ground under the tracks, "
@@ -116,7 +116,7 @@ def _slip_over_slope(run: DrivenCourse) -> Figure:
     axes.axhline(0, color=GREY, lw=0.8)
     axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]")
     known = run.contact.slip[np.isfinite(run.contact.slip)]
-    if known.size:  # all but the rarest slips, which are those of belts that hardly move
+    if known.size:  # all but the rarest slips, which come from belts that hardly move
         low, high = np.quantile(known, (0.01, 0.99))
         axes.set_ylim(low - 0.05, high + 0.05)
     figure.legend(ncols=2, loc="outside upper left")

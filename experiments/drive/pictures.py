@@ -16,7 +16,7 @@ _SIZE = 960, 540  # width and height
 
 
 def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: int) -> list[Path]:
-    """Write PNG files, named by their number and time, evenly over the run; `looks` is the model with its looks."""
+    """Write PNG files, named by number and time, evenly over the run; `looks` is the model with its looks."""
     rows = np.unique(np.linspace(0, len(run.time) - 1, count + 1).astype(int)[1:])
     files = [folder / f"{number:03d}_{run.time[row]:.1f}s.png" for number, row in enumerate(rows)]
     if not files:

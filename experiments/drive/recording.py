@@ -15,7 +15,7 @@ from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
 from sim.traverse.outcome import ContactPoints
 
-_EVERY = 2  # one row in so many is drawn
+_EVERY = 2  # every n-th row is drawn
 _NEWTON = 0.002  # length of a force arrow [m/N]
 _COLOURS = (LEFT, RIGHT, "#009E73", "#F0E442", "#CC79A7", "#D55E00", "#8d6bd1", "#bbbbbb")
 
@@ -40,7 +40,7 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> N
 
 
 def _send_terrain(recording: Recording, model: mujoco.MjModel, path: np.ndarray) -> None:
-    """Send everything that is fixed in the world, and the floor around it and the robot's path (n, 2)."""
+    """Send everything fixed in the world, and the floor around that and around the robot's path (n, 2)."""
     send_geoms(recording, f"{FIELD}/course", model, 0)
     fixed = drawn(model, 0)
     middle, reach = model.geom_pos[fixed, :2], model.geom_rbound[fixed, None]

@@ -25,8 +25,8 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
     return {
         "outcome": run.outcome,
         "duration": round(float(run.time[-1]), 9),  # simulated time [s]
-        "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),  # of the chassis in the plane
-        "remaining": max(0.0, run.goal - float(position[-1, 0])),  # along the course until its end
+        "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),  # path length of the chassis in the plane
+        "remaining": max(0.0, run.goal - float(position[-1, 0])),  # distance left along the course
         "climbed": float(position[-1, 2] - position[0, 2]),  # height of the chassis at the end, above the start
         "max_pitch": float(np.abs(state.pitch).max()),
         "max_roll": float(np.abs(state.roll).max()),
@@ -38,7 +38,7 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
 
 
 def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
-    """Slip [-], share of the time in touch, penetration [m] and work [J] of a track; no slip where it never touched."""
+    """Slip [-], share of the time in contact, penetration [m] and work [J] of a track; no slip without contact."""
     contact = run.contact
     known = np.isfinite(contact.slip[:, k])
     slip, belt = contact.slip[known, k], np.abs(contact.belt[known, k])
@@ -53,7 +53,7 @@ def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
 
 
 def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) -> None:
-    """Write a drive as a table with units, and `about` as its metadata. What is not defined is null, never NaN."""
+    """Write a drive as a table with units, and `about` as its metadata. Undefined values are null, never NaN."""
     columns, fields = [pa.array([_NAME] * len(run.time))], [pa.field("run", pa.string())]
     for begin, ends, unit, text, values in _columns(run, about["geometry"]["sprocket_radius"]):
         for end, column in zip(ends, values.T, strict=True):
@@ -65,7 +65,7 @@ def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) ->
 
 
 def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str], str, str, Array]]:
-    """Columns in groups: how their names begin, n ends, unit, text (none for those of every log), and values (R, n)."""
+    """Groups of columns: prefix, n suffixes, unit, text (empty for columns of every log), and values (R, n)."""
     state, contact = run.state, run.contact
     return [
         ("", ["t"], "s", "", run.time[:, None]),

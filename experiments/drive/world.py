@@ -1,4 +1,4 @@
-"""From the options of `trackslip drive` to a robot at the start of a course, and its driver."""
+"""A robot at the start of a course, and its driver, from the options of `trackslip drive`."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,9 +29,9 @@ from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
 SAMPLE = 0.004  # time between changes of the belts' speeds [s]
-TOP_SPEED = 0.6  # of the belts, unless more is asked for [m/s]
+TOP_SPEED = 0.6  # of the belts, unless a higher one is requested [m/s]
 ACCELERATION = 2.0  # at both ends of a path [m/s^2]
-_SEARCH = 200  # periods of a path ahead among which the robot is looked for
+_SEARCH = 200  # periods ahead on the path that are searched for the point beside the robot
 
 
 def make_world(config: Config) -> Traverse:
@@ -60,7 +60,7 @@ def make_world(config: Config) -> Traverse:
 
 
 def driver(config: Config, world: Traverse) -> Driver:
-    """The driver: a policy, along the path, or at constant speeds; flippers by reflex or at the angles asked for."""
+    """The driver: a policy, a path follower, or constant speeds; flippers by reflex or at the requested angles."""
     if config.policy is not None:
         return PolicyDriver(Policy.load(config.policy), world)
     asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
@@ -97,7 +97,7 @@ class PolicyDriver:
 
 
 class PathDriver:
-    """Pure pursuit of waypoints by the true pose, at the speed of the reference beside the robot, whatever the time."""
+    """Pure pursuit of waypoints by the true pose, at the reference's speed beside the robot, regardless of time."""
 
     def __init__(self, path: Path, speed: float, half_gauge: float, flippers: Callable[[Traverse], Array]) -> None:
         """Raises ReferenceFileError for a file of waypoints that can't be driven with belts up to `speed` [m/s]."""
@@ -123,7 +123,7 @@ class PathDriver:
 
 
 def about_world(world: Traverse) -> dict[str, Any]:
-    """The metadata of a run: robot and course, as far as the options leave them open."""
+    """The metadata of a run: robot and course, as far as the options do not determine them."""
     robot, course, tracked = world.tracked.robot, world.course[0], world.tracked
     return {
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},

@@ -22,11 +22,11 @@ from experiments.recorder import record
 from trackslip.identification.source import Source
 from trackslip.odometry.evaluation import write_tum
 
-_MOST_PATHS = 20  # drives whose paths are written
+_MOST_PATHS = 20  # largest number of drives whose paths are written
 
 
 def run(config: Config) -> None:
-    """Predict, compare, store and report; exits with 1 if a bound of a data set is missed."""
+    """Predict, compare, store and report; exits with 1 if a bound of a data set is exceeded."""
     given, data = config, None
     if config.path.suffix == ".toml":
         data = load_data_set(config.path)

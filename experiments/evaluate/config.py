@@ -29,10 +29,10 @@ _SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Measure how well slip laws and simulated robots predict a log from its encoders, beside driving without either.
+    """Measure how well slip laws and simulated robots predict a log from its encoders, compared with no slip.
 
-    The log has poses, and is none that a law was identified from, unless --folds fits the law to its other parts. A
-    data set is a .toml file that states log, models and bounds; the command exits with 1 if a bound is missed.
+    The log needs poses, and laws must come from other logs, unless --folds fits them to the log's other parts. A data
+    set is a .toml file that states log, models and bounds; the command exits with 1 if a bound is exceeded.
     """
 
     path: tyro.conf.Positional[Path]
@@ -44,11 +44,11 @@ class Config(ResultsOptions):
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground of the simulated robots, and properties that differ from the named one's."""
     inputs: Literal["encoders", "commands"] = "encoders"
-    """What drives them: measured sprocket speeds, or the logged commands through the robot's drive."""
+    """Inputs of simulated robots: measured sprocket speeds, or the logged commands through the robot's drive."""
     folds: Annotated[int | None, Whole(2, MAX_FOLDS), default_is("nothing is fitted", "INT")] = None
-    """Number of parts of the log, each of which is predicted by laws, gains and robots fitted to the others."""
+    """Number of parts of the log, each predicted by laws, gains and robots fitted to the others."""
     free: Annotated[tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")] = None
-    """Parameters of the first robot to fit to the other parts, as by calibrate."""
+    """Parameters of the first robot to fit to the other parts, as calibrate does."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
@@ -56,9 +56,9 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("1", "FLOAT")] = None
-    """wheel_separation_multiplier with which odometry taken as encoders was computed [-]."""
+    """wheel_separation_multiplier of odometry that is used instead of encoders [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
-    """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""
+    """Position of the pose sensor, ahead and to the left of the turning centre, and its heading [m, m, rad]."""
     clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)

@@ -1,4 +1,4 @@
-"""Data sets: TOML files that state a log, what predicts it, and bounds of the errors."""
+"""Data sets: TOML files that name a log, what predicts it, and bounds on the errors."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class DataSet:
-    """A log of a robot, where it is from, and the options of its evaluation; files lie beside the data set."""
+    """A robot's log, its origin, and the options of its evaluation; file names are relative to the data set."""
 
     title: str
     log: Path
@@ -64,7 +64,7 @@ class DataSet:
         self.options(Config(self.log))
 
     def options(self, config: Config) -> Config:
-        """The options with what the data set states; raises InvalidValueError for those that are given besides."""
+        """The options with those from the data set; raises InvalidValueError for one that is given as well."""
         stated: dict[str, Any] = {"law": self.law, "robot": self.robot, "ground": GroundOptions(self.ground)}
         stated |= {"free": self.free or None, "folds": self.folds}
         for name in stated:

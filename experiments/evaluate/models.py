@@ -40,22 +40,22 @@ _FITTED = (REFERENCE, "turn_loss", "turn_loss_sides", "centrifugal")
 
 @dataclass(frozen=True)
 class Model:
-    """Predicts how the sensor of the poses moves."""
+    """Predicts how the pose sensor moves."""
 
     label: str
-    """In tables and files: its name, with its file where others have the same name."""
+    """Label in tables and files: the name, and the file if other models have the same name."""
     name: str
-    """The law's, or one of TODAY, GAINS, ROBOT and CALIBRATED."""
+    """The law's name, or one of TODAY, GAINS, ROBOT and CALIBRATED."""
     sensor: Mounting
     clock_offset: float
     """Encoder clock minus pose clock [s]."""
     trajectories: Callable[[Sequence[RunLog], Sequence[RunLog]], list[Trajectory]]
-    """Measured and predicted poses of drives, given these, and the same ones with the encoders as they were read."""
+    """Measured and predicted poses of drives, given the drives, and the same drives with encoders as they were read."""
 
 
 def _law_model(label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: Gyro | None = None) -> Model:
-    """Odometry by a slip law, with `gyro` by the log's gyroscope, too."""
-    odometry = replace(law, errors=None, gyro=gyro).odometry()  # errors of the law take longer
+    """Odometry with a slip law and, if `gyro` is given, with the log's gyroscope."""
+    odometry = replace(law, errors=None, gyro=gyro).odometry()  # computing with the law's errors takes longer
 
     def trajectories(drives: Sequence[RunLog], _: Sequence[RunLog]) -> list[Trajectory]:
         return [trajectory_of(drive, odometry, sensor, clock) for drive in drives]
@@ -64,7 +64,7 @@ def _law_model(label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: 
 
 
 def _robot_model(label: str, candidate: Candidate, geometry: RobotGeometry, config: Config) -> Model:
-    """A simulated robot that drives as encoders or commands say."""
+    """A simulated robot that is driven by the log's encoders or commands."""
     sensor, clock = candidate.sensor, candidate.clock
 
     def trajectories(drives: Sequence[RunLog], read: Sequence[RunLog]) -> list[Trajectory]:
@@ -76,7 +76,7 @@ def _robot_model(label: str, candidate: Candidate, geometry: RobotGeometry, conf
 
 
 def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None) -> LawInUse | None:
-    """The law that --law names in a file; None for none and for laws that folds fit."""
+    """The law in a file that --law names; None for `none` and for laws that are fitted with folds."""
     if text == NO_SLIP or (config.folds and text in drive_laws()):
         return None
     file, _, name = (text, "", "") if os.path.exists(text) else text.rpartition(":")
@@ -86,7 +86,7 @@ def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None)
 
 
 def known_geometry(config: Config) -> RobotGeometry | None:
-    """The size of the robot that stored laws were identified for, else of the simulated one; checks all --law."""
+    """The size of the robot that stored laws were identified for, or else of the simulated one; checks every --law."""
     laws = [law for text in config.law if (law := stored_law(text, config)) is not None]
     if laws:
         return laws[0].geometry
@@ -96,7 +96,7 @@ def known_geometry(config: Config) -> RobotGeometry | None:
 def models_of(
     config: Config, source: Source, part: np.ndarray, k: int, robots: Mapping[str, Sequence[Candidate]]
 ) -> list[Model]:
-    """The models that predict part k of a log, (n,) of its drives: with folds today and two gains; laws; robots."""
+    """The models for part k of a log, `part` (n,) of its drives: with folds, no slip and two gains; laws; robots."""
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
     geometry, models = source.geometry, list[Model]()
@@ -116,10 +116,10 @@ def models_of(
 
 
 def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro: bool) -> list[Model]:
-    """The laws that --law names, or those by default; without folds, the first one once more with a `gyro`.
+    """The laws that --law names, or the default ones; without folds, the first one also with the gyroscope if `gyro`.
 
-    Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; laws that
-    come without have those of the first law that has them.
+    Unless given, sensor and clock are as identified with each law, because they differ between laws; laws without a
+    sensor and clock get those of the first law that has them.
     """
     texts = config.law or (_FITTED if config.folds else (NO_SLIP,))
     fitted = config.folds and any(text in drive_laws() for text in texts)
@@ -145,7 +145,7 @@ def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro
 
 
 def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit | None) -> LawInUse:
-    """A law of a file, none, or one fitted to the other parts of the log, from the fit of the reference on."""
+    """A law from a file, none, or one fitted to the other parts of the log, starting from the fit of `reference`."""
     law = stored_law(text, config, geometry)
     if law is not None or text == NO_SLIP:
         return law or no_slip(geometry)
@@ -157,7 +157,7 @@ def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit
 
 
 def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
-    """Factors on speed and yaw rate, as the law (1 + ε) and (1 + ε) b / (b + D)."""
+    """Factors on speed and yaw rate as a law: (1 + ε) and (1 + ε) b / (b + D)."""
     return LawInUse(GAINS, FAMILIES[REFERENCE].build(look.gains.law(geometry), geometry), geometry)
 
 

@@ -40,7 +40,7 @@ class Report:
     predictions: Sequence[Prediction]
     checks: Sequence[Check]
     fit: Calibration | None
-    """Of the calibrated robot."""
+    """The fit of the calibrated robot."""
     notes: Sequence[str]
 
     def print(self) -> None:
@@ -133,7 +133,7 @@ def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
 
 @style.styled
 def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
-    """Median errors where models are compared, with lines to the errors that 90 % stay below."""
+    """Median errors where models are compared, with lines up to the 90 % quantiles."""
     _, length, unit = winner(predictions)
     figures = []
     for what, sign, factor in (("position", "m", 1.0), ("heading", "°", degrees(1.0))):

@@ -15,7 +15,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, Trajectory, errors_of
 
 AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
-"""Times [s] and distances [m] ahead; models are compared at the last one that all reach."""
+"""Times [s] and distances [m] ahead; models are compared at the last of them that all models reach."""
 _MIN_PAIRS = 10  # needed for a median and a 90 % quantile
 _MARGIN = 1e-3  # so that times ascend [s]
 
@@ -25,7 +25,7 @@ class Prediction:
     """A model's predictions of a log."""
 
     model: Model
-    """Of the first part of the log; those of the others have the same label and name."""
+    """The model of the log's first part; models of the other parts have the same label and name."""
     errors: OdometryErrors
 
     def ahead(self, length: float, unit: str) -> PredictionErrors | None:
@@ -51,10 +51,10 @@ class Prediction:
 
 
 def predict(drives: Sequence[RunLog], part: np.ndarray, models: Sequence[Sequence[Model]]) -> list[Prediction]:
-    """The predictions of drives by the models of the `part` (n,) of each, which are of the same poses.
+    """Predictions of drives by the models for the `part` (n,) of each drive; all models predict the same poses.
 
-    Without folds, these are the poses that encoders cover by the clock of every model; with folds, which windows may be
-    short for, encoders go on at their last speeds. Raises LogError if there are none.
+    Without folds, these are the poses that encoders cover by the clock of every model. With folds, where windows may be
+    short, encoders continue at their last speeds. Raises LogError if there are no such poses.
     """
     compared, notes = list[tuple[list[RunLog], list[RunLog]]](), list[str]()
     for k, models_of_part in enumerate(models):
@@ -84,7 +84,7 @@ def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog:
 
 
 def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
-    """A log whose encoders go on at their first and last speeds until they cover all poses by each clock."""
+    """A log whose encoders continue at their first and last speeds until they cover all poses by each clock."""
     rows = np.clip(np.arange(-1, len(log.time) + 1), 0, len(log.time) - 1)
     time, valid = log.time[rows], log.is_valid[rows]
     time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
@@ -93,7 +93,7 @@ def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
 
 
 def winner(predictions: Sequence[Prediction]) -> tuple[Prediction, float, str]:
-    """The prediction with the smallest median error of the position, and how far ahead, with its unit."""
+    """The prediction with the smallest median position error, and how far ahead that error is, with the unit."""
     for length, unit in reversed(AHEAD):
         errors = [prediction.ahead(length, unit) for prediction in predictions]
         medians = [each.position.median for each in errors if each is not None and each.position is not None]

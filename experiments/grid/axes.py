@@ -1,4 +1,4 @@
-"""The axes of a sweep: any option of a grid by its name, the robot's parameters, and the ratio of friction."""
+"""The axes of a sweep: any option of a grid by its name, the robot's parameters, and the friction ratio."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _UNIT = re.compile(r" *\[([^]]+)\]")
 
 
 def option_name(axis: str) -> str | None:
-    """The option that an axis replaces; None for an axis that is no option."""
+    """The option that an axis replaces; None for an axis that is not an option."""
     if axis == "friction_ratio" or axis.startswith("robot."):
         return None
     return next((name for name, short in _SHORT.items() if short == axis), axis)
@@ -53,7 +53,7 @@ def known() -> dict[str, tuple[Any, Column]]:
 
 
 def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
-    """The single values in a dataclass and in the dataclasses in it: their types, and what their docstrings say."""
+    """The fields of a dataclass and of those nested in it: types, and units and meanings from their docstrings."""
     bases = [docstring_parser.parse_from_object(base) for base in reversed(cls.__mro__[:-1])]
     texts = {param.arg_name: param.description or "" for base in bases for param in base.params}
     types = typing.get_type_hints(cls)
@@ -76,7 +76,7 @@ def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
 def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
     """The values of each axis, in the order of the loops: radius and speed are the innermost.
 
-    Raises InvalidValueError, which names the axis; SystemExit after tyro has explained what it can't read.
+    Raises InvalidValueError, naming the axis, and SystemExit after tyro has explained what it can't read.
     """
     given = _given(config)
     types = {name: tuple[kind, ...] for name, (kind, _) in known().items()}  # type: ignore[valid-type]

@@ -1,4 +1,4 @@
-"""`trackslip grid`: drive a grid of runs, or what of it isn't driven yet, and sum up."""
+"""`trackslip grid`: drive the runs of a grid that are missing, and sum up."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from trackslip.logs.logfile import read_runs
 
 
 def run(config: Config) -> None:
-    """Drive what is missing, gather, store and print."""
+    """Drive the missing runs, gather, store and print."""
     if config.bag:
         require_rosbags()
     runs = plan(config)

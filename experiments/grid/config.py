@@ -26,7 +26,7 @@ EXAMPLES = (
 class Config(GridConfig):
     """Drive a grid of runs, radius x speed x any other option, in front of the scanner, and store them.
 
-    An interrupted grid resumes when it is run again: what it has driven is not driven again.
+    An interrupted grid resumes when it is run again; finished runs are not driven again.
     """
 
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")] = None
@@ -36,7 +36,7 @@ class Config(GridConfig):
     vary: Annotated[tuple[str, ...] | None, Distinct(), default_is("nothing", "NAME=VALUE,... ...")] = None
     """Any other options, each with its values: scanner.noise=0.005,0.01 slope=0,0.1 friction_ratio=1,1.2."""
     sweep: Annotated[Path | None, default_is("none", "FILE")] = None
-    """A .toml file of lists of values by name: radius, speed, ground, seed, or as for --vary."""
+    """A .toml file with a list of values per name: radius, speed, ground, seed, or any name that --vary takes."""
     executor: Annotated[str, default_is("processes", "{processes,inline,dask://HOST:PORT}")] = "processes"
     """Executor of the runs: worker processes, this process, or a Dask cluster."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0

@@ -20,18 +20,18 @@ _IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")  
 
 @dataclass(frozen=True)
 class Setting:
-    """What runs share that differ only in radius and speed: a grid."""
+    """What is shared by runs that differ only in radius and speed: a grid."""
 
     axes: Mapping[str, Any]
-    """Its values of the other axes, by name."""
+    """The grid's values on the other axes, by name."""
     config: Config
     specification: Specification
     id: str
-    """Hash of all that the numbers of a run depend on, besides radius, speed and seed."""
+    """Hash of everything that the numbers of a run depend on, except radius, speed and seed."""
     fleet: str
-    """Hash of what the runs of a fleet share; robots on ground that shears have other pads."""
+    """Hash of what the runs of a fleet share; on ground that shears, robots have different pads."""
     scans: str
-    """Hash of what the scans depend on, besides radius, speed and seed."""
+    """Hash of what the scans depend on, except radius, speed and seed."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +39,20 @@ class PlannedRun:
     """One run of a grid."""
 
     cell: GridCell
-    """Its command, and the key of its random numbers.
+    """The run's command, and the key for its random numbers.
 
-    They follow from what is measured (seed, radius, speed and world), not from how the measurements are evaluated: runs
-    that differ only in their method of localization or motion share their scans.
+    Random numbers depend on what is measured (seed, radius, speed, world), not on how it is evaluated: runs that differ
+    only in their method of localization or motion share their scans.
     """
     axes: Mapping[str, Any]
     """Values of all axes, by name."""
     setting: Setting
     id: str
-    """Hash of what the run is and of how much of it is recorded, however it was requested."""
+    """Hash of the run's setting and of how much of it is recorded, regardless of how the run was requested."""
 
     @property
     def name(self) -> str:
-        """Its radius and speed, and its values of the other axes."""
+        """The run's radius and speed, and its values on the other axes."""
         return self.cell.name
 
     @property
@@ -66,7 +66,7 @@ class PlannedRun:
         return self.setting.config.duration
 
     def world(self, threads: int) -> World:
-        """Its compiled world, for a fleet on that many worker threads."""
+        """The run's compiled world, for a fleet on that many worker threads."""
         own = replace(self.setting.config, radii=(self.cell.radius,), speeds=(self.cell.speed,), threads=threads)
         return World.of(own, self.setting.specification)
 
@@ -79,13 +79,13 @@ def plan(config: Config) -> list[PlannedRun]:
     grids = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
     settings = [_setting(grid, base, read) for grid in grids]
     narrowest = min((setting.specification.parameters for setting in settings), key=lambda robot: robot.half_gauge)
-    for radius in radii:  # a radius too tight for only some of the robots is a run that fails
+    for radius in radii:  # if a radius is too small for only some of the robots, just those runs fail
         require_radius(radius, narrowest.geometry)
     return [_run(setting, *command) for setting in settings for command in itertools.product(radii, speeds)]
 
 
 def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setting:
-    """The options and the world of a grid, with its own robot and ratio of friction."""
+    """The options and the world of a grid, with its own robot and friction ratio."""
     for axis, value in axes.items():
         if name := option_name(axis):
             config = with_option(config, name, value)
@@ -112,7 +112,7 @@ def _run(setting: Setting, radius: float, speed: float) -> PlannedRun:
     config, plain = setting.config, GridCell.at(radius, speed)
     id = digest([setting.id, (radius,), (speed,), config.seed, (config.rrd, config.bag)])
     name = " ".join([plain.name, *sorted(f"{axis}={value}" for axis, value in setting.axes.items())])
-    # a grid in the shipped world meets the scans of `reproduce`
+    # a grid in the shipped world has the same scans as `reproduce`
     key = plain.key if setting.scans == _shipped_scans() else f"{plain.key} {setting.scans}"
     axes = {**setting.axes, "radius": radius, "speed": speed}
     return PlannedRun(GridCell(name, key, radius, speed, {"id": id}), axes, setting, id)

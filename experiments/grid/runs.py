@@ -27,9 +27,9 @@ class GridRuns:
     """Runs of constant command in front of the scanner."""
 
     threads: int
-    """Per fleet; 0 for one per processor, or for one if other processes drive, too."""
+    """Threads per fleet; 0 for one per processor, or for a single thread if other processes also drive."""
     sizes: ClassVar[tuple[int, int]] = (64, 128)
-    """Smaller fleets are slow; larger ones hardly gain, and lose more when a worker is stopped."""
+    """Smaller fleets are slow; larger ones gain little, and lose more work when a worker is stopped."""
 
     def drive(self, runs: Sequence[PlannedRun], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive runs as one fleet."""
@@ -39,7 +39,7 @@ class GridRuns:
         return drive_cells(cells, worlds, progress or (lambda seconds: None), watch, runs[0].setting.config.bag)
 
     def measure(self, run: PlannedRun, log: RunLog) -> Row:
-        """Speeds, slips and errors of a run; no slips where it gives none, and a note why."""
+        """Speeds, slips and errors of a run; for a run without usable slips, a note on the reason."""
         geometry = run.world(1).robot.geometry
         try:
             sampling = usable_samples([log], geometry, method=run.setting.config.motion, longest=True)

@@ -1,4 +1,4 @@
-"""The summary of a sweep: numbers of each grid of radius x speed, warnings and failures."""
+"""The summary of a sweep: numbers for each grid of radius x speed, warnings and failures."""
 
 import itertools
 import math
@@ -22,14 +22,14 @@ _MAX_LINES = 40
 
 @dataclass(frozen=True)
 class RunGrid(GridSlips):
-    """One grid of radius x speed; what no run gives is NaN."""
+    """One grid of radius x speed; values that no run provides are NaN."""
 
     axes: Mapping[str, Any]
-    """This grid's values of the other axes of the sweep, by name."""
+    """This grid's values on the other axes of the sweep, by name."""
     runs: int
     failed: int
     localization: Mapping[str, float]
-    """Root mean square errors of the poses and the share that was measured, over all runs."""
+    """Root mean square errors of the poses, and the share of poses that were measured, over all runs."""
 
     @classmethod
     def of_rows(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> "RunGrid":
@@ -51,7 +51,7 @@ class RunGrid(GridSlips):
 
     @property
     def line(self) -> tuple[str, ...]:
-        """The grid's values of the axes, its numbers of runs, its tightest radius, and its error of slip."""
+        """The grid's values on the axes, numbers of runs, smallest radius, and slip error."""
         tightest = self.lines[int(np.argmin(self.radius.commanded))]
         errors = (self.slip_error.outer, self.slip_error.inner)
         error = math.sqrt(np.mean([error.bias**2 + error.std**2 for error in errors]))
@@ -90,13 +90,13 @@ def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) 
 
 
 def all_failed(rows: Sequence[Row]) -> str:
-    """The reason why a sweep has no run."""
+    """The message for a sweep in which all runs failed."""
     first, *others = rows
     return f"all {len(rows)} runs fail, the first, {first['run']!r}: {first['error']}" if others else first["error"]
 
 
 def _warnings(rows: Sequence[Row]) -> list[str]:
-    """Saturated motors, and what could not be used of the runs."""
+    """Warnings on saturated motors, and on parts of runs that could not be used."""
     saturated = [saturation_warning(row["run"], row["saturated"]) for row in rows if row.get("saturated")]
     return saturated + [row["note"] for row in rows if row.get("note")]
 

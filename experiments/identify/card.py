@@ -13,13 +13,13 @@ from trackslip.identification.result import Identification
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
 
-LINES = 25  # on the terminal at most, with the line of the report
+LINES = 25  # largest number on the terminal, including the line on the report
 _AHEAD = 5.0  # horizon of the errors that are printed [s]
 _MOST_ALARMS, _MOST_NOTES = 4, 2
 
 
 def card(result: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
-    """The answer, with `taken` from bags, and what to do with it if it is in a folder `out`."""
+    """The answer, with what was `taken` from bags, and the next commands if the results are in a folder `out`."""
     fits = result.main.laws
     name = result.expressible
     current = "current × " if any(alarm.kind == "multiplier" for alarm in result.alarms) else ""
@@ -57,7 +57,7 @@ def _parameters(fit: FittedLaw) -> list[tuple[str, str]]:
 
 
 def error_today_and_now(result: Identification) -> str:
-    """Errors of prediction without identification and by the best law; empty if they aren't known."""
+    """Prediction errors without identification and with the best law; empty if they aren't known."""
     if result.method == "steady" or result.drive is None:
         cv = result.comparison.validation
         before, after = (cv.get(name) for name in ("none", result.best))
@@ -79,7 +79,7 @@ def error_today_and_now(result: Identification) -> str:
 
 
 def _look(result: Identification) -> list[str]:
-    """The gains of the first look."""
+    """The gains from the first look."""
     if result.drive is None or result.method == "steady":
         return []
     look = result.drive.look
@@ -92,7 +92,7 @@ def _look(result: Identification) -> list[str]:
 
 
 def _other_method(result: Identification) -> list[str]:
-    """What the method that isn't used says of D, in a line."""
+    """The estimate of D by the method that isn't used, in one line."""
     other = result.drive if result.method == "steady" else result.steady
     if other is None or REFERENCE not in other.laws:
         return []
@@ -101,7 +101,7 @@ def _other_method(result: Identification) -> list[str]:
 
 
 def _few(lines: Sequence[str], most: int) -> list[str]:
-    """The first lines, and how many more there are."""
+    """The first lines, and the number of lines left out."""
     more = len(lines) - most
     return [*lines] if more <= 0 else [*lines[:most], f"{more:,} more in the report"]
 

@@ -18,7 +18,7 @@ from trackslip.se2 import Mounting
 
 def run(config: Config) -> None:
     """Fit the laws, store and print them."""
-    stages = 3 + len(drive_laws())  # reading, steady stretches, each law of whole drives, the report
+    stages = 3 + len(drive_laws())  # reading, steady stretches, each law for whole drives, the report
     with Run(config) as run, run.progress("identification", stages, "stages") as report:
         source = source_of(config)
         report(1)

@@ -51,21 +51,21 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("none", "FLOAT")] = None
-    """wheel_separation_multiplier with which odometry taken as encoders was computed [-]."""
+    """wheel_separation_multiplier of odometry that is used instead of encoders [-]."""
     method: Annotated[
         Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
     ] = None
     """Data to fit: stretches of constant sprocket speeds, or whole drives."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
-    """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
+    """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading [m, m, rad]."""
     motion: Method = None
     """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
     settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
     lag: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also estimate how far the motion lags behind the belts, of whole drives."""
+    """Also estimate, from whole drives, how far the motion lags behind the belts."""
     all: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Print the tables of every law, too."""
+    """Also print the tables of every law."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     out: Path = Path("out/identify")

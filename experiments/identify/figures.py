@@ -22,8 +22,8 @@ _WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis 
 _LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # where curves begin, and the smallest upper end of the axis [m]
 _POLE = 1.0  # slip beyond which a law is near its pole [-]
 _RUN = "#444444"
-_FEWEST = 10  # positions that aren't worth a figure
-_PIECES = 6  # of a drive that are predicted
+_FEWEST = 10  # positions, which are too few for a figure
+_PIECES = 6  # of a drive, each predicted
 _AHEAD = 10.0  # duration of a piece [s]
 _SHADES = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
 _BARS: dict[str, Any] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
@@ -68,7 +68,7 @@ def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
 
 
 def _law_lines(names: Iterable[str], best: str) -> dict[str, dict[str, Any]]:
-    """Keywords of the lines of laws by name; the best one's, which is thick and so below the others, first."""
+    """Line keywords by law; the best law's line is thick, and comes first to lie below the others."""
     looks = {name: style.law_line(name, lw=1.2, label=name) for name in names}
     return {best: looks[best] | {"lw": 3.0, "label": f"{best} (best)"}} | {n: k for n, k in looks.items() if n != best}
 
@@ -107,7 +107,7 @@ def show_radii(axes: Axes, turns: Turns) -> None:
 def predicted_paths(result: Identification) -> style.Panels | None:
     """Measured positions of the longest drive, and pieces predicted without slip and by the best law.
 
-    None without logs that have more than a few positions.
+    None if no log has more than a few positions.
     """
     assert result.drive is not None
     names = {drive.name for drive in result.drive.look.drives}
@@ -122,7 +122,7 @@ def predicted_paths(result: Identification) -> style.Panels | None:
     for name, law in (("none", no_slip(result.geometry)), (result.drive.best, best)):
         figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
         axes.plot(*measured[style.thin(len(measured), 1500)].T, ".", color=GREY, ms=3, mew=0, label="measured")
-        axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # whatever is predicted
+        axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # regardless of the predictions
         drive = trajectory_of(log, law.odometry(), best.mounting, best.clock_offset or 0.0)
         for rows in _pieces(drive):
             first = rows.start

@@ -41,7 +41,7 @@ _SLIP = (
 def page(
     result: Identification, title: str, command: str, manifest: Mapping[str, Any], taken: Sequence[str] = ()
 ) -> Page:
-    """The page of an identification, made by `command` or in Python, where the manifest has no configuration.
+    """The page of an identification, made by `command`, or in Python, when the manifest has no configuration.
 
     `taken` says what was read from bags.
     """
@@ -54,7 +54,7 @@ def page(
 
 
 def notes(warnings: Sequence[str]) -> Section:
-    """What was left out, and what to know."""
+    """Notes on data that was left out, and other warnings."""
     return Section("Notes", [Bullets(warnings) if warnings else None], folded=True)
 
 
@@ -147,7 +147,7 @@ def whole_drives(result: Identification) -> Section | None:
 
 
 def print_all(result: Identification) -> None:
-    """Print the tables of every law, and all notes."""
+    """Print the tables for every law, and all notes."""
     if result.method == "drive" and result.drive is not None:
         tables.parameters_table(result.drive).print()
         if result.drive.errors.get(result.best):

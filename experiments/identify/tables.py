@@ -28,7 +28,7 @@ _UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees f
 
 
 def parameters_table(comparison: Comparison) -> Table:
-    """The parameters of the laws, the best first; of drives, also sensor and clock by the best one."""
+    """The parameters of the laws, the best first; for drives, also sensor and clock by the best law."""
     rows: list[tuple[str | Cell, ...]] = []
     for fit in comparison.laws.values():
         law: str | Cell = law_cell(fit.name, fit.name == comparison.best)
@@ -56,7 +56,7 @@ def value_text(fit: FittedLaw, name: str) -> str:
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
-    """The fitted laws, the best predictions first; the published one last."""
+    """The fitted laws, the best predictor first; the published law last."""
     rows: list[tuple[str | Cell, ...]] = []
     for name in comparison.laws:
         fit, errors = comparison.laws[name], comparison.validation[name]
@@ -79,7 +79,7 @@ def _validation_cells(errors: CrossValidation) -> list[str]:
 
 
 def prediction_table(drive: DriveComparison) -> Table:
-    """Median errors of held-out prediction: without identification, then the best law first."""
+    """Median errors in predicting held-out data: without identification first, then by law, the best law first."""
     ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
     today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
     for name in [*today, *drive.laws]:

@@ -18,7 +18,7 @@ _STRAIGHT = 20.0  # radius from which a run counts as straight [m]
 class Turns:
     """Steady turns by inner and outer track.
 
-    Straight runs have neither and are left out, as are runs without slip, where a sprocket stands still.
+    Straight runs have neither and are left out, as are runs whose slip is undefined because a sprocket stands still.
     """
 
     twist: Array  # (n, 2) [m/s, rad/s]
@@ -30,7 +30,7 @@ class Turns:
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> Self:
-        """The left track is the inner one where the curvature is positive, the right one elsewhere."""
+        """The turns of samples; the inner track is the left one for positive curvature, otherwise the right one."""
         turning = samples.take((np.abs(samples.radius) < _STRAIGHT) & np.isfinite(samples.slip).all(axis=1))
         left = turning.curvature > 0
         errors = _errors(turning, left, geometry)
@@ -63,7 +63,7 @@ def slip_at(law: SlipLaw, radius: Array, speed: float, *, left: bool = True) -> 
 
 
 def _inner_outer(values: Array, left: np.ndarray) -> Array:
-    """Values (n, 2) of the inner and outer track from those of the left and right one; `left` is (n,) bool."""
+    """Values (n, 2) for the inner and outer track from values for the left and right one; `left` is (n,) bool."""
     return np.where(left[:, None], values, values[:, ::-1])
 
 

@@ -48,7 +48,7 @@ def run(config: Config) -> None:
 
 
 def _plan(config: Config, run: Run) -> DrivePlan:
-    """The plan that the options ask for; raises LogError for results that can't be read, InvalidValueError."""
+    """The plan for the options; raises LogError for unreadable results, InvalidValueError for invalid options."""
     law = config.law or REFERENCE
     if config.after is None:
         geometry = config.geometry()

@@ -35,7 +35,7 @@ class Config(ResultsOptions):
     area: Annotated[str, tyro.conf.arg(metavar="LENGTHxWIDTH")] = "3x3"
     """Area that the robot may not leave, in metres."""
     clearance: Annotated[float | None, default_is("2 half gauges", "FLOAT")] = None
-    """Distance that the middle of the robot keeps from the area's edge: to its farthest corner [m]."""
+    """Distance that the robot's middle keeps from the area's edge, to leave room for its farthest corner [m]."""
     duration: float = 60.0
     """Length of the drive [s]."""
     poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
@@ -50,7 +50,7 @@ class Config(ResultsOptions):
     doubt: Annotated[float | None, Within(0, 0.9), default_is("from --after, else 0.15", "FLOAT")] = None
     """Relative error of half gauge + D at which the robot still stays within the area [-]."""
     after: Annotated[Path | None, default_is("none", "FOLDER")] = None
-    """Results of identify to go on from: the drive targets what they left uncertain."""
+    """Results of identify to continue from: the drive targets what they left uncertain."""
     seed: Annotated[int, Whole()] = 0
     """Seed of the search."""
     bag: bool = True
@@ -78,7 +78,7 @@ class Config(ResultsOptions):
         return RobotGeometry(**sizes)
 
     def limits(self, robot: RobotGeometry | None) -> DriveLimits:
-        """Limits of the drive; without a robot, it needs no room."""
+        """Drive limits; clearance defaults to 0 without a robot."""
         try:
             length, width = map(float, self.area.lower().split("x"))
         except ValueError:

@@ -1,4 +1,4 @@
-"""The page of a planned drive: its path and belt speeds, and the errors to expect of it and of the paper's runs."""
+"""The page of a planned drive: its path and belt speeds, and the errors to expect from it and from the paper's runs."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -62,7 +62,7 @@ def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
 
 
 def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
-    """Where the robot starts and stays, what the drive leaves open, and what the paper's runs would determine."""
+    """Where the robot starts and stays, what the drive does not determine, and what the paper's runs would."""
     (x, y, heading), (across, up), knowledge = plan.start, np.ptp(plan.places, axis=0), plan.knowledge
     where = f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f}°"
     reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"

@@ -15,7 +15,7 @@ from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED
 
-_FAR = 3.0  # to where patches without end are drawn around everything [m]
+_FAR = 3.0  # how far unbounded patches are drawn around everything else [m]
 _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
 _TALL = 1.0  # height of posts and walls [m]
 
@@ -37,10 +37,10 @@ def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, with
 
 
 def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], low: Array, high: Array) -> None:
-    """Send patches with other friction as far as they lie between `low` and `high` (2,)."""
+    """Send patches of different friction as far as they lie between `low` and `high` (2,)."""
     for k, patch in enumerate(patches):
         edges = np.array([patch["x"], patch["y"]], float)
-        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch has no end
+        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch is unbounded
         if (begin < end).all():
             flat = rr.Boxes3D(
                 centers=[[*(begin + end) / 2, _PATCH]],

@@ -1,4 +1,4 @@
-"""A MuJoCo model in a recording: each geom as a shape of rerun's, bodies that move, and tracks whose belts turn."""
+"""A MuJoCo model in a recording: each geom as a rerun shape, bodies that move, and tracks whose belts turn."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ from trackslip.kinematics import Array
 ROBOT = "robot"
 """Entity of a robot's bodies, below its run's entity."""
 GROUND = f"{FIELD}/ground"
-_UNSET = (0.5, 0.5, 0.5, 1.0)  # colour of a geom that is given none
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # colour of a geom without one of its own
 _STONE, _THICK = 0.5, 0.01  # side and half the thickness of a paving stone [m]
 _MARGIN = 3.0  # paving around everything [m]
 _MAX_STONES = 100  # along one side
@@ -32,7 +32,7 @@ def send_robot(
     tracks: Sequence[tuple[str, int, TrackLook]],  # name, body and looks of each of T tracks
     travel: Array,  # (R, T) distances that the belts have run, or (1, T) for belts at rest [m]
 ) -> None:
-    """Send all bodies of a model with its looks that move, and the tracks on them, below the entity `root`."""
+    """Send all moving bodies of a model with its looks, and the tracks on them, below the entity `root`."""
     carriers = {body for _, body, _ in tracks}
     bodies = [b for b in range(1, model.nbody) if model.body_weldid[b] and (b in carriers or drawn(model, b))]
     entities = {body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies}
@@ -45,18 +45,18 @@ def send_robot(
 
 
 def _path(name: str) -> str:
-    """A name of a model, which may contain slashes and blanks, as part of an entity's path."""
+    """A name in a model, which may contain slashes and blanks, as part of an entity's path."""
     return "/".join(rr.escape_entity_path_part(part) for part in name.split("/"))
 
 
 def send_geoms(recording: Recording, entity: str, model: mujoco.MjModel, body: int) -> None:
-    """Send the visible geoms of a body, in its frame; a plane, which has no end, is left out."""
+    """Send the visible geoms of a body, in its frame; planes, which are infinite, are left out."""
     for i in drawn(model, body):
         recording.still(f"{entity}/{_path(model.geom(i).name or str(i))}", _shape(model, i))
 
 
 def drawn(model: mujoco.MjModel, body: int) -> list[int]:
-    """The visible geoms of a body but planes."""
+    """The visible geoms of a body except planes."""
     visible = np.isin(model.geom_group, (SCANNED_GROUP, VISUAL_GROUP))
     mine = (model.geom_bodyid == body) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
     return [int(i) for i in np.flatnonzero(visible & mine)]
@@ -92,12 +92,12 @@ def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) 
 
 
 def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarray) -> Any:
-    """Shapes of a kind of geom with MuJoCo's sizes (n, 3) [m], at places (n, 3), turned by xyzw (n, 4)."""
+    """Shapes for one kind of geom: MuJoCo's sizes (n, 3) [m], positions (n, 3) [m] and quaternions xyzw (n, 4)."""
     style: dict[str, Any] = {"quaternions": turn, "colors": colours, "fill_mode": "solid"}
     geom = mujoco.mjtGeom
     if kind == geom.mjGEOM_BOX:
         return rr.Boxes3D(half_sizes=size, centers=place, **style)
-    if kind in (geom.mjGEOM_CYLINDER, geom.mjGEOM_CAPSULE):  # whose round ends are left out
+    if kind in (geom.mjGEOM_CYLINDER, geom.mjGEOM_CAPSULE):  # a capsule's round ends are left out
         return rr.Cylinders3D(radii=size[:, 0], lengths=2 * size[:, 1], centers=place, **style)
     half = np.repeat(size[:, :1], 3, axis=1) if kind == geom.mjGEOM_SPHERE else size
     return rr.Ellipsoids3D(half_sizes=half, centers=place, **style)
@@ -126,7 +126,7 @@ def _shape(model: mujoco.MjModel, i: int) -> Any:
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Array:
-    """The triangles (F, 3, 3) of the surface of a height field, cut as the engine cuts it."""
+    """The triangles (F, 3, 3) of a height field's surface, split as the engine splits it."""
     rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     length, width, high, _ = model.hfield_size[field]
     x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))

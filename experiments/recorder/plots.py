@@ -1,6 +1,6 @@
 """Plots over time and the layout of the viewer: 3-D and plan on the left, plots on the right.
 
-The viewer draws the entities of a panel, and lists them in its legend, by the alphabet: what comes later lies on top.
+The viewer draws a panel's entities, and lists them in its legend, in alphabetical order; later ones lie on top.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from trackslip.kinematics import Array
 
 LEFT, RIGHT = "#56B4E9", "#E69F00"  # tracks in every panel; all colours are from Okabe and Ito's palette
 _EYE, _TARGET = [-1.4, -1.2, 1.3], [0.0, 0.0, 0.2]  # of the viewer's camera, relative to what it follows [m]
-_LEGEND = 1.25  # width of a plot over that of its data: the legend stands beside the data
+_LEGEND = 1.25  # plot width over data width: the legend stands beside the data
 _ASPECT = 1.9  # width over height of the plan
 _BACKGROUND = (30, 32, 36)
 _COMMON, _MARGIN = (1.0, 99.0), 0.1  # percentiles of values within the range of an axis, and margin around them [-]

@@ -1,4 +1,4 @@
-"""Robot runs in a recording, one with all that was measured, or several side by side, each in its own colour."""
+"""Robot runs in a recording: one with everything measured, or several side by side, each in its own colour."""
 
 import contextlib
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
 
 
 def series_of(traces: Traces) -> list[Series]:
-    """Everything that can be plotted of a run."""
+    """Everything from a run that can be plotted."""
     log, error, sides = traces.log, traces.error, (LEFT, RIGHT)
     dark, pale = _blended(sides, 0), _blended(sides, 255)
     by_track = [
@@ -89,12 +89,12 @@ def series_of(traces: Traces) -> list[Series]:
 
 
 def _blended(colours: Sequence[str], level: int) -> list[str]:
-    """Colours halfway to black, 0, or to white, 255."""
+    """Colours blended halfway to a grey `level`, from 0 (black) to 255 (white)."""
     return ["#" + "".join(f"{(channel + level) // 2:02x}" for channel in rgb(colour)) for colour in colours]
 
 
 def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
-    """The lines of a run among others, in its own colour, paler for the right track."""
+    """A run's lines for comparison with other runs, in its own colour, paler for the right track."""
     colours = [colour, *_blended([colour], 255)]
     lines = [line for line in series if line.entity in _COMPARED]
     names = [(f"{run}, left", f"{run}, right") if len(line.names) == 2 else (run,) for line in lines]
@@ -102,16 +102,16 @@ def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
-    """The parameters of the robot that drove a run, as far as its log has them; the shipped robot's for the rest."""
+    """The parameters of the robot that drove a run, as far as its log has them; the rest are the shipped robot's."""
     known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
-    with contextlib.suppress(*MALFORMED):  # a robot of another kind, too
+    with contextlib.suppress(*MALFORMED):  # also for a robot of another kind
         return build(RobotParameters, {key: value for key, value in known.items() if key in names}, log.run)
     return RobotParameters()
 
 
 def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
-    """The robot that drove a run on its field, in a colour or in its own ones; a plain one if its file is gone."""
+    """The robot that drove a run, on its field, in one colour or in its own; a plain robot if its file is gone."""
     parameters, paint = parameters_of(log), () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
     try:
         return robot_looks(parameters, paint)
@@ -120,7 +120,7 @@ def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
 
 
 def _send_robot(recording: Recording, root: str, traces: Traces, looks: RobotLooks, turning: bool) -> None:
-    """Send the robot where it was, on level ground, with its belts `turning` or at rest."""
+    """Send the robot at its poses, on level ground, with its belts `turning` or at rest."""
     speed = (traces.log.omega * parameters_of(traces.log).sprocket_radius)[:, looks.track_side]
     travel = np.cumsum(speed * np.diff(traces.time, prepend=0.0)[:, None], axis=0)
     qpos = looks.qpos(traces.pose)

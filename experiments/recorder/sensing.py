@@ -10,7 +10,7 @@ from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 
 ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
-_EVERY = 4  # one return in so many is drawn of those that are not the plate's
+_EVERY = 4  # every n-th return is drawn; of those from the plate, all
 
 
 def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
@@ -23,7 +23,7 @@ def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujo
 
 
 def send_scans(recording: Recording, entity: str, traces: Traces, height: float) -> None:
-    """Send the scans' returns, and the beams to the plate; where it wasn't found, no return is the plate's."""
+    """Send the scans' returns, and the beams to the plate; if it wasn't found, no return is the plate's."""
     scans, time = traces.log.scans, traces.time
     if scans is None:
         return
@@ -47,7 +47,7 @@ def send_scans(recording: Recording, entity: str, traces: Traces, height: float)
 
 
 def _points(mount: Array, height: float, bearing: Array, distance: Array) -> Array:
-    """The ends (..., 3) of beams of a scanner at `mount` (3,)."""
+    """The ends (..., 3) of beams from a scanner at `mount` (3,)."""
     angle = mount[2] + bearing
     x, y = mount[0] + distance * np.cos(angle), mount[1] + distance * np.sin(angle)
     return np.stack([x, y, np.full_like(x, height)], axis=-1)

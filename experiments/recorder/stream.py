@@ -1,4 +1,4 @@
-"""Recordings: shapes that stay, rows over time, and lines of plots, written to a file for the rerun viewer."""
+"""Recordings: static shapes, rows over time, and plot lines, written to a file for the rerun viewer."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from trackslip.metrics import TRANSIENT
 
 TIMELINE = "time"
 RUN, FIELD, CAMERA = "run", "field", "camera"
-"""Entities: the run, or several runs below it; what stands still; and what the eye of the viewer follows."""
+"""Entities: the run, or several runs below it; what stands still; and what the viewer's camera follows."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,12 @@ class Recording:
     def __init__(self, stream: rr.RecordingStream) -> None:
         self.stream = stream
         self.plotted: dict[str, Array] = {}
-        """Values after the transient of the lines of plots, by entity."""
+        """Values of the plot lines after the transient, by entity."""
         self.duration = 0.0
-        """Of the lines of plots [s]."""
+        """Duration of the plot lines [s]."""
 
     def still(self, entity: str, archetype: Any) -> None:
-        """Add what is there all the time."""
+        """Add a static shape."""
         self.stream.log(entity, archetype, static=True)
 
     def rows(self, entity: str, time: Array, columns: Any) -> None:
@@ -55,7 +55,7 @@ class Recording:
         self.rows(entity, time, rr.Transform3D.columns(translation=position, quaternion=attitude))
 
     def shapes(self, entity: str, time: Array, counts: np.ndarray, look: Any, **columns: Any) -> None:
-        """Add shapes with the looks of an archetype, `counts` (T,) of them in each row; `columns` is what differs."""
+        """Add shapes with the looks of an archetype, `counts` (T,) of them in each row; `columns` vary between them."""
         if counts.any():
             self.still(entity, look)
             self.rows(entity, time, type(look).columns(**columns).partition(counts))
@@ -66,7 +66,7 @@ class Recording:
             self.still(entity, rr.LineStrips3D([points], **paint(colour, radius)))
 
     def series(self, root: str, time: Array, series: Sequence[Series]) -> None:
-        """Add lines of plots below the entity `root`."""
+        """Add plot lines below the entity `root`."""
         late = time >= min(TRANSIENT, time[-1] / 2)
         for lines in series:
             entity, count = f"{root}/{lines.entity}", len(lines.names)
@@ -80,10 +80,10 @@ class Recording:
 
 
 def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -> None:
-    """Write what `send` sends as a .rrd file, complete or not at all; OutputError if it can't be written."""
+    """Write what `send` sends as a .rrd file, complete or not at all; raises OutputError if it can't be written."""
 
     def write(draft: Path) -> None:
-        draft.touch()  # fails as files do
+        draft.touch()  # fails if the file can't be written
         with rr.RecordingStream("trackslip", recording_id=uuid4()) as stream:
             stream.send_recording_name(title)
             stream.save(draft)
@@ -93,7 +93,7 @@ def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -
 
     try:
         write_output(file, write)
-    except RuntimeError as error:  # rerun writes in a thread of its own, which ends where a disk is full
+    except RuntimeError as error:  # rerun writes in a thread of its own, which ends when the disk is full
         raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
 
 

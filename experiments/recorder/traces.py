@@ -15,13 +15,13 @@ from trackslip.motion.steady_twist import even_poses
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
-_MIN_SPROCKET_SPEED = 0.3  # below it a slip is a quotient of noise [rad/s]
+_MIN_SPROCKET_SPEED = 0.3  # below it, slip is mostly noise [rad/s]
 _DEGREE = 4  # of the polynomials that smooth poses, after Savitzky and Golay
-_WINDOW = 3.0  # that a polynomial is fitted to [s]
+_WINDOW = 3.0  # window that each polynomial is fitted to [s]
 
 
 class Traces:
-    """A run of T rows, ready to be drawn. What a log doesn't have is None; what it lacks in a row is NaN."""
+    """A run of T rows, ready to draw. Quantities missing from the log are None; values missing in a row are NaN."""
 
     def __init__(self, log: RunLog) -> None:
         self.log, truth = log, log.truth
@@ -40,7 +40,7 @@ class Traces:
         self.identified: Array | None = None
         """Slips (T, 2) from the smoothed measured poses [-]."""
         self.assumed: Array | None = None
-        """Slips (T, 2) with which the set points yield the commanded twists: those that compensation allows for [-]."""
+        """Slips (T, 2) that compensation allows for: with them, the set points yield the commanded twists [-]."""
         if (geometry := stored_geometry(log)) is not None:
             measured = _smooth_twist(log)
             self.identified = None if measured is None else _slip(log.omega, measured, geometry)
@@ -66,9 +66,9 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
 
 
 def _smooth_twist(log: RunLog) -> Array | None:
-    """Mean twists (T, 2) since the row before, by polynomials fitted to a sliding window of measured poses.
+    """Mean twists (T, 2) since the previous row, from polynomials fitted to a sliding window of measured poses.
 
-    NaN beyond the poses; None if there are too few.
+    NaN before the first and after the last pose; None if there are too few poses.
     """
     try:
         time, pose = even_poses(log)
@@ -79,12 +79,12 @@ def _smooth_twist(log: RunLog) -> Array | None:
     filtered = [scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=k, delta=step, axis=0) for k in (0, 1)]
     heading, rates = filtered[0][:, 2], filtered[1]
     v = se2.rotate(-heading, rates[:, :2])[:, 0]
-    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means, too
+    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are also means
     return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, rates[:, 2])], axis=-1)
 
 
 def _filled(pose: Array) -> Array:
-    """Poses (T, 3) with NaN replaced by what lies between the neighbours, or at an end by the next."""
+    """Poses (T, 3) with NaN interpolated between neighbours, or replaced by the nearest pose at the ends."""
     rows, known = np.arange(len(pose)), np.isfinite(pose).all(axis=1)
     if not known.any():
         return np.zeros_like(pose)

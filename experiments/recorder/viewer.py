@@ -11,7 +11,7 @@ from trackslip.logs.runlog import RunLog
 
 
 def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[RunLog]:
-    """The runs of these names, in that order, by default the first; raises LogError if there is none of that name."""
+    """The runs with these names, in that order, by default the first run; raises LogError for an unknown name."""
     runs = {log.run: log for log in logs}
     for name in names:
         if name not in runs:
@@ -20,13 +20,13 @@ def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[Run
 
 
 def show(file: Path, web: bool) -> None:
-    """Show a recording in a new viewer until it is closed or interrupted; TrackslipError if it doesn't start."""
+    """Show a recording in a new viewer until it is closed or interrupted; raises TrackslipError if it doesn't start."""
     viewer = Path(sys.executable).with_name("rerun")  # the environment needn't be active
     command = [str(viewer) if viewer.exists() else "rerun", "--bind", "127.0.0.1", "--new", str(file)]
     if web:
         print("showing in the browser until interrupted", flush=True)
         command += ["--web-viewer", "--web-viewer-port", "0"]
-    log = "error,re_sdk::web_viewer=info"  # which names the page
+    log = "error,re_sdk::web_viewer=info"  # which prints the page's address
     try:
         subprocess.run(command, check=True, env={"RUST_LOG": log, "RERUN_APP_ONLY": "true", **os.environ})
     except (OSError, subprocess.CalledProcessError) as error:

@@ -102,7 +102,7 @@ def _published() -> dict[str, dict[str, float]]:
 
 
 def _record(run: Run, logs: Sequence[RunLog], loops: Sequence[RunLog]) -> None:
-    """Write recordings of all runs, and of each controller's side by side."""
+    """Write recordings of all runs, and for each controller one with its runs side by side."""
     compared: dict[str, list[RunLog]] = {}
     for log in loops:
         compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)

@@ -60,6 +60,6 @@ def _formula(exponential: dict[str, float], track: str) -> str:
 
 
 def _tracking(name: str, published: str, result: TrackingResult, error: float) -> tuple[str, ...]:
-    """A position error [m] of a run with one compensation; only the published law's is in the paper, in words."""
+    """A position error [m] of a run with one compensation; the paper has only the published law's, in words."""
     words = published if result.compensation == "published" else MISSING
     return _row(f"{name}, {result.compensation}", 1e3 * error, unit="mm", digits=1, published=words)

@@ -1,4 +1,4 @@
-"""The paper's result beside the simulation's, and its Figs. 8 and 10 to 12 of runs along its path."""
+"""The paper's result beside the simulation's, and the paper's Figs. 8 and 10 to 12 for runs along its path."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -32,7 +32,7 @@ _TRUE: dict[str, Any] = {"lw": 0.8}
 
 @style.styled
 def published_and_simulated(radius: RadiusSummary, turns: Turns) -> style.Panels:
-    """Radius driven against radius commanded, and slip against radius, published and simulated."""
+    """Driven against commanded radius, and slip against radius, published and simulated."""
     left, radii = style.panel("Wider than commanded", "radius commanded [m]", "radius driven [m]")
     most = 1.08 * max(*radius.commanded, *COMMANDED_RADII)
     radii.plot([0, most], [0, most], color=GREY, lw=1.0, label="without slip")
@@ -56,7 +56,7 @@ def published_and_simulated(radius: RadiusSummary, turns: Turns) -> style.Panels
 
 
 def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
-    """Compensation -> the run of `controller` with it, in the order of `law_looks`."""
+    """Runs of `controller` by compensation, in the order of `law_looks`."""
     runs = {str(log.metadata["compensation"]): log for log in logs if log.metadata["controller"] == controller}
     return {name: runs[name] for name in law_looks() if name in runs}
 
@@ -107,7 +107,7 @@ def _true(log: RunLog) -> Array:
 
 @style.styled
 def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
-    """Fig. 11: body-frame position errors and their norm, right from 12 s on."""
+    """Fig. 11: body-frame position errors and their norm; on the right, from 12 s on."""
     reference = paper_reference()
     runs = {name: runs[name] for name in ("none", "published", "icr_radius")}
     panels = []
@@ -134,7 +134,7 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
 
 @style.styled
 def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit]) -> style.Panels:
-    """Fig. 12: the slip that the law predicted at each step, and the true one, of two compensations."""
+    """Fig. 12: the slip that the law predicted at each step, and the true slip, for two compensations."""
     known: dict[str, SlipLaw] = {"published": PUBLISHED, "icr_radius": laws["icr_radius"].law}
     panels = []
     for name, law in known.items():
@@ -153,7 +153,7 @@ def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFi
 
 
 def _slip_by(law: SlipLaw, log: RunLog) -> Array:
-    """The slip (T, 2) that a law gives for the commanded twists of a run."""
+    """The slip (T, 2) that a law predicts for the commanded twists of a run."""
     assert log.twist_command is not None
     return law(curvature(log.twist_command))
 

@@ -33,7 +33,7 @@ def page(
     """The page of a reproduction.
 
     `loops` are the closed loops, with `controller` and `compensation` in their metadata, and `results` their errors;
-    `warnings` are those of the grid.
+    `warnings` are the grid's.
     """
     turns = Turns.of(result.samples, result.geometry)
     beside = Plot(

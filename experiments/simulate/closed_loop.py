@@ -1,4 +1,4 @@
-"""Closed-loop runs of a fleet in front of the scanner, by the names of controller and compensation."""
+"""Closed-loop runs of a fleet in front of the scanner, with controller and compensation given by name."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,10 +23,10 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Plant:
-    """A robot on its ground in front of its scanner, which differ from the world's."""
+    """A robot, its ground and its scanner, which differ from the world's."""
 
     setting: Setting
-    """Ground, radius error, lag and centre of mass; the start is the run's."""
+    """Ground, radius error, lag and centre of mass; its start is replaced by the run's."""
     scanner_noise: float
     """Standard deviation of the ranges [m]."""
 
@@ -37,9 +37,9 @@ class ClosedLoopRun:
 
     name: str
     key: str
-    """Key of the run's random numbers, besides `seed`."""
+    """Key for the run's random numbers, in addition to `seed`."""
     seed: int
-    """Root of the run's random numbers."""
+    """Root seed of the run's random numbers."""
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
@@ -92,7 +92,7 @@ def drive_closed_loops(
         compensation: makes a compensation from its name.
         preview: how far ahead of the present the controllers are evaluated [s].
         progress: called with the simulated seconds since the last call, counted once for the whole fleet.
-        kept: whether the logs have all ranges of the scans.
+        kept: whether the logs keep all ranges of the scans.
 
     Raises:
         TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
@@ -100,7 +100,7 @@ def drive_closed_loops(
     settings = [run.setting(world) for run in runs]
     shearing = [k for k, setting in enumerate(settings) if setting.ground.largest_shear > 0]
     firm = [k for k in range(len(runs)) if k not in shearing]
-    if shearing and firm:  # on ground that shears, robots have other pads: a run must not depend on its company
+    if shearing and firm:  # on ground that shears, robots have other pads; a run must not depend on others in its fleet
         logs: dict[int, RunLog] = {}
         for part, report in ((firm, progress), (shearing, lambda seconds: None)):
             some = [runs[k] for k in part]

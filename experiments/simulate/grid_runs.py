@@ -33,16 +33,16 @@ class GridCell:
 
     name: str
     key: str
-    """Key of the run's random numbers, besides the root seed."""
+    """Key for the run's random numbers, in addition to the root seed."""
     radius: float
-    """Of the no-slip command [m]."""
+    """Radius of the no-slip command [m]."""
     speed: float
-    """Of the no-slip command [m/s]."""
+    """Speed of the no-slip command [m/s]."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def at(cls, radius: float, speed: float) -> Self:
-        """A run defined by nothing but its radius [m] and speed [m/s]."""
+        """A run defined only by its radius [m] and speed [m/s]."""
         name = f"radius={radius!r} speed={speed!r}"
         return cls(name, name, radius, speed)
 
@@ -65,10 +65,10 @@ def drive_cells(
     watch: Stopwatch | None = None,
     kept: bool = False,
 ) -> list[RunLog]:
-    """Drive the cells as one fleet, each in its own world; the worlds may differ in ground, radius error and seed only.
+    """Drive the cells as one fleet, each in its own world; the worlds may differ only in ground, radius error and seed.
 
     `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
-    accumulates the time spent in each stage; `kept` says whether the logs have all ranges of the scans.
+    accumulates the time spent in each stage; `kept` says whether the logs keep all ranges of the scans.
 
     Raises InvalidValueError for a radius too small for the robot, TrackslipError when a robot tips over.
     """
@@ -110,8 +110,8 @@ def before_scanner(robot: Robot) -> Array:
 def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     """The pose (3,) [m, m, rad] at `phase` [rad] on a circle in front of the scanner.
 
-    A left turn commanded with `radius` [m] follows the circle: it is as wide as slip makes it, so that the robot comes
-    no closer than CLEARANCE wherever it starts.
+    The circle is that of a left turn commanded with `radius` [m], as widened by slip, so that the robot comes no closer
+    than CLEARANCE wherever it starts.
     """
     driven = _DRIVEN_OVER_COMMANDED * radius
     centre = se2.compose(robot.lrf_mount, [CLEARANCE + driven, 0.0, phase - np.pi / 2])

@@ -1,4 +1,4 @@
-"""Simulated runs in numbers: errors of localization; of a grid of left turns radii, slips and errors."""
+"""Simulated runs in numbers: localization errors; for a grid of left turns, radii, slips and errors."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -26,13 +26,13 @@ class OuterInner(Generic[T]):
 
     @classmethod
     def of(cls, values: Array, number: Callable[[Array], T]) -> "OuterInner[T]":
-        """A number of each track from values (n, 2) in left turns, left track first."""
+        """A number for each track from values (n, 2) in left turns, left track first."""
         return cls(number(values[:, 1]), number(values[:, 0]))
 
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Errors of slip over the runs of a grid; NaN where no run gives one."""
+    """Errors of slip over the runs of a grid; NaN if no run provides one."""
 
     bias: float
     """Mean [-]."""
@@ -41,7 +41,7 @@ class ErrorStatistics:
 
     @classmethod
     def of(cls, error: Array) -> Self:
-        """Of errors (n,) [-], leaving out NaN."""
+        """Statistics of errors (n,) [-], leaving out NaN."""
         known = error[~np.isnan(error)]
         return cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
 
@@ -51,8 +51,8 @@ class RadiusSummary:
     """Radii of a grid, one value per commanded radius [m]."""
 
     commanded: tuple[float, ...]
-    observed: Array  # (R,) of the mean curvature over the speeds; NaN where no run gave a sample
-    published: Array  # (R,) the paper's; NaN where it has none
+    observed: Array  # (R,) from the mean curvature over the speeds; NaN where no run gave a sample
+    published: Array  # (R,) the paper's; NaN where the paper has none
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
 
@@ -67,13 +67,13 @@ class GridSlips:
     slip_rms_vs_published: float | None
     """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
     slip_rms_vs_published_at_simulated_radii: float
-    """The same at the radii driven here [-]."""
+    """The same error, at the radii driven here [-]."""
     speed_spread: OuterInner[float]
     """Largest difference of true slip between the speeds of one radius [-]; NaN where a run gave no sample."""
 
     @classmethod
     def of(cls, commanded: Array, observed: Array, slip: Array, true_slip: Array) -> "GridSlips":
-        """From radii commanded and observed (n,) [m] and slips (n, 2) of the runs; NaN for a run without a sample."""
+        """From commanded and observed radii (n,) [m] and slips (n, 2) of the runs; NaN for a run without a sample."""
         radii = tuple(dict.fromkeys(commanded.tolist()))
 
         def means(values: Array) -> Array:
@@ -97,7 +97,7 @@ class GridSlips:
 
 @dataclass(frozen=True)
 class LocalizationErrors:
-    """Root mean square errors of all poses, gaps bridged by odometry included."""
+    """Root mean square errors of all poses, including gaps bridged by odometry."""
 
     rmse_x: float
     """[m]"""
@@ -112,7 +112,7 @@ class LocalizationErrors:
 
     @classmethod
     def of(cls, logs: Iterable[RunLog]) -> Self:
-        """Of simulated runs of equal length."""
+        """Errors of simulated runs of equal length."""
         x, y, heading, valid, rate = np.mean([_pose_errors(log) for log in logs], axis=0).tolist()
         return cls(math.sqrt(x), math.sqrt(y), math.sqrt(heading), valid, rate)
 
@@ -125,7 +125,7 @@ class GridSummary(GridSlips):
 
     @classmethod
     def of_logs(cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry) -> "GridSummary":
-        """Of a grid's runs, radius by radius, and the samples that some of them gave."""
+        """From a grid's runs, radius by radius, and the samples that some of them gave."""
         slip, true_slip = np.full((2, len(logs), 2), np.nan)
         observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
         rows = [names.index(name) for name in samples.run]
@@ -143,7 +143,7 @@ def published_radii(commanded: Iterable[float]) -> Array:
 
 
 def known_mean(values: Array) -> float:
-    """Mean of the values that are not NaN; NaN without any."""
+    """Mean of the values that are not NaN; NaN if there are none."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if known.size else math.nan
 
@@ -163,7 +163,7 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
 
 
 def saturated_share(log: RunLog) -> float:
-    """Share of the time with a motor at its limit, of the worse track [-]."""
+    """Share of the time with a motor at its limit, for the worse track [-]."""
     saturated = None if log.truth is None else log.truth.saturated
     return 0.0 if saturated is None else float(saturated.mean(axis=0).max())
 

@@ -24,10 +24,10 @@ IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 
 MAX_THREADS = MAX_JOBS = 1024
-MAX_SEED = 2**63 - 1  # of an integer in a Parquet file
+MAX_SEED = 2**63 - 1  # largest integer in a Parquet file
 MAX_PREVIEW = 1.0  # [s]
 MIN_DURATION, MAX_DURATION = 4.0, 3600.0
-"""Of a run; a shorter one leaves no steady part to average over [s]."""
+"""Length of a run; a shorter one leaves no steady part to average over [s]."""
 _MIN_SPEED = 1e-3  # [m/s]
 MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
 MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
@@ -65,7 +65,7 @@ class GroundOptions:
 
 
 OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
-"""A property of the robot's drive, unless it is given."""
+"""A property whose default is the value of the robot's drive."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class DriveOptions:
 
 
 def changed(base: T, options: object, prefix: str = "") -> T:
-    """A dataclass with the fields that `options` give; raises InvalidValueError, with a prefix to the field's name."""
+    """A dataclass with the fields that `options` set; raises InvalidValueError, with `prefix` before field names."""
     given: dict[str, Any] = {}
     for name in (f.name for f in fields(base)):  # type: ignore[arg-type]
         value = getattr(options, name, None)
@@ -145,7 +145,7 @@ class Equipment(ResultsOptions):
     """The robot, its scanner and the field, without the ground."""
 
     robot: RobotSource = SHIPPED
-    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
+    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with its tracks."""
     radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: DriveOptions = field(default_factory=DriveOptions)
@@ -167,7 +167,7 @@ class Equipment(ResultsOptions):
 
 @dataclass(frozen=True)
 class ClosedLoopOptions(Equipment):
-    """The equipment, and what many closed-loop runs have in common."""
+    """The equipment, and the options that many closed-loop runs have in common."""
 
     localization: Literal["plate", "line", "truth"] = "plate"
     """Source of the controllers' poses: scans by the plate or the line method, or the true pose."""
@@ -188,7 +188,7 @@ class Simulation(Repeatable, Equipment):
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:
-    """Refuse a speed [m/s] that is not positive, is hardly different from rest, or is above what the drive allows."""
+    """Refuse a speed [m/s] that is not positive, is almost zero, or is above what the drive allows."""
     require_positive(name, speed)
     if speed > top_speed:
         raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")

@@ -45,7 +45,7 @@ class Specification:
 
     @staticmethod
     def read(config: Simulation, read: FileReader) -> "Specification":
-        """The same with `read_files` or its results from a cache."""
+        """The same as `of`, with `read_files` or a cached version of it."""
         parameters, ground, obstacles = read(config.robot, config.ground.source, config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
         return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull)

@@ -29,7 +29,7 @@ class Config(ResultsOptions):
     """
 
     env: Literal["path_tracking", "traverse"] = "path_tracking"
-    """Environment: following paths, or crossing courses with a robot with tracks and flippers."""
+    """Environment: following paths, or crossing courses with a tracked robot with flippers."""
     steps: Annotated[int, Whole(1)] = 2_000_000
     """Total number of control periods, summed over all robots."""
     robots: Annotated[int, Whole(1, 4096)] = 64
@@ -39,19 +39,19 @@ class Config(ResultsOptions):
     grounds: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{GROUNDS} ...")] = ("stone",)
     """Grounds to train on; each episode draws one."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """Slip compensation; those that learn start anew in each episode."""
+    """Slip compensation; one that learns starts anew in each episode."""
     authority: Annotated[tuple[float, float], Positive(10.0)] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
     robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None
-    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
+    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with its tracks."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws of the robot for --compensation: a summary.json, or a folder that contains one."""
     courses: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="{random,steps_up,...} ...")] = ("random",)
-    """Courses: random, and those of FTR-Bench, of which each episode draws one; needs --env traverse."""
+    """Courses, random or from FTR-Bench; each episode draws one of them; needs --env traverse."""
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, 10_000)] = 300
-    """Number of unseen courses, of each of three difficulties or of several --courses, to try the policy on."""
+    """Number of unseen courses to try the policy on, for each of three difficulties or of several --courses."""
     network: Annotated[tuple[int, ...], Whole(1, 4096)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4
@@ -64,7 +64,7 @@ class Config(ResultsOptions):
     """Number of passes over the collected data in each update."""
     discount: Annotated[float, Positive(1.0)] = 0.97
     """Discount of the reward per control period [-]."""
-    seed: Annotated[int, Whole(0, 2**32 - 1)] = 0  # the largest of NumPy's legacy generators
+    seed: Annotated[int, Whole(0, 2**32 - 1)] = 0  # the largest seed of NumPy's legacy generators
     """Seed of all random numbers."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of the simulator's worker threads, 0 for one per processor."""

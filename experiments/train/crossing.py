@@ -18,9 +18,9 @@ from sim.traverse.task import Crossing
 def crossing_rates(
     policy: Policy, difficulty: tuple[float, float], trials: int, seed: int, threads: int = 0
 ) -> list[dict[str, Any]]:
-    """Let the scripted controller and the policy cross `trials` unseen courses of each kind; a row for each.
+    """Let the scripted controller and the policy cross `trials` unseen courses of each kind; returns a row for each.
 
-    Courses of a single kind are of the lowest, the middle and the highest difficulty, those of several of any.
+    A single kind has rows for the lowest, middle and highest difficulty; several kinds are drawn at any difficulty.
     """
     config = from_options(TraverseConfig, policy.options)
     task, everyone = Crossing(config, trials, threads), range(trials)
@@ -45,7 +45,7 @@ def crossing_rates(
 
 
 def _rate(task: Crossing) -> dict[str, Any]:
-    """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and the mean time of these."""
+    """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and their mean time."""
     crossed, tipped, stuck = (task.outcome == end for end in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK))
     row: dict[str, Any] = {"crossed": int(crossed.sum()), "tipped": int(tipped.sum()), "stuck": int(stuck.sum())}
     low, high = binomtest(row["crossed"], len(crossed)).proportion_ci(0.95, "wilson")

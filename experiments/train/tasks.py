@@ -1,4 +1,4 @@
-"""The environments that `trackslip train` learns in, and what their policies are."""
+"""The environments that `trackslip train` learns in, and their policies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ _REWARD = TrackingReward(
     weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2
 )
 _HARD = ("step up", "stairs up", "beams")  # obstacles that the scripted controller does not always cross
-_LIMITS = Limits(time=20.0, stuck_time=3.0)  # training should not spend its time on robots that are stuck
+_LIMITS = Limits(time=20.0, stuck_time=3.0)  # training should not spend time on robots that are stuck
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class LearningTask:
     robots: Any
     """The vector environment, with the interface of Stable-Baselines3; its actions are corrections."""
     policy: Callable[[Network], Policy]
-    """The policy of a trained network."""
+    """Makes the policy from a trained network."""
     env: Any
     """The environment under `robots`, which describes its observations and actions."""
     deviation: float
-    """Standard deviation of the actions at the beginning, as a natural logarithm."""
+    """Natural logarithm of the actions' initial standard deviation."""
 
 
 def learning_task(config: Config) -> LearningTask:

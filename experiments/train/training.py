@@ -31,14 +31,14 @@ def last_checkpoint(out: Path) -> Path:
 
 
 def model_of(config: Config, task: LearningTask) -> Any:
-    """A new PPO model, or that of the last checkpoint."""
+    """A new PPO model, or the one from the last checkpoint."""
     import torch
     from stable_baselines3 import PPO
 
     torch.set_num_threads(1)  # its threads would take processors from the simulation
     checkpoint, first = last_checkpoint(config.out), config.learning_rate
     settings: dict[str, Any] = {
-        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # by the share of training left
+        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # left: remaining share
         "n_steps": config.horizon,
         "batch_size": config.batch,
         "n_epochs": config.epochs,
@@ -54,7 +54,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
         rate = {"learning_rate": settings.pop("learning_rate")}
         model = PPO.load(io.BytesIO(checkpoint.read_bytes()), task.robots, custom_objects=rate, **settings)
     except Exception as error:  # whatever is wrong with the file
-        reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # of other spaces, it lists all bounds
+        reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # for other spaces, it lists all bounds
         raise LogError(f"{checkpoint}: can't be resumed ({reason})") from error
     layers = tuple(model.policy_kwargs["net_arch"])
     if layers != config.network:
@@ -65,19 +65,19 @@ def model_of(config: Config, task: LearningTask) -> Any:
 def learn(model: Any, config: Config, folder: Path) -> list[dict[str, float]]:
     """Train until `config.steps`; each update stores a checkpoint in `config.out`, the last one in `folder`.
 
-    Returns the steps of all robots and their mean reward [-] at each update, those before the checkpoint included.
+    Returns the steps of all robots and their mean reward [-] at each update, including those before the checkpoint.
     """
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.logger import Logger
 
     model.set_logger(Logger(None, []))  # its own would leave a folder among the temporary files
-    model.curve = curve = getattr(model, "curve", [])  # which checkpoints contain, as all that a model has
+    model.curve = curve = getattr(model, "curve", [])  # checkpoints contain it, like all attributes of a model
     rewards: list[float] = []  # since the last update, mean of all robots
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
             def _on_step(self) -> bool:
-                # PPO's own rewards also contain the expected ones after an episode that is cut off
+                # PPO's own rewards also contain those expected after an episode that is cut off
                 rewards.append(float(np.mean(self.locals["rewards"])))
                 return True
 

@@ -1,4 +1,4 @@
-"""A robot on its ground, in the simulator and by theory: steady motion, and loads of its contact points."""
+"""A robot on its ground, in the simulator and in theory: steady motion, and loads at its contact points."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Turns:
 
     @property
     def half_width(self) -> Array:
-        """b + D, half the distance of the tracks' ICRs, by theory and simulated (2, M) [m]."""
+        """b + D, half the distance between the tracks' ICRs, by theory and simulated (2, M) [m]."""
         return np.asarray((self.belts[:, 1] - self.belts[:, 0]) / (2 * self.twists[..., 2]))
 
     @property
@@ -79,9 +79,9 @@ def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
 
 
 def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes: float = 3.0) -> Turns:
-    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load of which uphill is ahead.
+    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load whose uphill is straight ahead.
 
-    On ground that shears, that is when the slower belt has carried its elements through the contact `passes` times.
+    On ground that shears, this takes until the slower belt has carried its elements through the contact `passes` times.
     """
     load, belts, p, settle = load or Load(), omega * setup.sprocket_radius, setup.parameters, 1.5
     ground, pull = replace(setup.ground, slope=load.slope), Pull(load.pull * p.mass * GRAVITY, load.hitch_height)
@@ -91,7 +91,7 @@ def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes:
     fleet.command(omega)
     fleet.advance(round(settle / fleet.period) * fleet.period)
     twists = []
-    for _ in range(round(0.5 / fleet.period)):  # a mean, because MuJoCo's default contact shakes
+    for _ in range(round(0.5 / fleet.period)):  # a mean, because contact with MuJoCo's default parameters shakes
         fleet.advance(fleet.period)
         twists.append(fleet.twist())
     contact = p.contact_theory(ground.along, ground.across, 100)
@@ -100,8 +100,8 @@ def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes:
 
 
 def measure_loads(setup: Setup, omega: Array) -> tuple[Array, Array]:
-    """Loads at K contact points in turns (M, 2) [rad/s] by theory and simulated, over the mean (2, M, K) [-], and the
-    chassis' sink [m], roll and pitch (2, M, 3) [rad]. In theory, a rigid robot presses on equal springs.
+    """Loads at K contact points in turns (M, 2) [rad/s], by theory and simulated, relative to the mean (2, M, K) [-];
+    and the chassis' sink [m], roll and pitch (2, M, 3) [rad]. In theory, a rigid robot presses on equal springs.
     """
     fleet = setup.fleet(np.zeros((len(omega), 3)), robot=setup.robot(contact_sensors=True))
     fleet.command(omega)

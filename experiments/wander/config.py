@@ -28,7 +28,7 @@ class SourceOptions:
     """The source of the poses, and properties that differ from the named one's."""
 
     source: Annotated[Literal["scanner", "mocap", "slam", "gnss", "odometry"], tyro.conf.arg(name="")] = "slam"
-    """Poses as from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that drifts."""
+    """Poses like those from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that drifts."""
     rate: Annotated[float | None, _FLOAT] = None
     """Poses per second [Hz]."""
     position_noise: Annotated[float | None, _FLOAT] = None
@@ -36,9 +36,9 @@ class SourceOptions:
     heading_noise: Annotated[float | None, _FLOAT] = None
     """Standard deviation of the heading [rad]."""
     heading: Annotated[bool | None, tyro.conf.arg(help_behavior_hint="(default: the source's)")] = None
-    """Measure headings, too."""
+    """Also measure headings."""
     delay: Annotated[float | None, _FLOAT] = None
-    """Time stamp of a pose minus the encoders' of the same moment [s]."""
+    """Time stamp of a pose minus the encoders' time stamp at the same moment [s]."""
     jitter: Annotated[float | None, _FLOAT] = None
     """Standard deviation of the time stamps [s]."""
     outliers: Annotated[float | None, _FLOAT] = None
@@ -54,11 +54,11 @@ class SourceOptions:
     drift: Annotated[float | None, _FLOAT] = None
     """Random walk of odometry: error of the position at the end over the distance driven [-]."""
     ahead: Annotated[float | None, _FLOAT] = None
-    """Place of the sensor ahead of the robot's origin [m]."""
+    """Position of the sensor ahead of the robot's origin [m]."""
     left: Annotated[float | None, _FLOAT] = None
-    """Place of the sensor to the left of the robot's origin [m]."""
+    """Position of the sensor to the left of the robot's origin [m]."""
     mounting: Annotated[float | None, _FLOAT] = None
-    """Heading of the sensor in the robot, counter-clockwise [rad]."""
+    """Heading of the sensor relative to the robot, counter-clockwise [rad]."""
 
     def __post_init__(self) -> None:
         Within(0.1, _MAX_RATE, "Hz").check("rate", self.poses().rate)
@@ -91,7 +91,7 @@ class Config(Simulation):
     out: Path = Path("out/wander")
     """Folder for the results."""
     scanner: Annotated[LaserScanner, tyro.conf.Fixed, tyro.conf.Suppress] = field(default_factory=LaserScanner)
-    """The scanner of --source scanner, which has the rate of its poses."""
+    """The scanner for --source scanner; its rate is that of the poses."""
     obstacles: Annotated[str | None, tyro.conf.Fixed, tyro.conf.Suppress] = None
     """None: only the plate is scanned."""
 

@@ -21,12 +21,12 @@ _AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
 _REACH = (
     1.27  # (b + D) / b of the shipped robot on stone, with which the driver keeps the tracks within their speed [-]
 )
-_IN_FRONT = 3.0  # of the scanner: most drives of a minute stay in its view from there [m]
-_ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple of it, by rounding
+_IN_FRONT = 3.0  # start in front of the scanner, in whose view most one-minute drives stay [m]
+_ON_TIME = 1e-6  # rounding error of a reading's time as a multiple of the period [periods]
 
 
 def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
-    """Drive all drives at once; `progress` is called with the seconds simulated of all together.
+    """Drive all drives at once; `progress` is called with the simulated seconds, summed over drives.
 
     Raises RunFailedError when a robot tips over; its `logs` contain what was recorded until then.
     """
@@ -42,7 +42,7 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
     if config.source.source == "scanner":
         start[:2] = se2.to_world(world.robot.lrf_mount, [_IN_FRONT, 0.0])
     metadata = world.metadata(config.source.source) | {"driving": config.driving, "source": plain(source)}
-    if config.source.source != "scanner":  # then there is none in the field
+    if config.source.source != "scanner":  # then there is no scanner in the field
         del metadata["lrf"], metadata["scanner"]
     logs = open_loop(
         world.fleet(np.tile(start, (len(names), 1))),
@@ -70,7 +70,7 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
 
 
 def drive_contents(log: RunLog) -> dict[str, Any]:
-    """The true motion of a simulated drive, and what was measured of it: the summary's entry."""
+    """The summary's entry for a simulated drive: its true motion, and what was measured."""
     step, duration = np.diff(_true_pose(log), axis=0), np.diff(log.time)
     way, turn = np.hypot(step[:, 0], step[:, 1]), step[:, 2]
     resting = (way + np.abs(turn)) < _AT_REST * duration
@@ -91,5 +91,5 @@ def _true_pose(log: RunLog) -> Array:
 
 
 def _random(config: Config, name: str, what: str) -> np.random.Generator:
-    """Random numbers for a part of a drive, the same however many drives there are."""
+    """Random numbers for a part of a drive, independent of the number of drives."""
     return generator(config.seed, f"wander {name} {what}")
