@@ -93,7 +93,7 @@ class Fleet(World):
         self.pull = pull or Pull()
         """The pull on each robot."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
-        self._periods = 0  # simulated since the start
+        self._periods = 0  # periods simulated since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
         self._begin(np.arange(self.size), start, 0.0, SETTLING)
 

@@ -1,4 +1,4 @@
-"""Frozen dataclasses from TOML files and options; a mistake gives one line with the field and what is allowed."""
+"""Frozen dataclasses from TOML files and options; mistakes are reported in one line with field and allowed values."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[st
 def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
     """A value converted to its type hint: lists to tuples, tables to dataclasses, paths to texts and texts to paths.
 
-    A table, such as of a specification from JSON, becomes the dataclass in the hint that has its fields. Raises
+    A table, such as a specification from JSON, becomes the dataclass in the hint that has its fields. Raises
     InvalidValueError for a value of the wrong type, SettingsFileError, with `where`, for a table with such a value.
     """
     if hint is object:
@@ -133,7 +133,7 @@ def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
 def _dataclass_of(table: Mapping[str, Any], parts: Iterable[Any]) -> Any:
     """The dataclass, among types and their subclasses, with all fields of a table and the fewest others, or None.
 
-    If there is only one dataclass, it may be without these fields.
+    A single candidate is returned whatever its fields.
     """
     kinds = [kind for part in parts for kind in _dataclasses(part)]
     if len(kinds) != 1:

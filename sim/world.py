@@ -114,7 +114,7 @@ class States:
         return np.concatenate([along, self.rate[..., 2:]], axis=-1)
 
     def lean(self, height: float) -> Array:
-        """Offset (...) to the left of the chassis' vertical axis where it has a `height` above the ground [m]."""
+        """Leftward offset (...) of the chassis' vertical axis at a `height` above the ground [m]."""
         x, y, z = np.moveaxis(self.rotation[..., 2], -1, 0)
         along, heading = (height - self.position[..., 2]) / z, self.heading
         return np.asarray(along * (np.cos(heading) * y - np.sin(heading) * x))

@@ -12,7 +12,7 @@ from trackslip.kinematics import Array
 
 _TOLERANCE = 0.001  # tolerance on a saturated torque, relative to the largest torque
 _ROUGHNESS = 0.0002  # noise in the ground's forces, which the engine finds by iteration, relative to the weight
-_STEP = 0.01  # speed difference to find slopes of friction and limits from [rad/s]
+_STEP = 0.01  # speed step for the numerical slopes of friction and limits [rad/s]
 # first guesses of torque / (mass * radius^2 * speed) [1/s]: for equal changes on both tracks, which accelerate the
 # robot, and for opposite changes, while friction holds the heading
 _COMMON, _OPPOSITE = 25.0, 12_000.0

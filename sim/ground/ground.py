@@ -58,7 +58,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the ground at a time, everywhere but on patches."""
+    """A change of the ground at some time, everywhere except on patches."""
 
     time: float
     """Time since the start of the run [s]."""

@@ -25,7 +25,7 @@ from trackslip.kinematics import Array
 LARGEST = 20.0
 """Largest displacement tracked, relative to the shear modulus; from there on friction is fully mobilised."""
 LEAST_SHARE = 1e-5
-"""Smallest share of the friction, because the engine can't do without friction [-]."""
+"""Smallest share of the friction; the engine needs some [-]."""
 _AHEAD = 0.02  # tau [s]
 _COURANT = 0.5  # largest part of a cell that an element moves in a step
 _FLAT = 1e-6  # smallest variation over a cell that is accounted for, relative to the shear modulus
@@ -82,7 +82,7 @@ class Shear(Restorable):
         self._moved[:, :, rows], self.share[rows] = 0.0, 1.0
 
     def advance(self, rows: _Rows, before: Array, after: Array, belt: Array, modulus: Array) -> None:
-        """Move the elements under the robots `rows` (R,) by a period.
+        """Advance the elements under the robots `rows` (R,) by one period.
 
         Args:
             rows: the robots that have moved.

@@ -60,7 +60,7 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
     """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts parameters.
 
-    `refuse` is called for meshes that are missing in the search for wheels; see `build_tracked`.
+    `refuse` is called for missing meshes that the search for wheels needs; see `build_tracked`.
     """
     robot, _ = _load(source, refuse)
     if isinstance(robot, TrackedRobot):
@@ -88,10 +88,10 @@ def _load(source: RobotSource | Path, refuse: Refuse = refuse) -> tuple[RobotPar
 def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     """The parameters of a tracked robot that stands on level ground: a rigid body on the longest runs of its tracks.
 
-    Its joints stay where the model starts, and its flippers as low as they can be clear of the ground. Its frame is in
-    the middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything
-    else. It is drawn as the robot with the name or file `looks`. Raises InvalidValueError for a robot that doesn't
-    stand on two wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
+    Its joints are held in their starting positions, its flippers as low as possible without touching the ground. Its
+    frame is in the middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above
+    everything else. It is drawn as the robot with the name or file `looks`. Raises InvalidValueError for a robot that
+    doesn't stand on two wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
     model, data = built.model, _stand(built)

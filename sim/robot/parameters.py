@@ -20,7 +20,7 @@ TRACKS, WHEELS = "tracks", "wheels"
 SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
 PATCH_LENGTH = 0.1
-"""Length of a wheel's contact with the ground, by default [m]."""
+"""Default length of a wheel's contact with the ground [m]."""
 _MIN_SIZE = 1e-3  # [m]
 _SIZE = require_within, _MIN_SIZE, 10.0, "m"  # allowed lengths
 _OFFSET = require_within, -10.0, 10.0, "m"  # allowed coordinates of the centre of mass

@@ -17,7 +17,7 @@ from trackslip.errors import Checked, checked, require, require_non_negative, re
 
 Wheels = tuple[tuple[float, float, float], ...]
 
-_LEVEL = -0.9998  # most upward component of a run's normal on level ground: 1.1 degrees off [-]
+_LEVEL = -0.9998  # largest upward component of the normal of a run that stands on level ground: 1.1 degrees off [-]
 _SAME_HEIGHT = 0.005  # largest height difference between wheels that stand on level ground [m]
 
 

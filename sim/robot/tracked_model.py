@@ -26,7 +26,7 @@ _ACROSS = 0.99  # least cosine between the chassis' y and a flipper's y, or its 
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _Bit = mujoco.mjtDisableBit
 _NEEDED = _Bit.mjDSBL_GRAVITY | _Bit.mjDSBL_CONTACT | _Bit.mjDSBL_CONSTRAINT
-_STEPS = 61  # flipper angles tried, up to the highest
+_STEPS = 61  # number of flipper angles tried
 
 
 class Terrain(Protocol):
@@ -63,7 +63,7 @@ class TrackedModel:
     track_side: NDArray[np.int_]  # (T,) 0 left, 1 right: the side whose command a belt follows
     flipper_qpos: NDArray[np.int_]  # (F,) indices of the hinges in qpos
     flipper_motor: NDArray[np.int_]  # (F,) indices of their motors in ctrl
-    flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, else -1
+    flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, otherwise -1
     flipper_range: Array  # (F, 2) lowest and highest angle, positive is up [rad]
     flippers: FlipperGeometry
 

@@ -52,7 +52,7 @@ def lock(spec: Any, robot: TrackedRobot) -> None:
 
 
 def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
-    """Names of the bodies with joints from a link up to, but without, the chassis or its flipper."""
+    """Names of the bodies with joints from a link up to, but excluding, the chassis or its flipper."""
     moving = []
     for each in (link, *_carriers(link)):
         if each.parent.name == "world" or each.name in robot.flipper_bodies:

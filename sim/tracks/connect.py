@@ -25,7 +25,7 @@ _FINER = 10.0  # factor on the preset's impratio, for the slower sliding near th
 _MAX_FORCE = 2  # a contact sensor's reduction mode: the largest forces first
 _MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else in a robot's step
 _MOST = mujoco.mjMAXCONPAIR  # most contacts between two geoms that the engine keeps
-_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell of its length, and in addition
+_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell of its length, plus a constant
 _TWICE = 4  # room in a sensor per contact of a belt with a solid: it may touch two solids, with cores as well
 _MARGIN = 1.5  # room in a sensor per contact with a height field, all of which a belt rarely touches [-]
 _CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
@@ -162,7 +162,7 @@ def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> No
 
 
 def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[float]:
-    """Smaller side of the cells of each height field, inf for each other geom [m]."""
+    """Smaller side of the cells of each height field, and inf for other geoms [m]."""
     fields = [geom for geom in grounds if geom.type == _HFIELD]
     model = spec.copy().compile() if any(not spec.hfield(geom.hfieldname).nrow for geom in fields) else None
     for geom in grounds:

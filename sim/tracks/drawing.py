@@ -22,7 +22,7 @@ _THICKNESS = 0.2  # thickness of a belt, relative to the smallest wheel's radius
 _PITCH = 0.034  # approximate distance between shoes [m]
 _MARKED = 9  # every ninth shoe is painted, to show the belt's motion
 _BOLTS = 5
-_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # of road wheels: radius over the end wheels' radius, distance over their own
+_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # road wheels: radius over the end wheels' radius, distance over their own
 _TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # a cylinder's axis, z, becomes -y
 
 

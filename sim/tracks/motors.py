@@ -187,7 +187,7 @@ class Balance:
         """
         going = np.arange(len(self.goal))
         tried, traction, force = self.speed.copy(), *np.zeros((2, *self.goal.shape))
-        base = tried.copy(), *np.zeros((2, *self.goal.shape))  # speed, traction and excess at the last line's start
+        base = tried.copy(), *np.zeros((2, *self.goal.shape))  # speed, traction and excess at the search line's start
         for _ in range(_ATTEMPTS):
             tried[going] = self.speed[going]
             traction[going] = attempt(going, tried[going])

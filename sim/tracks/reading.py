@@ -43,7 +43,7 @@ class Reading:
 
     @classmethod
     def none(cls, *shape: int) -> Reading:
-        """A reading (...) of tracks in the air whose belts stand still."""
+        """A reading (...) of tracks that are in the air with their belts at rest."""
         traction, load, sliding, belt, slip, depth, missing = np.zeros((7, *shape))
         sliding[:] = slip[:] = np.nan
         return cls(traction, load, sliding, belt, slip, load > 0, depth, missing)
@@ -57,7 +57,7 @@ class Reading:
     def mean(self) -> Reading:
         """Means (N, T) over the steps of a reading (N, steps, T), but the largest depth and missing share.
 
-        Slip is the distance that belts slid in contact, over the distance that they ran in contact; NaN for hardly any.
+        Slip is the distance that belts slid over the distance that they ran, both in contact; NaN if they hardly ran.
         """
         steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
         slid, driven = (np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt))
@@ -105,7 +105,7 @@ def read_contacts(
         sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
         return sums.reshape(speeds.shape)
 
-    # at a contact the belt moves perpendicular to the normal and the wheels' axes; in the contact's frame, along:
+    # direction, in the contact's frame, in which the belt moves: perpendicular to the normal and the wheels' axes
     left = lateral.reshape(-1, 3)[owner].T
     first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)

@@ -40,7 +40,7 @@ _MAX_TAKEN = 2.0  # largest share of a landing robot's speed that one physics st
 _CORE_IMPEDANCE = 0.95  # [-]
 _CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
 _CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
-_EDGE = 2.4  # depth at which a belt edge's core touches, over a standing robot's depth, whose ends have at most 2 [-]
+_EDGE = 2.4  # depth of a belt edge's core, over the sinkage of a standing robot, which is at most 2 at its ends [-]
 _TIMESTEP = 1  # bit in `spec.authored.option` for a time step that the spec's file states
 _WIDTH = 0.001  # depth over which the engine would change the impedance, which is constant here [m]
 
@@ -145,7 +145,7 @@ _SOFT = 20 * 0.004 / 0.996  # regularisation of 20 points with an impedance of 0
 LEVEL = Preset(0.005, 5, 0.002, 0.7 * math.sqrt(1 + _SOFT), _SOFT)
 """Preset for tracks that never leave a plane: no cores, and a damping ratio of 0.7 in heave."""
 LEVEL_WIDE = replace(LEVEL, regularisation=_SOFT / 2, grip=2 * LEVEL.grip)
-"""`LEVEL` for a wide robot: near the middle of its short tracks, elements slide so little that grip must be quick."""
+"""`LEVEL` for a wide robot: near the middle of its short tracks, elements slide so little that grip must act fast."""
 LEVEL_WHEELS = LEVEL.softer(25)
 """`LEVEL` for wheels, whose robots are faster: it shifts less load to points that slide."""
 
@@ -155,7 +155,7 @@ def track_points(half_gauge: float, contact_length: float, preset: Preset) -> in
 
     The ICRs of a short, wide robot are so close to its tracks that only elements within a few millimetres of a track's
     middle slide more along the track than across it: the wider the robot, the finer its points. Beyond WIDEST their
-    number stays, and there is a RobotWarning.
+        number no longer grows, and there is a RobotWarning.
     """
     warn_if_unverified(half_gauge, contact_length)
     width = min(2 * half_gauge / contact_length, WIDEST)
@@ -170,7 +170,7 @@ def warn_if_unverified(half_gauge: float, contact_length: float) -> None:
 
 
 def load_preset(preset: str | Preset) -> Preset:
-    """Return the preset with this name, or a preset as it is. Raises InvalidValueError for an unknown name."""
+    """Return the preset with this name, or the given preset. Raises InvalidValueError for an unknown name."""
     if isinstance(preset, Preset):
         return preset
     require(preset in PRESETS, "preset", preset, f"one of {', '.join(PRESETS)}")

@@ -45,7 +45,7 @@ class Part:
     """Type, position and size in the track's frame; the z axis of a capsule along a run is the belt's direction."""
     weight: float  # stiffness relative to a capsule's end [-]
     cored: bool  # true if it has a core because it may land alone; see `sim.tracks.connect`
-    edge: bool = False  # true on either edge of a belt with several lines of contact
+    edge: bool = False  # true if it is on an edge of a belt with several lines of contact
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> tuple[Part, ...]:
