@@ -22,12 +22,12 @@ from trackslip.kinematics import Array
 
 SETTLING = 1.0
 """Settling time simulated before a fleet's first period [s]."""
-_RESETTLING = 0.4  # the same for robots that are placed at their sinkage
+_RESETTLING = 0.4  # settling time of robots that are placed at their sinkage [s]
 _TURN = 2 * np.pi
 
 
 class Fleet(World):
-    """N robots on their grounds. The same arguments give the same bits at any number of threads."""
+    """N robots on their grounds. Results are bitwise equal for the same arguments and any number of threads."""
 
     STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
@@ -44,10 +44,10 @@ class Fleet(World):
     ) -> None:
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
-        There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
-        sprockets have the same `drive`, by default the robot's own. The number of worker `threads` may be 0, for one
-        per processor. All robots tow the same `pull`. Where a ground shears, or `shears` says that one may later, pads
-        touch the ground at one point each instead of two.
+        `ground` is one for all robots, or one each; `radius_error`, the sprockets' relative error, is a number or (N,)
+        [-]. All sprockets have the same `drive`, by default the robot's own. The number of worker `threads` may be 0,
+        for one per processor. All robots tow the same `pull`. If a ground shears, or `shears` announces that one may
+        later, pads touch the ground at one point each instead of two.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
@@ -67,7 +67,7 @@ class Fleet(World):
         self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
-        self._heading: Array = np.zeros(self.size)  # unwrapped
+        self._heading: Array = np.zeros(self.size)  # unwrapped [rad]
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
         self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
         drive = drive or robot.parameters.drive
@@ -78,7 +78,7 @@ class Fleet(World):
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
-        self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the same across a tilted pad
+        self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the speed across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
         shape = robot.parameters
         patches = (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
@@ -91,9 +91,9 @@ class Fleet(World):
         """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
         self._weight = np.full(self.size, robot.mass * float(np.linalg.norm(robot.model.opt.gravity)))  # (N,) [N]
         self.pull = pull or Pull()
-        """Pull on all robots."""
+        """The pull on each robot."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
-        self._periods = 0  # since the start
+        self._periods = 0  # periods simulated since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
         self._begin(np.arange(self.size), start, 0.0, SETTLING)
 
@@ -149,7 +149,7 @@ class Fleet(World):
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
 
     def _drive(self, rows: Rows, belts: float | Array) -> None:
-        """Set the speeds of the pads' surfaces, one or (R, P), of the robots `rows` (R,) [m/s]."""
+        """Set the surface speeds, one for all pads or (R, P), of the robots `rows` (R,) [m/s]."""
         self.belts[rows] = belts
         if self.shear is not None:
             self._slanted[rows] = belts * self.robot.pad_slant
@@ -195,12 +195,12 @@ class Fleet(World):
         self.state.qvel[:, :2], self.state.qvel[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]
 
     def follow(self, omega: Array) -> None:
-        """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, whatever the torques [rad/s]."""
+        """Turn the sprockets at mean speeds (P, N, 2) [rad/s] in the next P servo periods, whatever torque it takes."""
         forecast = Forecast(np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point)
         self.drive.accept(forecast, self.drive.torque_for(forecast, self._run(EVERYONE, omega)))
 
     def _run(self, rows: Rows, mean: Array) -> Array:
-        """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
+        """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; returns mean tractions (P, R, 2) [N]."""
         belts, ids, parts = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows, []
         varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
         changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
@@ -282,29 +282,29 @@ class Fleet(World):
         self._ground.share(rows)
 
     def _parts(self) -> tuple[Array, ...]:
-        """What a servo period changes, but for the drives: the robots are on the first axis."""
+        """The arrays that a servo period changes, except the drives', with the robots on the first axis."""
         return self.batch.state, self._heading, *(() if self.shear is None else self.shear.by_robot)
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
-        """Follow the headings of the robots `rows` (R,), which had `passed` those of (P, R) since the last call."""
+        """Unwrap the headings of the robots `rows` (R,), which took the values `passed` (P, R) since the last call."""
         heading = self.state.heading[rows]
         headings = np.concatenate([self._heading[None, rows], passed, heading[None]])
         self._heading[rows] = heading + _TURN * np.add.reduce(np.rint((headings[:-1] - headings[1:]) / _TURN))
 
     def _placed(self, rows: Rows) -> Array:
-        """Positions of the robots `rows` (R,), (4, R): x, y [m], cosine and sine of the heading."""
+        """Places (4, R) of the robots `rows` (R,): x, y [m], cosine and sine of the heading."""
         w, x, y, z = self.state.quaternion.T
         place = np.empty((4, self.size))
         place[:2] = self.state.qpos[:, :2].T
-        place[2] = 1 - 2 * (y * y + z * z)  # but for the lean, whose square is too small to matter
+        place[2] = 1 - 2 * (y * y + z * z)  # neglecting the lean, whose square is too small to matter
         place[3] = 2 * (w * z + x * y)
         return place[:, rows]
 
     def _begin(self, rows: np.ndarray, start: Array, height: float, settling: float) -> None:
         """Put the robots `rows` (R,) at rest at poses `start` (R, 3).
 
-        Their frames are at a `height` [m], from which they settle for a time [s]. Raises InvalidValueError if one can't
-        be held there.
+        Their frames start at a `height` [m], from which they settle for a time `settling` [s]. Raises InvalidValueError
+        if a robot can't be held at rest.
         """
         self._place_at(rows, start, height)
         self._lay_friction(rows)
@@ -330,11 +330,11 @@ class Fleet(World):
         self.state.qvel[rows], self.batch.time[rows], self._heading[rows] = 0.0, 0.0, start[:, 2]
 
     def _towed(self, rows: np.ndarray) -> Array:
-        """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
+        """Pull (R,) that acts on the robots `rows` (R,), relative to their normal force [-]."""
         return self._pulled(rows) / (self._weight[rows] * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
-        """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
+        """Tractions (N, 2) along the robots and to their left at constant velocity, over their normal force [-]."""
         direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
         along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)

@@ -1,4 +1,4 @@
-"""The grounds under the robots of a fleet, written to the engine: friction of every pad, shear, and gravity."""
+"""The grounds under a fleet's robots, written to the engine: friction of every pad, shear, and gravity."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
 EVERYONE = slice(None)
 """All robots."""
-_LIGHTEST = 0.05  # load of a point that is still accounted for, over the mean
+_LIGHTEST = 0.05  # least load of a point that is accounted for, relative to the mean
 _AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
 
@@ -51,8 +51,8 @@ class PadFriction:
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
         """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
 
-        `time` since the start of the runs is one or (N,) [s]. The robots have positions (N, 2) [m] and headings (N,)
-        [rad].
+        `time` since the start of the runs is one for all or (N,) [s]. The robots have positions (N, 2) [m] and headings
+        (N,) [rad].
         """
         n = len(position)
         passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
@@ -62,14 +62,14 @@ class PadFriction:
         place = position[:, None] + se2.rotate(heading[:, None], self._pads)  # (N, P, 2)
         low, high = np.moveaxis(self._corners[:, None], 3, 0)  # (N, 1, M, 2) each
         inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
-        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # of overlapping patches
+        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # the last of overlapping patches
         on_patch = np.take_along_axis(self._patch, last[..., None], axis=1)
         on_patch[..., 2] = np.where(np.isnan(on_patch[..., 2]), friction[..., 2], on_patch[..., 2])
         return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
 
 
 def _patches(ground: Ground) -> tuple[Array, Array]:
-    """Corners (K, 2, 2) [m] and surface (K, 3) of a ground's patches; shear is NaN where it is the ground's."""
+    """Corners (K, 2, 2) [m] and surface (K, 3) of a ground's patches; shear is NaN where a patch keeps the ground's."""
     corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
     surface = [(p.along, p.across, np.nan if p.shear is None else p.shear) for p in ground.patches]
     return corners.swapaxes(1, 2), np.array(surface).reshape(-1, 3)
@@ -91,7 +91,7 @@ class FleetGround(Restorable):
         """One of `grounds` for each robot of the batch `of`; without `shear`, all of them must be Coulomb grounds."""
         self._batch, self._robot, self._shear = of, robot, shear
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
+        self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as returned by PadFriction.surface
         self.grounds = tuple(grounds)  # ground of each robot
         self.put(grounds)
 
@@ -123,10 +123,10 @@ class FleetGround(Restorable):
         self._ground = PadFriction(self.grounds, self._robot.pad_position)
         self.slope = np.array([ground.slope for ground in self.grounds])  # slopes (N,) of the grounds [rad]
         self.uphill = np.array([ground.uphill for ground in self.grounds])
-        """Headings (N,) of robots that drive straight up them [rad]."""
+        """Headings (N,) of robots that drive straight up the slopes [rad]."""
 
     def tilt(self, rows: np.ndarray) -> None:
-        """Tilt the gravity of the robots `rows` (R,) as their grounds slope."""
+        """Tilt the gravity of the robots `rows` (R,) according to their grounds' slopes."""
         if any(self.grounds[k].slope != 0 for k in rows) or self._batch.expanded("opt.gravity") is not None:
             size = -float(self._robot.model.opt.gravity[2])
             self._batch.expand("opt.gravity")[rows] = [self.grounds[k].gravity(size) for k in rows]
@@ -159,7 +159,7 @@ class FleetGround(Restorable):
     def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:
         """Shear the ground by the least displacement that holds the robots `rows` (R,), at headings (R,) [rad].
 
-        `drawbar` (R,) is the towing force, backwards at a `height` [m], over the normal force.
+        `drawbar` (R,) is the towing force, backwards at a `height` [m], relative to the normal force.
         """
         if self._shear is None:
             return
@@ -167,7 +167,7 @@ class FleetGround(Restorable):
         along, across = slope * np.cos(uphill), slope * np.sin(uphill)
         forwards, left, up = self.centre_of_mass(rows).T
         x, y = self._robot.pad_position.T
-        # loads that are linear in position; forces spread as the engine spreads them, as if all points were alike
+        # loads are linear in position; forces are spread as in the engine, as if all points were alike
         lean_x, lean_y = forwards - up * along - height * drawbar, left - up * across
         load = 1 + lean_x[:, None] * x / np.mean(x**2) + lean_y[:, None] * y / np.mean(y**2)
         turn = (forwards * across - left * along)[:, None] / np.mean(x**2 + y**2)
@@ -177,7 +177,7 @@ class FleetGround(Restorable):
         self.share(rows)
 
     def centre_of_mass(self, rows: Rows) -> Array:
-        """Centres of mass of the robots `rows` (R,) in their frames, (R, 3), or (3,) of all of them [m]."""
+        """Centres of mass of the robots `rows` (R,) in their frames [m]: (R, 3), or (3,) if all are alike."""
         chassis, moved = self._robot.model.body("chassis").id, self._batch.expanded("body_ipos")
         return self._robot.model.body_ipos[chassis] if moved is None else moved[rows, chassis]
 

@@ -10,22 +10,22 @@ import numpy as np
 
 
 class Restorable:
-    """An object with a state: the attributes that `STATE` names. Tuples among them hold what never changes."""
+    """An object whose state is the attributes named in `STATE`. Tuples among them hold immutable objects only."""
 
     STATE: ClassVar[tuple[str, ...]] = ()
 
     def get_state(self) -> dict[str, Any]:
-        """A copy of the state, by name; it can be pickled."""
+        """Return a copy of the state, by attribute name; it can be pickled."""
         return {name: _saved(getattr(self, name)) for name in self.STATE}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of this object, or of another that was made with the same arguments."""
+        """Restore a state of this object, or of another one made with the same arguments."""
         for name in self.STATE:
             own, saved = getattr(self, name), state[name]
             if isinstance(own, Restorable):
                 own.set_state(saved)
             elif isinstance(own, np.ndarray) and own.shape == np.shape(saved):
-                own[...] = saved  # others may look at the same array
+                own[...] = saved  # other objects may share the array
             else:
                 setattr(self, name, _saved(saved))
 

@@ -20,7 +20,7 @@ from trackslip.kinematics import Array
 
 
 class _Silence:
-    """What the engine's log was set to, for the whole process, before the first of the threads that silence it."""
+    """The settings of the engine's log, for the whole process, from before the first thread silenced it."""
 
     lock = threading.Lock()
     threads = 0
@@ -47,11 +47,11 @@ def quietly() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class States:
-    """States of robots, (...) each: of N robots now, or of N robots at T moments."""
+    """States of robots with leading axes (...): of N robots now, or of N robots at T moments."""
 
     qpos: Array  # (..., nq) positions of all joints
     qvel: Array  # (..., nv) their velocities
-    free: tuple[int, int] = (0, 0)  # first numbers of the chassis' pose in qpos, and of its velocity in qvel
+    free: tuple[int, int] = (0, 0)  # where the chassis' pose begins in qpos, and its velocity in qvel
 
     @property
     def position(self) -> Array:
@@ -114,7 +114,7 @@ class States:
         return np.concatenate([along, self.rate[..., 2:]], axis=-1)
 
     def lean(self, height: float) -> Array:
-        """Offset (...) to the left, at a height above the ground [m], of what is above the middle of the chassis."""
+        """Leftward offset (...) of the chassis' vertical axis at a `height` above the ground [m]."""
         x, y, z = np.moveaxis(self.rotation[..., 2], -1, 0)
         along, heading = (height - self.position[..., 2]) / z, self.heading
         return np.asarray(along * (np.cos(heading) * y - np.sin(heading) * x))
@@ -124,7 +124,7 @@ class World(Restorable):
     """N simulations of one robot, each in its own world; rows are bitwise independent."""
 
     def __init__(self, model: mujoco.MjModel, size: int, threads: int, free: tuple[int, int] = (0, 0)) -> None:
-        """Make `size` simulations of a model on `threads` worker threads, 0 for one per processor; `free` as of States.
+        """Make `size` simulations of a model on `threads` worker threads, 0 for one per processor; `free` as in States.
 
         Raises InvalidValueError for fewer than one simulation or a negative number of threads.
         """
@@ -134,14 +134,14 @@ class World(Restorable):
         self.batch = batch.Batch(model, size, nthread=threads)
         if model.nkey:
             self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
-        self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
+        self._fresh = self.batch.state[0].copy()  # state of a robot that has not moved yet
         self.state = States(self.batch.qpos, self.batch.qvel, free)  # the robots' states (N, ...), live
 
     def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> bool:
-        """Scale mass and inertia of a body by (R,), and shift its centre of mass by (R, 2) forward and to the left [m].
+        """Scale a body's mass and inertia by `mass` (R,), and shift its centre of mass by `com` (R, 2) [m].
 
-        The belts must not rest meanwhile: the engine would conclude that they never move. Returns whether this changes
-        anything.
+        The shift is forward and to the left. The belts must be moving meanwhile, or the engine concludes that they
+        never do. Returns whether this changes anything.
         """
         model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
         if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
@@ -182,7 +182,7 @@ class World(Restorable):
 
 
 def steps_in(name: str, period: float, of: str, step: float) -> int:
-    """Steps in a period [s]; raises InvalidValueError unless it is a multiple of the step [s], called `of`."""
+    """Number of steps in a period [s]; raises InvalidValueError unless it is a multiple of `step` [s], called `of`."""
     require_positive(name, period)
     count = round(period / step)
     require(count >= 1 and abs(count * step - period) < 1e-9, name, period, f"a multiple of {of}, {step:g} s")

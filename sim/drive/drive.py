@@ -1,4 +1,4 @@
-"""The drives: set point -> sprocket speed, with lag, motor limits and encoders; servos on courses; and towed loads."""
+"""Drives: set point -> sprocket speed, with lag, motor limits and encoders; servos on courses; and towed loads."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from trackslip.kinematics import Array
 
 MAX_FORCE = 1e5
 """Largest pull [N]."""
-_LEAST, _MOST = 1e-12, 1e6  # of all parameters, so that nothing derived from them overflows
+_LEAST, _MOST = 1e-12, 1e6  # limits of all parameters, so that nothing derived from them overflows
 _CREEP = 0.02  # sprocket speed below which the gear's friction is smoothed [rad/s]
 RADIUS_ERROR = 0.0066
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
 MAX_RADIUS_ERROR = 0.5
-"""Largest magnitude of that error [-]."""
+"""Largest magnitude of the radius error [-]."""
 _ROUNDING = 1 + 1e-6
-_FLIPPER_SPEED = 1.5  # largest of a flipper's set point [rad/s]
+_FLIPPER_SPEED = 1.5  # largest speed of a flipper's set point [rad/s]
 _STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
 
@@ -48,12 +48,12 @@ def _require_usable(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Motor(Checked):
-    """A brushed DC motor with a gear. Everything is assumed: 60 W, ample to drive 25 kg at 0.3 m/s."""
+    """A brushed DC motor with a gear. All values are assumed: 60 W, ample to drive 25 kg at 0.3 m/s."""
 
     gear: float = checked(50.0, _require_usable)
     """Gear ratio, motor speed over sprocket speed [-]."""
     voltage: float = checked(24.0, _require_usable)
-    """Battery voltage, the largest at the motor [V]."""
+    """Battery voltage, the largest voltage at the motor [V]."""
     no_load_speed: float = checked(400.0, _require_usable)
     """No-load speed of the motor at full voltage [rad/s]."""
     stall_torque: float = checked(0.6, _require_usable)
@@ -128,10 +128,10 @@ class Drive(Checked):
         return np.clip(least, -limit, limit), np.clip(most, -limit, limit)
 
     def belt_limits(self, radius: float, speeds: Array, goal: Array) -> Array:
-        """Largest torques (...) [N m] of motors of belts that have speeds (...) and shall have those of `goal` (...).
+        """Largest motor torques (...) [N m] for belts at `speeds` (...) with set points `goal` (...) [m/s].
 
-        The sprockets have a radius [m], speeds are in m/s. The friction of the gears helps belts that are too fast, and
-        the line of torque over speed limits the others.
+        The sprockets have a `radius` [m]. Gear friction helps to slow down belts that are too fast; for the others, the
+        motor's torque-speed line is the limit.
         """
         friction = self.motor.friction
         driving = np.maximum(self.torque_range(np.abs(speeds) / radius)[1] - friction, 0.0)
@@ -169,7 +169,7 @@ class DriveState(Restorable):
         self._decay, self._mean_decay = np.empty((2, n, 1))
         self.set_point = np.zeros((n, 2))  # set points of the speeds [rad/s]
         self.omega = np.zeros((n, 2))  # true speeds [rad/s]
-        self._error: Array = np.zeros((n, 2))  # kept beside the speed because it decays without rounding errors
+        self._error: Array = np.zeros((n, 2))  # kept in addition to the speed because it decays without rounding errors
         self._totals = np.zeros((n, 2, 2))  # angles and energies
         self.torque = np.zeros((n, 2))  # torques of the motors at the sprockets in the last period [N m]
         self.saturated_time = np.zeros((n, 2))  # time since the start that the motors spent at their limits [s]
@@ -217,11 +217,11 @@ class DriveState(Restorable):
         """Forecast the speeds in the next `periods`, if the motors are strong enough."""
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
-        np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
+        np.multiply.accumulate(error, axis=0, out=error)  # bitwise equal for any number of forecasts
         return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
-        """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
+        """Motor torques (P, N, 2) [N m] at the sprockets that a forecast requires, for tractions (P, N, 2) [N]."""
         motor, omega = self.drive.motor, forecast.omega
         accelerating = (omega[1:] - omega[:-1]) * (motor.inertia / self.drive.period)
         return accelerating + self.radius * traction + motor.loss(omega[1:])
@@ -229,7 +229,7 @@ class DriveState(Restorable):
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """Robots (R,) with a motor too weak for the torques (P, N, 2) [N m] of a forecast."""
         ample = self.drive.motor.torque_range(np.abs(forecast.omega).max())[1]
-        if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # as a rule
+        if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # usually
             return np.empty(0, int)
         least, most = self.drive.torque_range(forecast.omega[1:])
         return np.flatnonzero(((torque < least) | (torque > most)).any(axis=(0, 2)))
@@ -242,7 +242,7 @@ class DriveState(Restorable):
         totals[0], rates = self._totals, totals[1:]
         rates[:, :, 0], rates[:, :, 1] = forecast.mean, self.drive.motor.power(torque, forecast.mean)
         rates *= period
-        self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # one by one: the same bits for any number
+        self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # one by one: bitwise equal for any number
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
 
@@ -258,10 +258,10 @@ class ServoState(Restorable):
     STATE = ("speed", "angle", "_speed_goal", "_angle_goal")
 
     def __init__(self, lag: float, top_speed: float, size: int, flippers: int) -> None:
-        """With a time constant of the belts' speed [s], and the belts' top speed [m/s]."""
+        """Start at rest; `lag` is the time constant of the belts' speed [s], `top_speed` the belts' limit [m/s]."""
         self._lag, self._top_speed = lag, top_speed
         self.speed: Array = np.zeros((size, 2))  # belt speeds (N, 2), left and right [m/s]
-        self.angle: Array = np.zeros((size, flippers))  # set points (N, F) that the flippers' motors have [rad]
+        self.angle: Array = np.zeros((size, flippers))  # set points (N, F) of the flippers' motors [rad]
         self._speed_goal, self._angle_goal = self.speed.copy(), self.angle.copy()
 
     def begin(self, rows: NDArray[np.int_], angle: Array) -> None:
@@ -275,7 +275,7 @@ class ServoState(Restorable):
         self._angle_goal = np.array(angle, float)
 
     def advance(self, duration: float) -> Array:
-        """Mean belt speeds (N, 2) in the next `duration` [s], after which the servos are at its end [m/s]."""
+        """Advance by a `duration` [s], and return the mean belt speeds (N, 2) over it [m/s]."""
         short = self.speed - self._speed_goal
         self.speed = self._speed_goal + short * np.exp(-duration / self._lag)
         largest = _FLIPPER_SPEED * duration

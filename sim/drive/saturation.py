@@ -10,11 +10,11 @@ from sim.drive.drive import DriveState, Forecast
 from sim.tracks.motors import Balance
 from trackslip.kinematics import Array
 
-_TOLERANCE = 0.001  # of a saturated torque, relative to the largest
-_ROUGHNESS = 0.0002  # noise of the ground's forces, which the engine finds by iteration, relative to the weight
-_STEP = 0.01  # of the differences that give slopes of friction and limits over speeds [rad/s]
-# first guesses of torque over mass, radius squared and speed: of a change on both tracks, which accelerates the robot,
-# and of opposite ones, while friction holds the heading [1/s]
+_TOLERANCE = 0.001  # tolerance on a saturated torque, relative to the largest torque
+_ROUGHNESS = 0.0002  # noise in the ground's forces, which the engine finds by iteration, relative to the weight
+_STEP = 0.01  # speed step for the numerical slopes of friction and limits [rad/s]
+# first guesses of torque / (mass * radius^2 * speed) [1/s]: for equal changes on both tracks, which accelerate the
+# robot, and for opposite changes, while friction holds the heading
 _COMMON, _OPPOSITE = 25.0, 12_000.0
 
 
@@ -25,7 +25,7 @@ def advance_within_limits(
 
     A robot whose motors are strong enough moves as its servos demand. The belts of any other robot run at their
     sprockets' final speeds for the whole period, so that nothing oscillates however stiff the grip. `run` simulates the
-    period, from its start, of robots (A,) at mean sprocket speeds (A, 2) [rad/s], and gives mean tractions (A, 2) [N].
+    period from its start for robots (A,) at mean sprocket speeds (A, 2) [rad/s], and returns mean tractions (A, 2) [N].
     """
     wanted = drive.forecast(1)
     (start, goal), belt = wanted.omega, wanted.mean[0].copy()
@@ -48,7 +48,7 @@ def advance_within_limits(
 
 
 def _first_guess(start: Array, goal: Array, saturated: Array) -> Array:
-    """Speeds (R, 2) of before where both motors are too weak, else those that turn the robot no faster than before."""
+    """Past speeds (R, 2) if both motors are too weak, otherwise speeds that turn the robot no faster than before."""
     both = saturated.all(axis=1, keepdims=True)
     return np.where(both, start, np.where(saturated, start + (goal - start)[:, ::-1], goal))
 

@@ -28,9 +28,9 @@ MAX_SLOPE = 1.5
 MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
 UNLESS_ZERO = {"stored_unless": 0.0}
-"""Metadata of a field that is left out of files where it is zero; older files stay unchanged."""
+"""Metadata of a field that is left out of files if it is zero, so that older files stay unchanged."""
 _TURN = 2 * math.pi
-_MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
+_MAX_PATCHES = 10_000  # largest number of a ground's patches, and of its changes
 _HARD = 0.778 / 0.70
 
 
@@ -39,9 +39,9 @@ class Patch:
     """An axis-aligned rectangle with its own friction, applied to pads whose centres lie on it."""
 
     x: tuple[float, float]
-    """From, to, along the world's x axis [m]; may be infinite."""
+    """Start and end along the world's x axis [m]; may be infinite."""
     y: tuple[float, float]
-    """From, to, along the world's y axis [m]; may be infinite."""
+    """Start and end along the world's y axis [m]; may be infinite."""
     along: float
     """Friction coefficient along the track [-]."""
     across: float
@@ -58,7 +58,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the ground at a time, everywhere but on patches."""
+    """A change of the ground at some time, everywhere except on patches."""
 
     time: float
     """Time since the start of the run [s]."""
@@ -67,7 +67,7 @@ class Change:
     across: float
     """Friction coefficient across the track [-]."""
     shear: float | None = field(default=None, metadata={"stored_unless": None})
-    """Shear modulus; None for the one before [m]."""
+    """Shear modulus; None to keep the previous one [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
@@ -96,7 +96,7 @@ class Ground(Checked):
     uphill: float = checked(0.0, require_within, -_TURN, _TURN, "rad")
     """Heading of a robot that drives straight up the slope [rad]."""
     patches: tuple[Patch, ...] = ()
-    """Areas of another ground; where patches overlap, the last one applies."""
+    """Areas with other ground; where patches overlap, the last one applies."""
     changes: tuple[Change, ...] = ()
     """Changes of the ground, in order of time."""
     shear: float = checked(0.0, require_non_negative, MAX_SHEAR, "m", **UNLESS_ZERO)
@@ -122,7 +122,7 @@ class Ground(Checked):
 
 
 def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
-    """Steepest slope [rad] on which a robot doesn't slide, if uphill is in the direction `uphill` [rad] in its frame.
+    """Steepest slope [rad] on which a robot doesn't slide; `uphill` is the uphill direction in its frame [rad].
 
     The friction limit is an ellipse with the semi-axes `friction` (2,), along and across the tracks.
     """
@@ -152,21 +152,21 @@ NAMED_GROUNDS: dict[str, Ground] = {
     "clay": Ground(0.60, 0.75, shear=0.006),  # assumed, firm clay; ratio 1.25 and shear assumed
     "snow": Ground(0.36, 0.468, shear=0.040),  # snow, 19.7 degrees: Wong; ratio 1.3 and shear assumed
     # for robots on wheels; docs/reality.md has the fits
-    "asphalt": Ground(0.80, 0.80),  # of tyres: assumed; ratio 1; a Warthog's log fits 0.76 and 0.99
-    "grass": Ground(0.50, 0.50),  # of tyres: assumed; ratio 1; a Warthog's log fits 0.50 and 0.95
+    "asphalt": Ground(0.80, 0.80),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.76 and 0.99
+    "grass": Ground(0.50, 0.50),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.50 and 0.95
     "ice": Ground(0.12, 0.12),  # ice, 0.10 to 0.15: Noon; ratio 1; a Warthog's log fits 0.12 and 1.08
 }
 """Grounds by name, with the sources of their friction along the track:
 
-R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres; J. Y. Wong, Theory of Ground Vehicles (2008),
-angles of friction, read second-hand.
+R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), for tyres; J. Y. Wong, Theory of Ground Vehicles (2008),
+for angles of friction, quoted second-hand.
 """
 
 
 def load_ground(source: str) -> Ground:
     """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground that they change.
 
-    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file or invalid fields.
     """
     if source in NAMED_GROUNDS:
         return NAMED_GROUNDS[source]

@@ -1,4 +1,4 @@
-"""Robots as they are drawn: on the paper's field, and on terrain with the camera that follows them."""
+"""How robots are drawn on the paper's field and on terrain, and the camera that follows them."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from sim.robot.wheels import start
 from sim.tracks.drawing import TrackLook, draw
 from trackslip.kinematics import Array
 
-_AZIMUTH, _ELEVATION = 106.0, -21.0  # of the camera: it looks at the robot from the right, a little ahead of it [deg]
-_AWAY = 2.8  # distance of the camera, in lengths of the robot
+_AZIMUTH, _ELEVATION = 106.0, -21.0  # camera angles: it looks at the robot from the right, a little ahead of it [deg]
+_AWAY = 2.8  # distance of the camera, in robot lengths
 _CALM = 0.6  # share of the robot's heave that the camera follows
 
-_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # of the shipped robot: x, z, radius; width [m]
+_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # the shipped robot's: x, z, radius; width [m]
 _TYRE = 0.76  # width of a wheel over its radius [-]
-_ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
+_ATTACHED = "robot/"  # prefix of the names from a tracked robot's model
 
 
 @dataclass(frozen=True)
 class RobotLooks:
-    """A model that is drawn, and the looks of its tracks."""
+    """A model to draw, and the looks of its tracks."""
 
     model: mujoco.MjModel  # without the tracks
     body: int  # the chassis
-    tracks: list[tuple[str, int, TrackLook]]  # name, body and looks of each track: left, right, and those of flippers
-    track_side: np.ndarray  # (T,) 0 left, 1 right: whose belt a track runs with
+    tracks: list[tuple[str, int, TrackLook]]  # name, body and looks of each track: left, right, then the flippers'
+    track_side: np.ndarray  # (T,) 0 left, 1 right: the side with which a track's belt runs
     rest: Array  # (nq,) positions of all joints, with the chassis at the origin
 
     @classmethod
     def of(cls, world: TrackedModel) -> RobotLooks:
-        """The looks of a robot on its terrain, which must be built with them."""
+        """The looks of a robot on its terrain; `world` must have been built with `looks`."""
         robot, model = world.robot, world.model
         hull, belted = np.array(robot.hull), robot.contact != WHEELS
         sides = [TrackLook(hull, sign * robot.half_gauge, robot.width, belted) for sign in (1.0, -1.0)]
@@ -53,7 +53,7 @@ class RobotLooks:
             draw(scene, look.pieces(way), data.xpos[body], data.xmat[body].reshape(3, 3))
 
     def camera(self, data: mujoco.MjData, height: float = 0.0) -> mujoco.MjvCamera:
-        """The camera that moves with the robot without turning, on ground of a height [m]."""
+        """A camera that follows the robot without turning, on ground at a `height` [m]."""
         x, _, radius = np.array([wheel for _, _, look in self.tracks for wheel in look.hull]).T
         length = float((x + radius).max() - (x - radius).min())
         camera = mujoco.MjvCamera()
@@ -71,7 +71,7 @@ class RobotLooks:
 
 
 def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> RobotLooks:
-    """The looks of a robot, in its own colours or painted in one (4,); TrackslipError where its file is gone."""
+    """The looks of a robot, in its own colours or in one `colour` (4,); raises TrackslipError if its file is gone."""
     spec = shaped_robot(parameters)
     looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
     model = looks.model
@@ -97,7 +97,7 @@ def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
 
 
 def _tracked_looks(spec: Any, source: str) -> RobotLooks:
-    """The looks of the robot of that name or file on the chassis of the field, flippers clear of the ground."""
+    """The looks of a robot, by name or file, on the field's chassis, with flippers clear of the ground."""
     robot = load_tracked(source)
     built, own = build_tracked(robot, looks=True), load_spec(robot, looks=True)
     body = chassis_of(own, robot)
@@ -124,7 +124,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
 
 
 def _agree(spec: Any, field: Any) -> None:
-    """Give a spec the options of the field, so that the engine doesn't warn where they differ."""
+    """Copy the field's options to a spec, so that the engine doesn't warn about differences."""
     kinds = ("global_", "quality", "headlight", "map", "scale", "rgba")
     pairs = [(spec.option, field.option), *((getattr(spec.visual, k), getattr(field.visual, k)) for k in kinds)]
     for own, like in pairs:

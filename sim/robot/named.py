@@ -1,6 +1,6 @@
-"""Robots by name or file: on flat ground bodies on two rows of pads, on terrain models with tracks.
+"""Robots by name or file: bodies on two rows of pads for flat ground, models with tracks for terrain.
 
-A check says what is read from a robot's files, what is left out, and what is wrong.
+A check reports what is read from a robot's files, what is left out, and what is wrong.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from sim.settings import build, read_named
 from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError, TrackslipError, counted, require
 
 SHIPPED = "shipped"
-"""Name of the robot of models/tracked_robot.xml."""
+"""Name of the robot in models/tracked_robot.xml."""
 _FILES = {
     **{name: MODELS / f"{name}_robot.toml" for name in ("rescue", "box")},
     **{name: MODELS / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
 }
 ROBOTS = (SHIPPED, *_FILES)
 """Names of robots."""
-_PLATE_ABOVE = 0.1  # lower edge of the plate above everything else on a robot, at least [m]
-_PLATE_HALF_HEIGHT = 0.1  # of models/tracked_robot.xml [m]
+_PLATE_ABOVE = 0.1  # least height of the plate's lower edge above everything else on a robot [m]
+_PLATE_HALF_HEIGHT = 0.1  # from models/tracked_robot.xml [m]
 _BELT = 0.01  # thickness of a belt around its sprocket [m]
 
 
@@ -47,9 +47,9 @@ _G, _SLOPE = 9.81, np.radians(20)  # [m/s^2, rad]
 def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParameters, Ground]:
     """Load a robot for flat ground: its parameters, and the ground that its file's table `ground` describes.
 
-    The source is a name of `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
-    tracked robot, see `on_flat_ground`; or a robot. Raises InvalidValueError for an unknown name that is no file,
-    SettingsFileError for an unreadable file and invalid fields, TrackslipError for a model that doesn't compile.
+    The source is a name in `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
+    tracked robot, see `on_flat_ground`; or a robot. Raises InvalidValueError for an unknown source,
+    SettingsFileError for an unreadable file or invalid fields, TrackslipError for a model that doesn't compile.
     """
     robot, ground = _load(source)
     if isinstance(robot, TrackedRobot):
@@ -58,9 +58,9 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
 
 
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
-    """Load a robot for terrain, from the same sources as `load_parameters`; for parameters, see `on_terrain`.
+    """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts parameters.
 
-    `refuse` is for meshes that are missing where wheels are looked for; see `build_tracked`.
+    `refuse` is called for missing meshes that the search for wheels needs; see `build_tracked`.
     """
     robot, _ = _load(source, refuse)
     if isinstance(robot, TrackedRobot):
@@ -88,10 +88,10 @@ def _load(source: RobotSource | Path, refuse: Refuse = refuse) -> tuple[RobotPar
 def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     """The parameters of a tracked robot that stands on level ground: a rigid body on the longest runs of its tracks.
 
-    Its joints are held where the model has them, and its flippers as low as they clear the ground. Its frame is in the
-    middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything else. It
-    is drawn as the robot of the name or file `looks`. Raises InvalidValueError for a robot that doesn't stand on two
-    wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
+    Its joints are held in their starting positions, its flippers as low as possible without touching the ground. Its
+    frame is in the middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above
+    everything else. It is drawn as the robot with the name or file `looks`. Raises InvalidValueError for a robot that
+    doesn't stand on two wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
     model, data = built.model, _stand(built)
@@ -119,7 +119,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
 
 
 def _stand(built: TrackedModel) -> mujoco.MjData:
-    """Data of a robot that stands on level ground, on the middle of its runs at the origin."""
+    """Data of a robot that stands on level ground, with the middle of its runs at the origin."""
     robot, data, first = built.robot, start(built.model), built.free[0]
     data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
     data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built))
@@ -129,7 +129,7 @@ def _stand(built: TrackedModel) -> mujoco.MjData:
 
 
 def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
-    """The robot that parameters describe: the shipped one's body on its wheels, or on tracks as long as its contact."""
+    """The robot that parameters describe: the shipped robot's body on wheels, or on tracks as long as the contact."""
     radius, half = parameters.sprocket_radius, parameters.contact_length / 2
     ends, radius = (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
     hull, shared = tuple((x, radius, radius) for x in ends), {each: getattr(parameters, each) for each in _SHARED}
@@ -138,10 +138,10 @@ def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
 
 @dataclass(frozen=True)
 class PlainRobot(TrackedRobot):
-    """The shipped robot, or what parameters make of it, with tracks instead of its pads."""
+    """The shipped robot, or one that differs from it in its parameters, with tracks instead of pads."""
 
     parameters: RobotParameters = field(default_factory=RobotParameters)
-    """Its shape and mass."""
+    """Shape and mass of the robot."""
 
     def spec(self) -> Any:
         """See TrackedRobot."""
@@ -149,7 +149,7 @@ class PlainRobot(TrackedRobot):
         pads = [geom for geom in spec.geoms if "_pad" in geom.name]
         for thing in (*spec.pairs, *spec.sensors, *pads):
             spec.delete(thing)
-        spec.option.timestep = mujoco.MjSpec().option.timestep  # that of the file is for pads
+        spec.option.timestep = mujoco.MjSpec().option.timestep  # the file's own step is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
@@ -161,7 +161,7 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
     given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
-    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until its wheels are read
+    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until the wheels are read
     robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path))
     folder = path.parent
     robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
@@ -179,14 +179,14 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
 
 @dataclass(frozen=True)
 class RobotCheck:
-    """What is known of a robot."""
+    """The results of checking a robot."""
 
     facts: tuple[tuple[str, str], ...]
-    """Names and values."""
+    """Names and values of the robot's properties."""
     warnings: tuple[str, ...]
-    """What is left out or looks wrong, a line each."""
+    """What is left out or looks wrong, one line each."""
     errors: tuple[str, ...]
-    """What keeps it from driving, a line each."""
+    """What keeps the robot from driving, one line each."""
 
     def __str__(self) -> str:
         lines = [f"{name}: {value}" for name, value in self.facts]
@@ -195,7 +195,7 @@ class RobotCheck:
 
 
 def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
-    """Check a robot, by its name or file: all that is wrong with it, instead of an error a run."""
+    """Check a robot, by name or file, for everything that is wrong with it, instead of one error per run."""
     facts: list[tuple[str, str]] = []
     errors: list[str] = []
     with warnings.catch_warnings(record=True) as said:

@@ -20,13 +20,13 @@ TRACKS, WHEELS = "tracks", "wheels"
 SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
 PATCH_LENGTH = 0.1
-"""Length of a wheel's contact with the ground, by default [m]."""
+"""Default length of a wheel's contact with the ground [m]."""
 _MIN_SIZE = 1e-3  # [m]
-_SIZE = require_within, _MIN_SIZE, 10.0, "m"  # what lengths are
-_OFFSET = require_within, -10.0, 10.0, "m"  # what places of the centre of mass are
-_PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
+_SIZE = require_within, _MIN_SIZE, 10.0, "m"  # allowed lengths
+_OFFSET = require_within, -10.0, 10.0, "m"  # allowed coordinates of the centre of mass
+_PLATE_HEIGHT = 0.5  # from models/tracked_robot.xml [m]
 _MOST_AXLES = 10
-_CENTRED = 1e-3  # mean of the axles' positions, at most [m]
+_CENTRED = 1e-3  # largest mean of the axles' positions [m]
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
@@ -58,15 +58,15 @@ class RobotParameters(Checked):
     looks: str = field(default="", metadata={"stored_unless": ""})
     """Name or file of the tracked robot that is drawn; empty for the shipped robot's looks."""
     contact: str = field(default=TRACKS, metadata={"stored_unless": TRACKS})
-    """What touches the ground: "tracks", or "wheels", those of a side turning at one speed."""
+    """What touches the ground: "tracks", or "wheels" that turn at one speed per side."""
     axles: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
-    """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
+    """Positions of the axles, ahead of their mean [m]. The contact then extends from the first patch to the last."""
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
     radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
-    """Half the error of the right sprocket's radius less that of the left one's [-]."""
+    """Half the difference between the right sprocket's radius error and the left one's [-]."""
 
     def __post_init__(self) -> None:
         self._lay_axles()
@@ -86,7 +86,7 @@ class RobotParameters(Checked):
         return self.com_x, self.com_y, self.com_height
 
     def with_contact_length(self, length: float) -> RobotParameters:
-        """The same robot with a contact of another length [m]; wheels move apart, or together, on patches as long."""
+        """The same robot with another contact length [m]; wheels move apart or together, their patches stay as long."""
         if not self.axles:
             return dataclasses.replace(self, contact_length=length)
         growth = (length - self.patch_length) / (self.contact_length - self.patch_length)
@@ -95,7 +95,7 @@ class RobotParameters(Checked):
         return dataclasses.replace(self, contact_length=RobotParameters.contact_length, axles=axles)
 
     def contact_theory(self, along: float, across: float, points: int = 200) -> Contact:
-        """The contact with ground of these friction coefficients, for `skid_theory`; at least `points` a side."""
+        """The contact with ground of these friction coefficients, for `skid_theory`; `points` per side or more."""
         rest = (along, across, self.centre_of_mass)
         if not self.axles:
             return line_contact(self.half_gauge, self.contact_length / 2, *rest, points)
@@ -126,7 +126,7 @@ class RobotParameters(Checked):
 
     def _require_standing(self) -> None:
         """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""
-        # mean squares of the coordinates of the ground's springs; they yield by SINK, so that a high robot leans more
+        # mean squares of the coordinates of the ground's springs, which yield by SINK, so that a high robot leans more
         spread_x, end, spread_y = self.contact_length**2 / 12, self.contact_length / 2, self.half_gauge**2
         if self.axles:
             spread_x = float(np.mean(np.square(self.axles))) + self.patch_length**2 / 12
@@ -153,7 +153,7 @@ def require_inertia(inertia: Sequence[float]) -> None:
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
-    """Text of a robot file; `ground` must be level, without patches and changes."""
+    """Text of a robot file; `ground` must be level, without patches or changes."""
     shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
     values = {f.name: (f, getattr(parameters, f.name)) for f in dataclasses.fields(parameters)}
     given = {name: value for name, (f, value) in values.items() if f.metadata.get("stored_unless", ...) != value}
@@ -169,7 +169,7 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
 
 
 def ground_file_text(ground: Ground, comment: str) -> str:
-    """Text of a ground file; `ground` must be level, without patches and changes."""
+    """Text of a ground file; `ground` must be level, without patches or changes."""
     return f"# {comment}\n{_lines({name: getattr(ground, name) for name in ('along', 'across', 'shear')})}"
 
 

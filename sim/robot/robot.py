@@ -1,4 +1,4 @@
-"""MJCF -> compiled model, the numbers that the simulator needs from it, and the inertia of bodies that move as one."""
+"""MJCF to compiled model, the numbers the simulator needs from it, and the inertia of bodies that move as one."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from trackslip.localization.scan import Plate
 MODELS = Path(models.__file__).parent
 """Folder of the shipped models."""
 BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
-"""Geoms that are the looks of the body."""
+"""Geoms that only show the body."""
 _TRACK_LOOKS = ("track0", "track1")
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
 """Geom group of the visuals, which are removed from the physics."""
 CONTACT_POINTS = 2
-"""Default number of contact points of a pad."""
+"""Default number of contact points per pad."""
 CONTACT_WIDTH = 9
-"""Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
-velocity are normal to the ground, along the pad and across it."""
+"""Numbers that a contact sensor reports per point, in this order: force, position in the world, velocity; force and
+velocity have components normal to the ground, along the pad and across it."""
 _Bit = mujoco.mjtDisableBit
-_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # which one on its own lacks, for speed
+_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # no use for one body; off for speed
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
-_TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
-_LENGTH = 0.02  # between the ends of such a pad [m]
-_SHEARING = 4  # points of a wheel's patch on shearing ground
-_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # those elsewhere, which spread as a uniform patch does [-]
+_TILT = np.radians(45.0)  # tilt of a pad with one point: its lower end touches, and its axis still sets directions
+_LENGTH = 0.02  # distance between the ends of such a pad [m]
+_SHEARING = 4  # points in a wheel's patch on shearing ground
+_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # points on other ground, spread like a uniform patch [-]
 
 
 def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
-    """The spec of a shipped model with the body of these parameters, and without the looks of its tracks."""
+    """The spec of a shipped model whose body has these parameters, without the looks of its tracks."""
     spec = mujoco.MjSpec.from_file(str(MODELS / file))
     for name in _TRACK_LOOKS:
         spec.delete(spec.body(name))
@@ -61,7 +61,7 @@ def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
     mast, plate = spec.geom("mast"), spec.geom("plate")
     mast.pos, plate.pos = mast.pos + raised / 2, plate.pos + raised
     mast.size[1] += max(raised[2] / 2, -0.1)
-    if lrf := spec.body("lrf"):  # in the model of the field
+    if lrf := spec.body("lrf"):  # in the field's model
         lrf.pos = lrf.pos + raised
     for site in (site for site in chassis.sites if "_footprint" in site.name):
         site.pos[1] = np.copysign(parameters.half_gauge, site.pos[1])
@@ -71,7 +71,7 @@ def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
 
 
 def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> None:
-    """Set mass, its centre and inertia; the mass distribution scales with the shape, by `growth` (3,) along x, y, z."""
+    """Set mass, its centre and inertia; its distribution scales with the shape, by `growth` (3,) along x, y, z."""
     second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
     second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
     inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
@@ -80,30 +80,30 @@ def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> 
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
-    """Points (n,) of a side along a robot, from rear to front [m], and their recipe.
+    """Contact points (n,) along one side of a robot, from rear to front [m], and their recipe.
 
-    A track has the middles of equal segments, a wheel two points, or four on shearing ground, whose pads are `single`.
+    A track has one in the middle of each segment; a wheel has two, or four on shearing ground, where pads are `single`.
     """
     if not parameters.axles:
         n = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
         return parameters.contact_length * _middles(n), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
     warn_if_unverified(parameters.half_gauge, parameters.contact_length)
     points = _middles(_SHEARING) if single else np.array(_GAUSS)
-    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # that the engine knows, on any ground
+    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # that the engine allows, on any ground
     preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))
     return np.add.outer(parameters.axles, parameters.patch_length * points).ravel(), preset
 
 
 def _middles(count: int) -> Array:
-    """Middles (n,) of equal segments, of a length of 1 in all [-]."""
+    """Middles (n,) of equal segments with a total length of 1 [-]."""
     return (np.arange(count) + 0.5) / count - 0.5
 
 
 def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Array:
-    """Replace the pads of a model by those that a robot needs, and give their points (n,) of a side [m].
+    """Replace a model's pads with those that a robot needs, and return the points (n,) of one side [m].
 
-    A pad has two points, unless it is `single`. All points together carry the robot at the same depth, and creep as
-    slowly, whatever their number.
+    A pad has two points, unless it is `single`. Whatever their number, all points together carry the robot at the same
+    depth and creep equally slowly.
     """
     chassis = spec.body("chassis")
     pads, plain = [geom for geom in chassis.geoms if "_pad" in geom.name], spec.pairs[0]
@@ -128,19 +128,19 @@ def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Ar
 
 @dataclass(frozen=True)
 class Robot:
-    """A compiled model and the numbers in it."""
+    """A compiled model and the numbers read from it."""
 
     model: mujoco.MjModel  # the compiled model, without its visuals
     geometry: RobotGeometry  # half gauge and nominal sprocket radius
     mass: float  # [kg]
     plate: Plate  # the plate that the laser range finder sees
     plate_radius: float  # radius of the sphere around the plate [m]
-    pads: slice  # of the geoms: the contact capsules, each along its own z axis
+    pads: slice  # slice of the geoms: the contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where backward; less where it is tilted
-    pad_slant: Array  # (P,) the robot's direction forward, in the pad's frame: its x component over z
+    pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where backward; smaller where it is tilted
+    pad_slant: Array  # (P,) x over z component of the robot's forward direction, in the pad's frame
     pad_position: Array  # (P, 2) middle of each pad's contact, in the chassis' frame [m]
-    pad_pairs: slice  # of the contact pairs, in the order of the pads
+    pad_pairs: slice  # slice of the contact pairs, in the order of the pads
     contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
     lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
     lrf_height: float  # height of the scan plane above the ground [m]
@@ -156,7 +156,7 @@ class Robot:
         return (-belts).take(self.pad_side, axis=-1) * self.pad_sign
 
     def with_single_contacts(self) -> Robot:
-        """The same robot with pads that touch the ground at one point each, as shearing ground needs; same options."""
+        """The same robot and options, with pads that touch the ground at one point each, as shearing ground needs."""
         if self.points_per_pad == 1:
             return self
         robot = load_robot(self.parameters, self.contact_sensors, single_contacts=True)
@@ -167,10 +167,10 @@ class Robot:
 def load_robot(
     parameters: RobotParameters | None = None, contact_sensors: bool = False, single_contacts: bool = False
 ) -> Robot:
-    """Compile a robot on the paper's field, by default the shipped one, and read its numbers.
+    """Compile a robot on the paper's field, by default the shipped robot, and read its numbers.
 
-    With `contact_sensors`, every pad has a sensor, for `sim.run_recorder` to read and runs to record; with
-    `single_contacts`, a pad touches the ground at one point instead of two, and there are more.
+    With `contact_sensors`, every pad has a sensor, which `sim.run_recorder` reads and runs record; with
+    `single_contacts`, a pad touches the ground at one point instead of two, and there are more pads.
     """
     parameters = parameters or RobotParameters()
     spec = shaped_robot(parameters)
@@ -217,7 +217,7 @@ def load_robot(
 
 @lru_cache(maxsize=16)
 def compiled(parameters: RobotParameters) -> Robot:
-    """The robot of the paper's field with these parameters, compiled once."""
+    """The robot on the paper's field with these parameters, compiled once."""
     return load_robot(parameters)
 
 
@@ -236,7 +236,7 @@ def _add_contact_sensors(spec: Any, points: int) -> None:
 
 
 def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> tuple[float, Array, Array]:
-    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies where they are, in the world's axes."""
+    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies as they are posed, in world axes."""
     own = np.asarray(bodies, int)
     mass = model.body_mass[own]
     centre = mass @ data.xipos[own] / mass.sum()
@@ -247,10 +247,10 @@ def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> 
 
 
 def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
-    """Give a RobotWarning for an inertia whose radius of gyration is beyond all of the body's shapes.
+    """Issue a RobotWarning for an inertia whose radius of gyration exceeds the reach of all the body's shapes.
 
-    Links of the body `robot` that are fixed to each other are one body; bodies without shapes are measured by the whole
-    robot's. The model comes from the file `path`.
+    Links under the body `robot` that are fixed to each other count as one body; a body without shapes is compared with
+    the whole robot's shapes. The model comes from the file `path`.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

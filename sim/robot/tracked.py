@@ -17,8 +17,8 @@ from trackslip.errors import Checked, checked, require, require_non_negative, re
 
 Wheels = tuple[tuple[float, float, float], ...]
 
-_LEVEL = -0.9998  # upwards component of the normals of runs that stand on level ground: 1.1 degrees off [-]
-_SAME_HEIGHT = 0.005  # of the wheels that stand on level ground, at most apart [m]
+_LEVEL = -0.9998  # largest upward component of the normal of a run that stands on level ground: 1.1 degrees off [-]
+_SAME_HEIGHT = 0.005  # largest height difference between wheels that stand on level ground [m]
 
 
 def _width(width: float, lines: int) -> float:
@@ -38,7 +38,7 @@ class Flipper(Checked):
     hull: Wheels
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     y: float = 0.0
-    """Lateral place of the track in the body's frame [m]."""
+    """Lateral position of the track in the body's frame [m]."""
     width: float = checked(0.05, require_positive)
     """Width of the belt [m]."""
     stiffness: float = checked(250.0, require_positive)
@@ -46,7 +46,7 @@ class Flipper(Checked):
     damping: float = checked(15.0, require_non_negative)
     """Damping of that motor [N m s/rad]."""
     torque: float = checked(90.0, require_positive)
-    """Largest torque of that motor, unless the model limits the hinge's [N m]."""
+    """Largest torque of that motor, unless the model limits the hinge's torque [N m]."""
     lines: int = 1
     """Lines of contact across the belt's width, 1 or 3; with one, the width is only drawn."""
 
@@ -57,44 +57,44 @@ class Flipper(Checked):
         super().__post_init__()
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
-        """Its track."""
+        """The flipper's track."""
         name, width = f"{self.body}_track", _width(self.width, self.lines)
         return Track(self.y, self.hull, preset, friction, name, side="left", width=width)
 
 
 @dataclass(frozen=True)
 class TrackedRobot:
-    """A model and its tracks or wheels; a robot file has these fields, and a table `flippers` for each of them."""
+    """A model and its tracks or wheels; a robot file has these fields, and one table `flippers` per flipper."""
 
     model: Path
     """MJCF or URDF file; in a robot file relative to that file."""
     half_gauge: float
     """Half the distance between the chassis' tracks [m]."""
     hull: Wheels
-    """Wheels (x, z, radius) of a side of the chassis in its frame [m]; the belt is their convex hull."""
+    """Wheels (x, z, radius) on one side of the chassis, in its frame [m]; the belt is their convex hull."""
     body: str = ""
-    """Name of the chassis; by default the model's only body that lies in the world itself."""
+    """Name of the chassis; by default the only body directly in the model's world."""
     contact: str = TRACKS
-    """What touches the ground: "tracks", or "wheels", those of a side turning at one speed."""
+    """What touches the ground: "tracks", or "wheels" that turn at one speed per side."""
     patch_length: float = PATCH_LENGTH
     """Length of a wheel's contact with level ground [m]."""
     width: float = 0.08
     """Width of the chassis' belts or tyres [m]."""
     lines: int = 1
-    """Lines of contact across that width, 1 or 3; with one, it is only drawn, three resist tipping over its edges."""
+    """Lines of contact across that width: 1, if the width is only drawn, or 3, which resist tipping over its edges."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
     wheels: tuple[str, ...] = ()
     """Links that tracks replace: they no longer collide, and their joints are locked, unless they are flippers. In a
-    robot file also "replace": all links that turn endlessly about y and are round, and flippers. Wheels give
-    `half_gauge` and `hull` unless these are given."""
+    robot file, "replace" stands for all round links that turn endlessly about y, and flippers. Unless given,
+    `half_gauge` and `hull` are read from the wheels."""
     packages: tuple[Path, ...] = ()
-    """Folders of the packages in package://NAME/FILE, or folders that these lie in, besides those above the model; in
-    a robot file relative to that file."""
+    """Folders of the packages in package://NAME/FILE, or their parent folders, in addition to the folders above the
+    model; in a robot file relative to that file."""
     key: str = field(default="", metadata={"stored_unless": ""})
-    """Keyframe of an MJCF in which runs begin, as far as it concerns joints and motors; by default they begin at 0."""
+    """MJCF keyframe from which joints and motors start; by default they start at 0."""
     name: str = "robot"
-    """Name of the robot: its robot file's without .toml."""
+    """Name of the robot; by default its robot file's name without .toml."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
 
@@ -112,7 +112,7 @@ class TrackedRobot:
 
     @property
     def flipper_bodies(self) -> tuple[str, ...]:
-        """Names of the flippers' bodies, whose hinges stay."""
+        """Names of the flippers' bodies, whose hinges aren't locked."""
         return tuple(flipper.body for flipper in self.flippers)
 
     @property
@@ -137,13 +137,13 @@ class TrackedRobot:
 
     @property
     def _level(self) -> Wheels:
-        """`hull` with its lowest wheels at one height, as tyres and springs make them."""
+        """`hull` with its lowest wheels at the same height, as tyres and springs would have them."""
         highest = self.lowest + _SAME_HEIGHT
         return tuple((x, self.lowest + r if z - r < highest else z, r) for x, z, r in self.hull)
 
     @property
     def sprocket_radius(self) -> float:
-        """Radius of the largest wheel, which is taken for the sprocket [m]."""
+        """Radius of the largest wheel, which is assumed to be the sprocket [m]."""
         return max(radius for _, _, radius in self.hull)
 
     @property

@@ -20,13 +20,13 @@ from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
-_PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground without terrain
-_CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
-_ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
+_PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground, in place of terrain
+_CLEAR = 1e-3  # least height of everything else on the chassis above the tracks' lowest point [m]
+_ACROSS = 0.99  # least cosine between the chassis' y and a flipper's y, or its hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _Bit = mujoco.mjtDisableBit
 _NEEDED = _Bit.mjDSBL_GRAVITY | _Bit.mjDSBL_CONTACT | _Bit.mjDSBL_CONSTRAINT
-_STEPS = 61  # from the lowest angle of a flipper to the highest
+_STEPS = 61  # number of flipper angles tried
 
 
 class Terrain(Protocol):
@@ -46,7 +46,7 @@ class FlipperGeometry:
 
     hinge: Array  # (F, 3) in the chassis' frame [m]
     length: Array  # (F,) from the hinge to the wheel at the tip [m]
-    radius: Array  # (F,) of a flipper's wheels, mean [m]
+    radius: Array  # (F,) mean radius of a flipper's wheels [m]
     front: NDArray[np.bool_]  # (F,) whether the flipper points forwards
     rest: Array  # (F,) lift of the tip above the chassis' plane at angle 0 [rad]
 
@@ -59,11 +59,11 @@ class TrackedModel:
     robot: TrackedRobot
     belts: Belts  # the chassis' pair, then one per flipper
     body: int  # the chassis
-    free: tuple[int, int]  # first numbers of the chassis' pose in qpos, and of its velocity in qvel
-    track_side: NDArray[np.int_]  # (T,) 0 left, 1 right: whose command a belt runs with
-    flipper_qpos: NDArray[np.int_]  # (F,) of the hinges, in qpos
-    flipper_motor: NDArray[np.int_]  # (F,) of their motors, in ctrl
-    flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, else -1
+    free: tuple[int, int]  # where the chassis' pose begins in qpos, and its velocity in qvel
+    track_side: NDArray[np.int_]  # (T,) 0 left, 1 right: the side whose command a belt follows
+    flipper_qpos: NDArray[np.int_]  # (F,) indices of the hinges in qpos
+    flipper_motor: NDArray[np.int_]  # (F,) indices of their motors in ctrl
+    flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, otherwise -1
     flipper_range: Array  # (F, 2) lowest and highest angle, positive is up [rad]
     flippers: FlipperGeometry
 
@@ -87,9 +87,9 @@ def build_tracked(
 ) -> TrackedModel:
     """Compile a robot on its terrain, or on a plane, with tracks of a contact preset.
 
-    Friction along and across the tracks is by default the terrain's, or a plane's 0.7. `looks` keeps geoms that are
-    only looked at, which slow the physics down. `refuse` takes lines on parts that are missing or wrong; by default
-    they are raised. Raises TrackslipError for a model that can't be compiled or lacks a part that the robot names.
+    Friction along and across the tracks is by default the terrain's, or a plane's 0.7. `looks` keeps purely visual
+    geoms, which slow the physics down. `refuse` gets a line on each part that is missing or wrong, and by default
+    raises it. Raises TrackslipError for a model that can't be compiled or has no part that the robot names.
     """
     with engine_errors(robot.model):
         spec = load_spec(robot, looks, refuse)
@@ -111,7 +111,7 @@ def build_tracked(
     if (held := float(model.body_mass @ model.body_gravcomp)) > 0:
         what = f"{robot.model}: its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
         warnings.warn(what, RobotWarning, stacklevel=2)
-    if looks:  # with all shapes that tell how far the body reaches
+    if looks:  # then all shapes that show the body's reach are there
         warn_of_inertia(model, model.body(name).id, robot.model)
     elif model.nu == len(robot.flippers):
         _warn_of_loose_joints(model, robot)
@@ -119,9 +119,9 @@ def build_tracked(
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
-    """Load the robot's model without its scene and all keyframes but the robot's.
+    """Load the robot's model without its scene, and of its keyframes only the robot's.
 
-    Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
+    Its mesh files are located and its own wheels switched off; purely visual geoms remain only with `looks`.
     """
     spec = robot.spec()
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
@@ -130,7 +130,7 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
             thing.name = thing.name or f"unnamed_{kind}{k}"
     for k, joint in enumerate(spec.joints):
         joint.name = joint.name or f"{joint.parent.name}_joint{k}"
-    new = spec.default.geom  # of geoms that are added
+    new = spec.default.geom  # default of geoms that are added
     new.pos, new.quat, new.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
     forget_geoms(spec, spec.worldbody.geoms)
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights):
@@ -142,7 +142,7 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
     find_meshes(spec, robot.model, robot.packages, refuse)
     choose_start(spec, robot)
     if spec.keys:
-        spec.compile()  # from here on they follow changes of the joints
+        spec.compile()  # from here on, keyframes follow changes of the joints
     lock(spec, robot)
     return spec
 
@@ -150,7 +150,7 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
 def _light(spec: Any) -> None:
     """Add light and sky, and allow larger pictures than MuJoCo's default."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    quality = spec.visual.quality  # what a processor can draw, too
+    quality = spec.visual.quality  # low enough to draw without a GPU
     quality.shadowsize, quality.offsamples, quality.numslices, quality.numstacks, quality.numquads = 2048, 4, 16, 8, 1
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
         colours = {"rgb1": [0.45, 0.63, 0.82], "rgb2": [0.86, 0.91, 0.95]}
@@ -163,7 +163,7 @@ def _light(spec: Any) -> None:
 
 
 def chassis_of(spec: Any, robot: TrackedRobot) -> Any:
-    """The chassis in the robot's spec; TrackslipError where there is none, or it has another joint than a free one."""
+    """The chassis in the robot's spec; raises TrackslipError if it isn't there or has a joint that isn't free."""
     roots = [body.name for body in spec.worldbody.bodies]
     if not robot.body and len(roots) != 1:
         raise TrackslipError(f"{robot.model}: {some(roots)} lie in the world; `body` must name the chassis")
@@ -178,7 +178,7 @@ def chassis_of(spec: Any, robot: TrackedRobot) -> Any:
 
 
 def _motor_of(spec: Any, robot: TrackedRobot, flipper: Flipper) -> tuple[str, str]:
-    """Names of the hinge and motor of a flipper; a motor is added to a hinge without one."""
+    """Names of a flipper's hinge and motor; a hinge without a motor gets one."""
     body = link_of(spec, robot, flipper.body, "flippers: body")
     if [joint.type for joint in body.joints] != [_HINGE]:
         raise TrackslipError(f"flippers: body = {flipper.body!r}: must have one joint, a hinge")
@@ -188,7 +188,7 @@ def _motor_of(spec: Any, robot: TrackedRobot, flipper: Flipper) -> tuple[str, st
         motor = spec.add_actuator(name=f"{flipper.body}_motor", target=hinge.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_position(kp=flipper.stiffness)
         damping = np.array(hinge.damping)
-        damping[0] += flipper.damping  # of the joint, which the engine integrates implicitly; a motor's may be unstable
+        damping[0] += flipper.damping  # the joint's is integrated implicitly; a motor's may be unstable
         hinge.damping = damping
         motor.forcerange, motor.forcelimited = [-flipper.torque, flipper.torque], True
         motors = [motor]
@@ -197,7 +197,7 @@ def _motor_of(spec: Any, robot: TrackedRobot, flipper: Flipper) -> tuple[str, st
 
 
 def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
-    """Give a RobotWarning for endless hinges of a model without motors, such as a URDF."""
+    """Issue a RobotWarning for hinges that turn endlessly in a model without motors, such as a URDF."""
     flippers = [model.body(name).id for name in robot.flipper_bodies]
     swings = endless(model) & (model.jnt_type == _HINGE) & ~np.isin(model.jnt_bodyid, flippers)
     if loose := [model.joint(k).name for k in np.flatnonzero(swings)]:
@@ -209,11 +209,11 @@ def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
 def _read(
     model: mujoco.MjModel, robot: TrackedRobot, chassis: str, hinges: Sequence[tuple[str, str]], refuse: Refuse
 ) -> TrackedModel:
-    """The numbers of a compiled robot, whose flippers have these `hinges` and motors."""
+    """Read the numbers of a compiled robot; `hinges` names each flipper's hinge and motor."""
     body = model.body(chassis).id
     free = model.body_jntadr[body]
     place = slice(model.jnt_qposadr[free], model.jnt_qposadr[free] + 7)
-    model.key_qpos[:, place], model.key_qvel[:] = model.qpos0[place], 0.0  # where a run begins, it is put at rest
+    model.key_qpos[:, place], model.key_qvel[:] = model.qpos0[place], 0.0  # runs place the chassis themselves, at rest
     joints = np.array([model.joint(hinge).id for hinge, _ in hinges], int)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[joints]] = 0.0
@@ -254,7 +254,7 @@ def _read(
 
 
 def _check_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
-    """Refuse flippers on a hinge that isn't across, whose y isn't to the left, or that lie on the other side."""
+    """Refuse flippers whose hinge isn't lateral, whose y doesn't point left, or that lie on the wrong side."""
     lateral = data.xmat[body].reshape(3, 3)[:, 1]
     for flipper in robot.flippers:
         name, own = flipper.body, data.body(flipper.body)
@@ -268,7 +268,7 @@ def _check_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobo
 
 
 def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
-    """Refuse what would touch level ground beside the tracks."""
+    """Refuse geoms of the chassis, other than tracks, that would touch level ground."""
     own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & colliding(model)
     for geom in np.flatnonzero(own).tolist():
         low = outline(model, data, data.body(body), geom)[:, 2].min()
@@ -281,7 +281,7 @@ def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot
 
 
 def _named(model: mujoco.MjModel, geom: int) -> str:
-    """A geom as its author knows it: its link, and its own name or its mesh's."""
+    """Describe a geom so that its author recognises it: by its link, and its own name or its mesh's."""
     link, name, mesh = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name, int(model.geom_dataid[geom])
     if not name and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return f"mesh {model.mesh(mesh).name} of link {link}"
@@ -289,13 +289,13 @@ def _named(model: mujoco.MjModel, geom: int) -> str:
 
 
 def clear_angles(tracked: TrackedModel) -> Array:
-    """Lowest flipper angles (F,) from 0 on that clear the lowest point of the chassis' tracks [rad].
+    """Lowest angles (F,) from 0 up at which flippers clear the lowest point of the chassis' tracks [rad].
 
-    Flippers that reach below it at every angle up to their highest stay at 0, or as near to it as they get.
+    Flippers that reach below this point at every angle up to their highest stay at 0, or as near to 0 as they get.
     """
     model, flippers = tracked.model, tracked.robot.flippers
     data, low, high = mujoco.MjData(model), *tracked.flipper_range.T
-    data.qpos[tracked.free[0] + 3 : tracked.free[0] + 7] = [1.0, 0.0, 0.0, 0.0]  # however its file turns it
+    data.qpos[tracked.free[0] + 3 : tracked.free[0] + 7] = [1.0, 0.0, 0.0, 0.0]  # level, however its file turns it
     tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F)
     clear = np.zeros(tried.shape, bool)
     for angles, above in zip(tried, clear, strict=True):
@@ -308,7 +308,7 @@ def clear_angles(tracked: TrackedModel) -> Array:
 
 
 def _wheels_of(data: mujoco.MjData, flipper: Flipper) -> tuple[Array, Array]:
-    """Places (W, 3) in the world and radii (W,) of a flipper's wheels [m]."""
+    """Positions (W, 3) in the world and radii (W,) of a flipper's wheels [m]."""
     x, z, radius = np.array(flipper.hull).T
     body, own = data.body(flipper.body), np.column_stack([x, np.full_like(x, flipper.y), z])
     return own @ body.xmat.reshape(3, 3).T + body.xpos, radius

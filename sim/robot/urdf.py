@@ -1,4 +1,4 @@
-"""Models as their authors publish them: URDFs in packages of ROS, and meshes that MuJoCo can't read."""
+"""Models as their authors publish them: URDFs in ROS packages, and meshes that MuJoCo can't read."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from trackslip.errors import RobotWarning, TrackslipError, counted
 
 _READABLE = (".stl", ".obj", ".msh")
 _COMPILER = '<compiler strippath="false" discardvisual="false" '
-_MAX_FACES = 200_000  # of MuJoCo's, in an .stl
-_SHOWN = 3  # names in a message
+_MAX_FACES = 200_000  # MuJoCo's limit for an .stl
+_SHOWN = 3  # most names in a message
 _POINTER = b"version https://git-lfs"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
 
 Refuse = Callable[[str], None]
-"""What is done with a line that says what is wrong with a robot, and what to do about it."""
+"""Handler of a line that says what is wrong with a robot, and what to do about it."""
 
 
 def refuse(line: str) -> None:
@@ -33,10 +33,10 @@ def refuse(line: str) -> None:
 
 
 def read_model(path: Path, locked: Collection[str] = ()) -> Any:
-    """An MJCF or URDF as a `mujoco.MjSpec`; meshes of a URDF keep their folders, and only links with <inertial> weigh.
+    """Read an MJCF or URDF as a `mujoco.MjSpec`; the meshes of a URDF keep their folders.
 
-    Others give a RobotWarning where they move, unless they will be `locked`. Raises TrackslipError if there is no such
-    file, for xacro, and for files of other kinds.
+    A URDF's links need <inertial> to have mass; moving links without it weigh as water does and give a RobotWarning,
+    unless they will be `locked`. Raises TrackslipError for a missing file, for xacro, and for files of other kinds.
     """
     if not os.path.isfile(path):  # Path.is_file fails for long names
         raise TrackslipError(f"{path}: no such file; `model` must name the robot's MJCF or URDF file")
@@ -59,9 +59,9 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
     for geom in list(spec.geoms):
         link = geom.parent
         if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE and not geom.size[0]:
-            spec.delete(geom)  # a point
+            spec.delete(geom)  # a mere point
         elif stated and not link.explicitinertial and (not link.joints or link.name in locked):
-            geom.mass = 0  # by the URDF standard; MuJoCo fills it with water
+            geom.mass = 0  # as in the URDF standard; MuJoCo would give it the density of water
         elif not link.explicitinertial and geom.contype:
             water.append(link.name)
     if water:
@@ -71,13 +71,13 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
 
 
 def _text(path: Path) -> str:
-    """The XML of a file, comments blanked out."""
+    """The XML of a file, with comments blanked out."""
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     return re.sub(r"<!--.*?(?:-->|\Z)", lambda comment: "\n" * comment[0].count("\n"), text, flags=re.DOTALL)
 
 
 def _unstripped(text: str) -> str:
-    """A URDF whose meshes keep their folders, with its visuals."""
+    """The URDF, changed so that MuJoCo keeps its visuals and the folders of its meshes."""
     text = re.sub(r"\b(?:strippath|discardvisual)\s*=\s*(?:\"[^\"]*\"|'[^']*')", "", text)
     text = re.sub(r"<mujoco\s*/>", "", text)
     for tag, place in (("<compiler", "<compiler"), ("</mujoco>", "<compiler/></mujoco>")):
@@ -94,9 +94,9 @@ def weightless(spec: Any, geom: Any) -> bool:
 
 
 def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse = refuse) -> None:
-    """Give meshes the paths of files that MuJoCo reads; leave out those that are only for looks and have none.
+    """Point meshes to files that MuJoCo reads; drop purely visual meshes that have no such file.
 
-    Refuses a mesh without a file that collides or has mass.
+    Refuses a mesh that has no such file, but collides or has mass.
     """
     folder = model.absolute().parent
     kinds = (("texture", spec.textures, spec.texturedir), ("height field", spec.hfields, spec.meshdir))
@@ -127,7 +127,7 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
 
 
 def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -> tuple[Path | None, str]:
-    """The file of a mesh that MuJoCo reads, or None and what is wrong; a .dae may have an .stl or .obj beside it."""
+    """A mesh file that MuJoCo reads, or None and what is wrong; a .dae may have an .stl or .obj beside it."""
     folder = model.absolute().parent
     scheme, _, rest = file.rpartition("://")
     if scheme in ("package", "model"):
@@ -160,7 +160,7 @@ def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -
 
 
 def _is_pointer(path: Path) -> bool:
-    """True for what Git LFS leaves in the place of a file that it hasn't fetched."""
+    """True for a pointer, which Git LFS leaves in place of a file that it hasn't fetched."""
     if not os.path.isfile(path):
         return False
     with path.open("rb") as file:
@@ -176,7 +176,7 @@ def _unit(path: Path) -> str:
 
 
 def _is_readable(path: Path) -> bool:
-    """True for a file that MuJoCo reads; of .stl those that are binary, with 200,000 faces at most."""
+    """True for a file that MuJoCo reads; an .stl must be binary and have at most 200,000 faces."""
     if path.suffix.lower() != ".stl":
         return path.suffix.lower() in _READABLE and not _is_pointer(path)
     with path.open("rb") as file:
@@ -191,14 +191,14 @@ def _package_name(folder: Path) -> str:
 
 
 def some(names: Sequence[str]) -> str:
-    """The first of some names."""
+    """The first few names, and how many more there are."""
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN]) + more
 
 
 @contextmanager
 def engine_errors(path: Path) -> Iterator[None]:
-    """Turn MuJoCo's errors into TrackslipErrors, in one line that names the file."""
+    """Turn MuJoCo's errors into TrackslipErrors with one line that names the file."""
     try:
         yield
     except TrackslipError:

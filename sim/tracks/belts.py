@@ -13,7 +13,7 @@ from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
 from trackslip.errors import require
 
-_ONE = np.zeros(1, int)  # the only simulation of a model
+_ONE = np.zeros(1, int)  # index of a model's only simulation
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ class _Map:
         )
         before = np.cumsum(counts) - counts
         self.track = np.concatenate([tracks.track + k for tracks, k in zip(every, before, strict=True)])
-        first = np.searchsorted(self.track, np.arange(len(self.names)))  # a geom of each, from which its speed is read
+        first = np.searchsorted(self.track, np.arange(len(self.names)))  # one geom per track, to read its speed
         self.leader, leading = self.geoms[first], self.direction[first]
         self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks in every for _ in tracks.names]
@@ -44,7 +44,7 @@ class _Map:
         self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
 
     def motors(self, size: int, motor: NDArray[np.int_]) -> Motors:
-        """Motors in `size` simulations, by the number of that of each track (T,)."""
+        """Motors in `size` simulations; `motor` (T,) numbers the motor of each track."""
         radius = np.array([self.radius[motor == each].max() for each in range(motor.max() + 1)])
         return Motors(size, radius, self.weight, self.slope)
 
@@ -53,15 +53,15 @@ class _Map:
         return speeds[..., self.track, None] * self.direction
 
     def speeds(self, surface: Floats) -> Floats:
-        """Belt speeds (..., T) of surface velocities (..., ngeom, 6): the inverse."""
+        """Belt speeds (..., T) from surface velocities (..., ngeom, 6), the inverse of `surface`."""
         speeds: Floats = (surface[..., self.leader, :] * self.lead).sum(axis=-1)
         return speeds
 
     def read(self, sensordata: Floats, xmat: Floats, speeds: Floats) -> Reading:
-        """Reading from sensor data (..., S), the matrices of all bodies (..., nbody, 9), and speeds (..., T)."""
+        """Reading from sensor data (..., S), all bodies' rotations (..., nbody, 9), and belt speeds (..., T)."""
         found = sensordata[..., self.first].astype(int)
         reported = np.minimum(found, self.slots)  # the first slots are filled first
-        owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) the tracks of the contacts
+        owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) track of each contact
         slot = np.arange(len(owner)) - np.repeat(np.cumsum(reported) - reported.ravel(), reported.ravel())
         state, track = np.divmod(owner, len(self.names))
         start = state * sensordata.shape[-1] + self.first[track] + slot * SENSED_WIDTH
@@ -76,9 +76,9 @@ class Belts:
     """Name of each track (T,)."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Find the tracks of a model, in the order in which they were added.
+        """Find the model's tracks, in the order in which they were added.
 
-        This sets the parameters of their contacts, which depend on the robot's complete mass.
+        This sets their contact parameters, which depend on the robot's total mass.
 
         Raises InvalidValueError for a model without tracks, and for contacts that can't follow their recipe.
         """
@@ -94,22 +94,22 @@ class Belts:
     def set(self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0) -> None:
         """Set the belts' speeds (T,) [m/s]; positive drives the robot forwards.
 
-        With a torque limit they are set points, and `step` finds the speeds.
+        With a torque limit these are set points, and `step` finds the actual speeds.
 
         Args:
-            speeds: of the belts [m/s].
-            torque_limit: largest torque of each belt's motor at its sprocket, the hull's largest wheel, one for all or
-                (T,) [N m]; by default the belts have the speeds at once.
-            inertia: moment of inertia of motor, gear and belt there, likewise [kg m^2].
+            speeds: belt speeds (T,) [m/s].
+            torque_limit: largest torque of each belt's motor at its sprocket (the hull's largest wheel), one for all or
+                (T,) [N m]; by default the belts reach their speeds at once.
+            inertia: moment of inertia of motor, gear and belt at the sprocket, one for all or (T,) [kg m^2].
 
         Raises:
-            InvalidValueError: for speeds that aren't finite, negative limits or inertias, and other shapes.
+            InvalidValueError: for speeds that aren't finite, negative limits or inertias, and wrong shapes.
         """
         self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia)
         self._put(self._motors.speed[0])
 
     def step(self, data: mujoco.MjData) -> None:
-        """Advance by one physics step, instead of `mujoco.mj_step`, with the motors that are set.
+        """Advance by one physics step with the motors chosen by `set`; call it instead of `mujoco.mj_step`.
 
         The step is repeated, from the same state, until the belts' speeds agree with their motors and the ground.
         """
@@ -133,7 +133,7 @@ class Belts:
         self._model.geom_surfacevel[self._map.geoms] = self._map.surface(speeds)
 
     def speeds(self) -> Floats:
-        """Speeds (T,) of the belts [m/s]."""
+        """Belt speeds (T,) [m/s]."""
         return self._map.speeds(self._model.geom_surfacevel)
 
     def read(self, data: mujoco.MjData) -> Reading:
@@ -141,10 +141,10 @@ class Belts:
         return self._map.read(data.sensordata, data.xmat, self.speeds()).complete(self.names)
 
     def bind_batch(self, batch: Any, motor: ArrayLike | None = None) -> BatchBelts:
-        """Return the belts of a `mujoco.batch.Batch` of the model.
+        """Return the belts in a `mujoco.batch.Batch` of the model.
 
-        `motor` numbers the motor of each belt (T,), from 0; by default each has its own. Belts of one motor, as those
-        of a robot's side with flippers, have one speed, and share its torque.
+        `motor` numbers the motor of each belt (T,), from 0; by default each has its own. Belts of one motor, such as
+        those on one side of a robot with flippers, share speed and torque.
         """
         return BatchBelts(self._map, batch, np.arange(len(self.names)) if motor is None else np.asarray(motor, int))
 
@@ -170,29 +170,29 @@ class BatchBelts:
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
     ) -> None:
-        """Set the speeds (R, M) [m/s] of the belts of M motors; motors, (M,) or (R, M), as in `Belts.set`."""
+        """Set the belt speeds (R, M) [m/s] of M motors; limits and inertias, (M,) or (R, M), are as in `Belts.set`."""
         where = np.arange(len(self._surface))[rows]
         self._motors.set(where, _speeds(speeds, self._motors.speed.shape[1]), torque_limit, inertia)
         self._put(where, self._motors.speed[where])
 
     def get_state(self) -> tuple[Floats, Floats]:
-        """A copy of the state of all motors; the belts' speeds are in the batch."""
+        """Return a copy of the state of all motors; the belt speeds are in the batch."""
         return self._motors.get_state()
 
     def set_state(self, state: tuple[Floats, Floats]) -> None:
-        """Return to a state of these motors, or of those of a batch that was made alike."""
+        """Restore a state of these motors, or of the motors in a batch that was made in the same way."""
         self._motors.set_state(state)
 
     def begin(self, rows: Any = slice(None)) -> None:
-        """Put the belts of the simulations `rows` to rest, without motors, for a new run."""
+        """Stop the belts in the simulations `rows` and remove their motors' limits, for a new run."""
         where = np.arange(len(self._surface))[rows]
         self._motors.begin(where)
         self._put(where, self._motors.speed[where])
 
     def step(self, rows: Any = slice(None)) -> Reading:
-        """Advance the simulations `rows` (R,) by one physics step with the motors that are set; see `Belts.step`.
+        """Advance the simulations `rows` (R,) by one physics step with the motors chosen by `set`; see `Belts.step`.
 
-        Returns forces and motion (R, T), which may lack contacts: see `Reading.complete`.
+        Returns forces and motion (R, T), from which contacts may be missing: see `Reading.complete`.
         """
         where = np.arange(len(self._surface))[rows]
         state, readings = self._batch.state.copy(), []
@@ -206,7 +206,7 @@ class BatchBelts:
             return self._by_motor(reading.traction)
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
-        (_, last), *again = readings  # the first attempt is that of all
+        (_, last), *again = readings  # the first attempt covers all simulations
         for tried, reading in again:
             last.put(np.searchsorted(where, tried), reading)
         return last
@@ -216,15 +216,15 @@ class BatchBelts:
         return self._motors.read()
 
     def _put(self, rows: NDArray[np.int_], speeds: Floats) -> None:
-        """Give simulations (R,) the speeds (R, M)."""
+        """Set the belt speeds (R, M) in simulations (R,)."""
         self._surface[rows[:, None], self._map.geoms] = self._map.surface(speeds[:, self._motor])
 
     def _by_motor(self, traction: Floats) -> Floats:
-        """Sums (..., M) of the belts' tractions (..., T)."""
+        """Sums (..., M) of the tractions (..., T) of each motor's belts."""
         return np.stack([traction[..., self._motor == each].sum(axis=-1) for each in range(self._motor.max() + 1)], -1)
 
     def speeds(self) -> Floats:
-        """Speeds (N, T) of the belts [m/s]."""
+        """Belt speeds (N, T) [m/s]."""
         return self._map.speeds(self._surface)
 
     def read(self) -> Reading:
@@ -232,10 +232,10 @@ class BatchBelts:
         return self._read(slice(None)).complete(self.names)
 
     def run(self, steps: int, rows: Any = slice(None)) -> Reading:
-        """Advance the simulations `rows` by physics steps with the speeds or motors that are set.
+        """Advance the simulations `rows` by several physics steps with the speeds or motors chosen by `set`.
 
-        Returns forces and motion (R, steps, T) in each step, which may lack contacts: see `Reading.complete`. A
-        simulation that diverges stops; its last step repeats.
+        Returns forces and motion (R, steps, T) in each step, from which contacts may be missing: see
+        `Reading.complete`. A simulation that diverges stops, and its last step is repeated.
         """
         where = np.arange(len(self._surface))[rows]
         before, goal = self._batch.state[where], self._motors.goal(where)

@@ -1,6 +1,6 @@
 """Tracks bolted to a body of a MuJoCo spec, and their contact pairs with terrain.
 
-Once compiled, `sim.tracks.description` sets the parameters of the contacts.
+`sim.tracks.description` sets the contact parameters once the model is compiled.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from trackslip.errors import InvalidValueError, require
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
-_FINER = 10.0  # impratio over the preset's, for the slower sliding next to the pivot of a wide robot [-]
-_MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
-_MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
-_MOST = mujoco.mjMAXCONPAIR  # contacts of two geoms that the engine keeps
-_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: for each cell of its length, and more
-_TWICE = 4  # contacts that a sensor reports for each that a belt has on a solid: on two of them, and with cores
-_MARGIN = 1.5  # the same for a height field, all of which a belt rarely touches [-]
+_FINER = 10.0  # factor on the preset's impratio, for the slower sliding near the pivot of a wide robot [-]
+_MAX_FORCE = 2  # a contact sensor's reduction mode: the largest forces first
+_MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else in a robot's step
+_MOST = mujoco.mjMAXCONPAIR  # most contacts between two geoms that the engine keeps
+_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell of its length, plus a constant
+_TWICE = 4  # room in a sensor per contact of a belt with a solid: it may touch two solids, with cores as well
+_MARGIN = 1.5  # room in a sensor per contact with a height field, all of which a belt rarely touches [-]
 _CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
 
 
 def add_tracks(
     spec: mujoco.MjSpec, body: str | mujoco.MjsBody, track: Track, terrain: Iterable[object] | None = None
 ) -> tuple[str, ...]:
-    """Add a track, or a pair of tracks, to a body of a MuJoCo spec, and give their names.
+    """Add a track, or a pair of tracks, to a body of a MuJoCo spec, and return their names.
 
     Args:
-        spec: a model that is not compiled yet.
-        body: name of the body that carries the tracks, or the body; x forwards, y left, z up.
-        track: what to add.
-        terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `connect`.
+        spec: the model, not yet compiled.
+        body: the body that carries the tracks, or its name; its x axis points forwards, y left, z up.
+        track: the track or the pair to add.
+        terrain: geoms, or their names, with which the tracks are connected at once; if omitted, call `connect`.
 
     Raises:
         InvalidValueError: for a body that is not in the spec, a name that is taken, terrain that can't be connected, or
@@ -94,10 +94,10 @@ def add_tracks(
 
 
 def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
-    """Add contacts between all tracks of a spec and terrain, as far as they don't have them.
+    """Add the contacts that are missing between the tracks in a spec and terrain.
 
-    This makes the spec's cone elliptic and its impratio 10,000 at least, and turns a time step that is MuJoCo's default
-    into the preset's.
+    This makes the spec's cone elliptic and its impratio at least 10,000, and replaces MuJoCo's default time step with
+    the preset's.
 
     Args:
         spec: a spec with tracks, attached robots included.
@@ -106,7 +106,7 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
 
     Raises:
         InvalidValueError: for a geom that is not in the spec, a spec without tracks, and friction that differs along
-            and across on anything but a plane.
+            and across the tracks on anything but a plane.
     """
     tracks = descriptions(spec)
     require(tracks, "spec", spec.modelname, "one with tracks: add_tracks adds them")
@@ -115,7 +115,7 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
 
 
 def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, grounds: Sequence[mujoco.MjsGeom]) -> None:
-    """The same for the tracks of this name and these geoms."""
+    """Connect the tracks of this name with these geoms; see `connect`."""
     cored = sum(depth > 0 for depth in description.cores)
     pairs = (len(description.geoms) + cored) * len(grounds)
     allowed = f"at most {_MAX_PAIRS:,}, each of which takes time in every step: name what is in reach, or fewer geoms"
@@ -130,7 +130,7 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
             continue
         for geom, depth in zip(description.geoms, description.cores, strict=True):
             friction = list(description.friction)
-            if geom.rpartition("_track_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # across
+            if geom.rpartition("_track_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # lies across
                 friction.reverse()
             for suffix, margin in (("", 0.0), ("_core", -depth))[: 1 + (depth > 0)]:
                 pair = {"geomname1": ground.name, "geomname2": geom, "condim": 3, "friction": [*friction, 0, 0, 0]}
@@ -140,7 +140,7 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
 
 
 def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> None:
-    """Let the tracks' sensors report the contacts with height fields of cells from this size on, inf for none [m].
+    """Make room in the tracks' sensors for contacts with height fields; `cell` is their smallest, inf for none [m].
 
     Raises InvalidValueError for capsules so long that they may have more contacts than the engine keeps.
     """
@@ -162,7 +162,7 @@ def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> No
 
 
 def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[float]:
-    """Smaller side of each height field's cells, inf for other geoms [m]."""
+    """Smaller side of the cells of each height field, and inf for other geoms [m]."""
     fields = [geom for geom in grounds if geom.type == _HFIELD]
     model = spec.copy().compile() if any(not spec.hfield(geom.hfieldname).nrow for geom in fields) else None
     for geom in grounds:
@@ -179,7 +179,7 @@ def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[f
 def find_grounds(
     spec: mujoco.MjSpec, terrain: Iterable[object] | None, friction: tuple[float, float]
 ) -> list[mujoco.MjsGeom]:
-    """The geoms of terrain; see `connect`."""
+    """The terrain's geoms; see `connect`."""
     if terrain is None:
         grounds = [geom for geom in _static_geoms(spec.worldbody) if geom.contype or geom.conaffinity]
     else:

@@ -1,6 +1,6 @@
-"""What a model says of its tracks: a `<tuple>` of their geoms and a `<numeric>` of their recipe, both NAME_tracks.
+"""How a model describes its tracks: in a `<tuple>` of geoms and a `<numeric>` with the recipe, both NAME_tracks.
 
-They stay with the model when it is saved, read and attached to another one with a prefix.
+Both stay with the model when it is saved, loaded, or attached to another one with a prefix.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from trackslip.errors import require
 
 Array = NDArray[np.float64]
 _ENDING = "_tracks"
-_TRACK = "_track"  # of the names of bodies and contact sensors
-_PRESET = len(fields(Preset))  # numbers of a recipe
+_TRACK = "_track"  # suffix of the names of bodies and contact sensors
+_PRESET = len(fields(Preset))  # how many numbers a recipe has
 _HEAD = _PRESET + 5
 
 
@@ -31,15 +31,15 @@ class Description:
 
     preset: Preset  # the contact recipe
     friction: tuple[float, float]  # coefficients along and across [-]
-    load: float  # part of the robot's weight that they carry when it stands on them [-]
-    points: float  # number of points with which they stand on their longest run, by their stiffness
+    load: float  # share of the robot's weight that they carry when it stands on them [-]
+    points: float  # number of points on which they stand on their longest run, weighted by stiffness
     segment: float  # length of a capsule along that run [m]
     geoms: tuple[str, ...]  # names of the geoms of all tracks, one track after the other
-    weights: tuple[float, ...]  # their stiffness, relative to a capsule's end [-]
-    cores: tuple[float, ...]  # depths of their cores, 0 for none [m]
+    weights: tuple[float, ...]  # stiffness of the geoms, relative to a capsule's end [-]
+    cores: tuple[float, ...]  # depths of the geoms' cores, 0 for none [m]
 
     def write(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Write it into a spec."""
+        """Write the description into a spec."""
         head = (*astuple(self.preset), *self.friction, self.load, self.points, self.segment)
         spec.add_numeric(name=name + _ENDING, data=[*map(float, head), *self.cores])
         kinds = [mujoco.mjtObj.mjOBJ_GEOM] * len(self.geoms)
@@ -47,7 +47,7 @@ class Description:
 
 
 def descriptions(spec: mujoco.MjSpec) -> dict[str, Description]:
-    """All tracks of a spec by their names without the ending, in the order in which they were added."""
+    """All tracks in a spec by name, without the suffix, in the order in which they were added."""
     numbers = {numeric.name: list(numeric.data) for numeric in spec.numerics}
     return {
         each.name.removesuffix(_ENDING): Description(
@@ -67,7 +67,7 @@ class TracksInModel:
     """The tracks of one call of `add_tracks` in a compiled model."""
 
     def __init__(self, model: mujoco.MjModel, name: str) -> None:
-        """Read the tracks of this name, the ending included."""
+        """Read the tracks by their name, suffix included."""
         described, numbers = model.tuple(name), model.numeric(name).data.tolist()
         self.preset, _, self.load, self.points, self.segment = _head(numbers)
         self.geoms: NDArray[np.int_] = described.objid.copy()  # (G,)
@@ -75,7 +75,7 @@ class TracksInModel:
         owner = model.geom_bodyid[self.geoms]
         self.bodies = owner[np.sort(np.unique(owner, return_index=True)[1])]  # (T,)
         self.names = tuple(model.body(body).name.removesuffix(_TRACK) for body in self.bodies)
-        self.track = (owner[:, None] == self.bodies).argmax(axis=1)  # (G,) which of them
+        self.track = (owner[:, None] == self.bodies).argmax(axis=1)  # (G,) index of each geom's track
         self.direction = _directions(model, self.geoms)
         """Surface velocities (G, 6) in the geoms' frames at a belt speed of 1 m/s."""
         round_ = self.direction[:, 3:].any(axis=1) & (owner == self.bodies[0])
@@ -86,18 +86,18 @@ class TracksInModel:
         beside = (place[:, [0, 2]] == place[0, [0, 2]]).all(axis=1)
         shares = self.weights[round_][beside]
         self.lines = np.column_stack([place[beside, 1], shares / shares.sum()])
-        """Lateral places (L, 2) of the lines of contact, from the belt's middle [m], and their shares of the load."""
+        """Lines of contact (L, 2): lateral position from the belt's middle [m], and share of the load [-]."""
 
 
 def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
-    """All tracks of a compiled model, in the order in which they were added."""
+    """All tracks in a compiled model, in the order in which they were added."""
     named = {model.numeric(k).name for k in range(model.nnumeric)}
     names = [model.tuple(k).name for k in range(model.ntuple)]
     return [TracksInModel(model, name) for name in names if name.endswith(_ENDING) and name in named]
 
 
 def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
-    """Surface velocities (G, 6): of spheres and capsules across, angular about y; of capsules along, their own z."""
+    """Surface velocities (G, 6): about y for spheres and capsules across, along their own z for other capsules."""
     direction, axes = np.zeros((len(geoms), 6)), np.zeros((len(geoms), 9))
     for geom, into in zip(geoms, axes, strict=True):
         mujoco.mju_quat2Mat(into, model.geom_quat[geom])
@@ -110,7 +110,7 @@ def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
 
 
 def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
-    """Set the parameters of all contact pairs of tracks, and the options that they need.
+    """Set the parameters of the tracks' contact pairs, and the engine's options that they need.
 
     Raises InvalidValueError for a time step at which the preset isn't stable, for a robot that can't move, and for so
     many contact points that the engine would stiffen them.
@@ -122,7 +122,7 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     require(model.body_weldid[body] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body]]) * tracks.load
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    rocks = max(mobility(model, tracks, mass), 1.0)  # a robot that is held, as on a test rig, has none
+    rocks = max(mobility(model, tracks, mass), 1.0)  # a robot held on a test rig, for example, has no mobility
     grip = preset.grip * preset.regularisation / preset.regularise(gravity, rocks, np.inf)
     place = {int(geom): k for k, geom in enumerate(tracks.geoms)}
     ends = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
@@ -133,7 +133,7 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     grounds = ends[pairs][~ours]
     softness = model.body_invweight0[body, 0] + model.body_invweight0[model.geom_bodyid[grounds], 0]
     share = mass * softness / tracks.points
-    field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # a point of it may touch any number of times
+    field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # which a geom may touch any number of times
     regularisation = preset.regularise(gravity, np.where(field, np.inf, rocks), share * tracks.weights.min())
     belts, core = preset.contact(gravity, share * weight, regularisation, grip), preset.core()
     hard = model.pair_margin[pairs, None] < 0
@@ -144,8 +144,8 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
 def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float:
     """Largest ratio [-] of a robot's squared natural frequencies on its tracks to its squared heave frequency.
 
-    Each run stands on springs that together carry the robot's `mass` [kg]. A box on two tracks has about 3 in roll; a
-    light flipper on its hinge has more.
+    Each run stands on springs that together carry the robot's `mass` [kg]. The ratio is about 3 for a box that rolls on
+    two tracks, and larger for a light flipper on its hinge.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

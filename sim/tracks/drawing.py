@@ -1,4 +1,4 @@
-"""Drawing of tracks: shoes and wheels move with the belt; none of them is simulated."""
+"""Drawing of tracks: their shoes and wheels move with the belt, but are not simulated."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ Array = NDArray[np.float64]
 BOX, CYLINDER = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 _TYRE, _SHOE, _MARK = (0.10, 0.10, 0.11, 1.0), (0.15, 0.15, 0.17, 1.0), (0.93, 0.66, 0.07, 1.0)
 _WHEEL, _BOLT = (0.22, 0.23, 0.26, 1.0), (0.80, 0.81, 0.83, 1.0)
-_THICKNESS = 0.2  # of a belt, over the smallest wheel's radius
-_PITCH = 0.034  # distance between shoes, about [m]
-_MARKED = 9  # one shoe in so many is painted, which shows the belt moving
+_THICKNESS = 0.2  # thickness of a belt, relative to the smallest wheel's radius
+_PITCH = 0.034  # approximate distance between shoes [m]
+_MARKED = 9  # every ninth shoe is painted, to show the belt's motion
 _BOLTS = 5
-_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # radius over the end wheels', distance over radius
+_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # road wheels: radius over the end wheels' radius, distance over their own
 _TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # a cylinder's axis, z, becomes -y
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """Boxes and cylinders across, P of them, in the frame of a body; each turned about the body's y axis only."""
+    """P boxes and lateral cylinders in a body's frame, each turned about the body's y axis only."""
 
     kind: NDArray[np.int64]  # (P,) BOX or CYLINDER
-    size: Array  # (P, 3) half sizes; of a cylinder radius, half width and 0 [m]
+    size: Array  # (P, 3) half sizes; for a cylinder its radius, half width and 0 [m]
     rgba: Array  # (P, 4)
     position: Array  # (..., P, 3) [m]
     angle: Array  # (..., P) about y, nose down is positive [rad]
 
     @property
     def rotation(self) -> Array:
-        """Rotation matrices (..., P, 3, 3) of geoms in the body's frame."""
+        """Rotation matrices (..., P, 3, 3) of the pieces' geoms in the body's frame."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         zero, one = np.zeros_like(c), np.ones_like(c)
         rows = [np.stack(row, axis=-1) for row in ((c, zero, s), (zero, one, zero), (-s, zero, c))]
@@ -51,7 +51,7 @@ class TrackLook:
     """The looks of one track: its hull, where it runs in the body's frame, and how wide it is drawn."""
 
     hull: Array  # (W, 3) x, z and radius of the wheels in the body's frame [m]
-    y: float  # lateral place of the track in the body's frame [m]
+    y: float  # lateral position of the track in the body's frame [m]
     width: float  # width of the belt, or of the tyres [m]
     belted: bool = True  # false for wheels that turn at one speed without a belt
 
@@ -67,11 +67,11 @@ class TrackLook:
         return _THICKNESS * float(np.min(np.asarray(self.hull)[:, 2]))
 
     def _inside(self, depth: float) -> Hull:
-        """The hull at a depth below the surface of the belt [m]."""
+        """The hull at a `depth` [m] below the belt's surface."""
         return Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist())
 
     def _wheels(self) -> Array:
-        """Wheels to draw (W', 3): the hull's, inside the belt, and road wheels along the lower run."""
+        """Wheels to draw (W', 3): the hull's wheels inside the belt, and road wheels along the lower run."""
         hull = self._inside(self._thickness)
         k = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])  # the run that goes straight backwards
         low, first, last = hull.runs[k], hull.wheels[k, 2], hull.wheels[(k + 1) % len(hull.wheels), 2]
@@ -113,7 +113,7 @@ def _joined(parts: Sequence[Pieces]) -> Pieces:
 
 
 def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Array) -> None:
-    """Append pieces of a body at `position` (3,) with `rotation` (3, 3) to a scene, while there is room."""
+    """Append the pieces of a body at `position` (3,) with `rotation` (3, 3) to a scene, as far as it has room."""
     where = position + pieces.position @ rotation.T
     turn = (rotation @ pieces.rotation).reshape(-1, 9)
     colour = pieces.rgba.astype(np.float32)
@@ -122,7 +122,7 @@ def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Arra
             return
         geom = scene.geoms[scene.ngeom]
         mujoco.mjv_initGeom(geom, int(kind), size, at, matrix, rgba)
-        geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # what is only decoration casts no shadow
+        geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
         scene.ngeom += 1
 
 
@@ -143,7 +143,7 @@ class DrawnTracks:
         self._travel, self._time = np.zeros(len(belts.names)), 0.0
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
-        """Append the tracks to a scene; the belts are taken to have run at their current speeds since the last call."""
+        """Append the tracks to a scene, assuming that the belts have kept their current speeds since the last call."""
         passed = data.time - self._time
         if passed < 0:  # the simulation was reset
             self._travel[:] = passed = 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackslip.errors import require
 
-_MAX_SIZE = 10.0  # of a hull's numbers [m]
+_MAX_SIZE = 10.0  # largest magnitude of a hull's numbers [m]
 _MIN_RADIUS = 1e-3  # [m]
 _MAX_WHEELS = 100
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ class BeltSpan:
     """A straight piece of belt between two wheels."""
 
     start: Array  # (2,) where the belt leaves one wheel [m]
-    end: Array  # (2,) where it meets the next [m]
+    end: Array  # (2,) where it meets the next wheel [m]
     radius: float  # radius of the smaller of its two wheels [m]
 
     @property
@@ -47,24 +47,24 @@ class BeltSpan:
 
 @dataclass(frozen=True)
 class Hull:
-    """Wheels that bend the belt, clockwise, and the runs between them: run i leaves wheel i."""
+    """Wheels that bend the belt, in clockwise order, and the runs between them: run i leaves wheel i."""
 
     wheels: Array  # (W, 3) x, z, radius [m]
     runs: tuple[BeltSpan, ...]
 
     @property
     def longest_below(self) -> float:
-        """Length of the longest run that faces the ground, or of the longest of all where none does [m]."""
+        """Length of the longest run that faces the ground, or of the longest of all runs if none does [m]."""
         return max((run.outwards[1] < 0, run.length) for run in self.runs)[1]
 
     @property
     def headings(self) -> Array:
-        """Directions (W,) of the belt on the runs, from x towards z [rad]."""
+        """Directions (W,) of the belt on the runs, measured from x towards z [rad]."""
         return np.array([np.arctan2(*run.along[::-1]) for run in self.runs])
 
     @property
     def ends(self) -> Array:
-        """Distances (2 W,) along the belt at which each run ends, and the arc on the wheel after it [m]."""
+        """Distances (2 W,) along the belt at the end of each run and of the arc on the wheel after it [m]."""
         bend = np.mod(self.headings - np.roll(self.headings, -1), 2 * np.pi)  # clockwise, on the next wheel
         arc = bend * np.roll(self.wheels[:, 2], -1)
         return np.cumsum(np.column_stack([[run.length for run in self.runs], arc]).ravel())
@@ -86,12 +86,12 @@ class Hull:
 
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
-        """Convex hull of wheels (x, z, radius) [m], in the order of the belt or any other.
+        """Convex hull of wheels (x, z, radius) [m], which may be in any order.
 
         Wheels around which the belt does not bend are omitted.
 
         Raises:
-            InvalidValueError: for fewer than two wheels, numbers out of range, and wheels inside one.
+            InvalidValueError: for fewer than two wheels, numbers out of range, and wheels all inside one.
         """
         chain = _numbers(wheels)
         allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
@@ -118,11 +118,11 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
 
 
 def _outermost(wheels: Array) -> Array:
-    """The wheels (W', 3) that a belt around all of them touches, clockwise from the first that is given.
+    """The wheels (W', 3) that a belt around all of them touches, clockwise from the one that comes first in `wheels`.
 
-    Those that bend it by less than 0.1° may lack.
+    Wheels that bend the belt by less than 0.1° may be missing.
     """
-    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # no tie of wheels in a row
+    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # offset, so that wheels in a row don't tie
     reach = np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
     touching = reach.argmax(axis=1)
     order = touching[touching != np.roll(touching, 1)]

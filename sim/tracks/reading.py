@@ -1,4 +1,4 @@
-"""What the contact sensors of tracks say: traction, load, slip and depth."""
+"""Readings from the tracks' contact sensors: traction, load, slip and depth."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from trackslip.errors import TrackslipError
 
 SENSED_WIDTH = 14
-"""Numbers that a contact sensor gives per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
-_STILL = 1e-9  # a belt slower than this stands [m/s]
-_CRAWLING = 1e-3  # mean speed of a belt below which the slip of a period is not defined [m/s]
-_COMPLETE = 0.005  # of the load, which contacts that a sensor left out may carry [-]
+"""Numbers that a contact sensor reports per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
+_STILL = 1e-9  # a belt slower than this stands still [m/s]
+_CRAWLING = 1e-3  # mean belt speed below which the slip over a period is undefined [m/s]
+_COMPLETE = 0.005  # largest share of the load that contacts left out by a sensor may carry [-]
 
 Floats = NDArray[np.float64]
 
@@ -25,39 +25,39 @@ class Reading:
     """Forces and motion of T tracks in the last physics step; a batch has a leading axis (N, T)."""
 
     traction: Floats
-    """Force of the ground along the belt, positive forwards (..., T) [N]. Times the belt's speed, it is its power."""
+    """Force of the ground along the belt, positive forwards (..., T) [N]; times belt speed, it is the belt's power."""
     load: Floats
     """Sum of the normal forces (..., T) [N]."""
     sliding: Floats
-    """Speed of the belt minus the track's over the ground, averaged over the load (..., T) [m/s]; NaN in the air."""
+    """Belt speed minus the track's speed over the ground, a mean weighted by load (..., T) [m/s]; NaN in the air."""
     belt: Floats
     """Speed of the belt (..., T) [m/s]."""
     slip: Floats
-    """1 - speed over ground / speed of the belt (..., T) [-]; NaN where nothing touches or the belt stands."""
+    """1 - speed over ground / speed of the belt (..., T) [-]; NaN where nothing touches or the belt stands still."""
     touching: NDArray[np.bool_]
     """Mask (..., T) of the tracks that touch anything."""
     depth: Floats
     """Largest penetration (..., T) [m]."""
     missing: Floats
-    """Largest share of the load (..., T) at contacts that the sensor had no room for [-]."""
+    """Largest possible share of the load (..., T) on contacts that the sensor had no room for [-]."""
 
     @classmethod
     def none(cls, *shape: int) -> Reading:
-        """The reading of tracks (...) in the air whose belts stand."""
+        """A reading (...) of tracks that are in the air with their belts at rest."""
         traction, load, sliding, belt, slip, depth, missing = np.zeros((7, *shape))
         sliding[:] = slip[:] = np.nan
         return cls(traction, load, sliding, belt, slip, load > 0, depth, missing)
 
     @classmethod
     def joined(cls, readings: Sequence[Reading]) -> Reading:
-        """Readings (N, steps, T) one after the other."""
+        """Join readings (N, steps, T), one after the other in time."""
         names = vars(readings[0])
         return cls(*(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names))
 
     def mean(self) -> Reading:
-        """Means (N, T) of a reading (N, steps, T), and the largest depths.
+        """Means (N, T) over the steps of a reading (N, steps, T), but the largest depth and missing share.
 
-        Slip is the distance that the belts slid over that which they ran while they touched; NaN where they hardly ran.
+        Slip is the distance that belts slid over the distance that they ran, both in contact; NaN if they hardly ran.
         """
         steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
         slid, driven = (np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt))
@@ -77,7 +77,7 @@ class Reading:
             getattr(self, name)[rows] = values
 
     def complete(self, names: Sequence[str]) -> Reading:
-        """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
+        """Return this reading of the tracks `names` (T,); raises TrackslipError if contacts that matter are missing."""
         if (self.missing > _COMPLETE).any():
             track = names[int(np.argmax(self.missing)) % len(names)]
             what = f"track {track} touches the terrain at more points than its sensor reports"
@@ -88,24 +88,24 @@ class Reading:
 def read_contacts(
     sensed: Floats, owner: NDArray[np.int_], lost: NDArray[np.int_], lateral: Floats, speeds: Floats
 ) -> Reading:
-    """Reading (..., T) of tracks from the contacts of all of them.
+    """Reading (..., T) of tracks from all their contacts.
 
     Args:
-        sensed: what contact sensors report (SENSED_WIDTH, C), the largest forces of a track first.
-        owner: the tracks of the contacts (C,), numbers in the flattened (..., T), in ascending order.
-        lost: number (..., T) of contacts of smaller forces that are not reported.
-        lateral: axes (..., T, 3) of the tracks to the left, in the world.
-        speeds: speeds of the belts (..., T) [m/s].
+        sensed: reports of the contact sensors (SENSED_WIDTH, C), with the largest forces of a track first.
+        owner: track of each contact (C,), as an index into the flattened (..., T), in ascending order.
+        lost: number (..., T) of contacts with smaller forces that are not reported.
+        lateral: the tracks' axes to the left (..., T, 3), in the world's frame.
+        speeds: belt speeds (..., T) [m/s].
     """
     force, distance = sensed[1:4], sensed[4]
     normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
 
     def total(values: Floats) -> Floats:
-        """Sums (..., T) over the contacts, one after another, so that other tracks don't change a bit."""
+        """Sums (..., T) over the contacts in order, so that a track's sum is bitwise independent of other tracks."""
         sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
         return sums.reshape(speeds.shape)
 
-    # over a contact the belt moves square to the normal and to the wheels' axes; its direction in the contact's frame:
+    # direction, in the contact's frame, in which the belt moves: perpendicular to the normal and the wheels' axes
     left = lateral.reshape(-1, 3)[owner].T
     first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)
@@ -118,7 +118,7 @@ def read_contacts(
     traction = total((first * force[1] + second * force[2]) / size)
     depth, smallest = np.zeros(speeds.size), np.zeros(speeds.size)
     np.maximum.at(depth, owner, -distance)
-    smallest[owner] = weight  # that of the last contact
+    smallest[owner] = weight  # the last contact has the smallest force
     left_out = lost * smallest.reshape(speeds.shape)
     missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
     slip = np.divide(sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL)

@@ -1,19 +1,19 @@
-"""The one recipe of contacts: springs that many points share on a plane; what is deeper is left to hard cores.
+"""The recipe for all contacts: soft springs that many points share on a plane, and hard cores for greater depths.
 
 A contact with impedance d between bodies of inverse weight A pushes with f = (d / (1 - d)) / A * (a* - a),
-a* = -K r - B v at depth r. N points with d / (1 - d) = e m A / N have a softness of 1 / (e m) together, e being the
-`regularisation` and m the robot's mass. Standing on them, the robot sinks in by g / (e K), and heave has the
+a* = -K r - B v at depth r. Together, N points with d / (1 - d) = e m A / N have a softness of 1 / (e m), where e is the
+`regularisation` and m the robot's mass. A robot that stands on them sinks in by g / (e K), and its heave has the
 squared frequency w^2 = e K / (1 + e) and the damping e B / (1 + e).
 
 Landing must not create energy. In a physics step h, a point moves by h v at most before it is pushed, so that damping
-and spring take (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the share of a* that the bodies follow, and
-l their mobility in the direction of the push, relative to heave. If that is more than 1 the robot leaves at once, and
-if it is more than 2 faster than it came. A light limb has a large l. With e K and e B given, and thus the depth at
-which the robot stands, a larger e bounds a: l / (1 + e l) is never more than 1 / e.
+and spring take the share (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the share of a* that the bodies
+follow, and l their mobility in the direction of the push, relative to heave. If more than 1 is taken, the robot leaves
+at once; if more than 2, faster than it came. A light limb has a large l. With e K and e B given, and thus the depth of
+a standing robot, a larger e bounds what is taken: l / (1 + e l) is never more than 1 / e.
 
 Sliding pushes up, too: in an elliptic cone with the friction mu, points that slide at v are pushed off the ground as if
-a* were mu * grip * v more, with mu * e * grip * v of a robot's mass together. The grip is divided by as much as e
-grows for light limbs, so that they don't hop when they slide.
+a* were mu * grip * v larger; the force on all of them is mu * e * grip * v times the robot's mass. Where e grows for
+light limbs, the grip is divided by the same factor, so that they don't hop when they slide.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from trackslip.errors import RobotWarning, require
 
 Array = NDArray[np.float64]
 WIDEST = 3.0
-"""Gauge over contact length up to which turns are verified to follow theory [-]."""
-_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
-_ENOUGH = 1.2  # gauge over contact length up to which a preset's own points will do [-]
+"""Largest gauge over contact length for which turns are verified to follow theory [-]."""
+_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge; their number grows with this power of the gauge
+_ENOUGH = 1.2  # largest gauge over contact length for which a preset's own points suffice [-]
 LEAST_ODDS = 1.001 * mujoco.mjMINIMP
-"""Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, and the contact then has other rates."""
-_MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one physics step [-]
+"""Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, which changes the contact's rates."""
+_MAX_TAKEN = 2.0  # largest share of a landing robot's speed that one physics step may take [-]
 _CORE_IMPEDANCE = 0.95  # [-]
 _CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
 _CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
-_EDGE = 2.4  # depth at which a belt edge's core touches, over that of a robot that stands, at most 2 at its ends [-]
-_TIMESTEP = 1  # in `spec.authored.option`, the bit of a timestep that the spec's file states
-_WIDTH = 0.001  # over which the engine would change the impedance, which is constant [m]
+_EDGE = 2.4  # depth of a belt edge's core, over the sinkage of a standing robot, which is at most 2 at its ends [-]
+_TIMESTEP = 1  # bit in `spec.authored.option` for a time step that the spec's file states
+_WIDTH = 0.001  # depth over which the engine would change the impedance, which is constant here [m]
 
 
 @dataclass(frozen=True)
@@ -50,30 +50,30 @@ class Preset:
     """A contact recipe."""
 
     timestep: float
-    """Longest physics step that it is made for [s]."""
+    """Longest physics step that the preset is made for [s]."""
     segments: int
-    """Capsules along the longest run of a track; even."""
+    """Number of capsules along a track's longest run; even."""
     sink: float
-    """Depth of a robot that stands on one run of each track [m]."""
+    """Sinkage of a robot that stands on one run of each track [m]."""
     damping_ratio: float
-    """Damping ratio of heave, times the root of 1 + regularisation [-]."""
+    """Damping ratio of heave, times the square root of 1 + regularisation [-]."""
     regularisation: float = 0.02
-    """Inverse softness of all points of the standing robot together, in robot masses [-]."""
+    """Inverse of the total softness of all points under a standing robot, in robot masses [-]."""
     grip: float = 100.0
-    """Rate at which sliding decays where the ground holds, at that softness [1/s]."""
+    """Rate at which sliding decays where the ground holds, for this regularisation [1/s]."""
     core_depth: float = 0.003
-    """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
+    """Depth at which the belt's hard core touches; more than a standing robot's sinkage [m]."""
     impratio: float = 1e4
     """Ratio of frictional to normal constraint impedance [-]. A robot parked on a slope creeps at g sin(slope) over
     regularisation * impratio * grip."""
 
     def softer(self, factor: float) -> Preset:
-        """The same with so many times softer points, which shift less load where they slide, and the same creep."""
+        """A preset with points softer by a factor, which shift less load where they slide, and with the same creep."""
         return replace(self, regularisation=self.regularisation / factor, impratio=self.impratio * factor)
 
     @property
     def edge_depth(self) -> float:
-        """The same at the edges of wide belts, whose few springs would let a robot lean far before it tips over [m]."""
+        """Core depth at the edges of wide belts, whose few springs would let a robot lean far before it tips [m]."""
         return _EDGE * self.sink
 
     def regularise(self, gravity: float, mobility: Array | float, least_share: Array | float) -> Array:
@@ -82,7 +82,7 @@ class Preset:
         Args:
             gravity: acceleration of gravity [m/s^2].
             mobility: l above, which may be infinite [-].
-            least_share: m A / N above, of the point that carries least [-].
+            least_share: m A / N above, for the point that carries least load [-].
         """
         stiffness, damping = self._rates(gravity)
         taken = self.timestep * damping + self.timestep**2 * stiffness
@@ -96,7 +96,7 @@ class Preset:
 
         Args:
             gravity: acceleration of gravity [m/s^2].
-            share: m A / N above, for the point's part of the load [-].
+            share: m A / N above, for the point's share of the load [-].
             regularisation: e above [-].
             grip: rate at which sliding decays where the ground holds [1/s].
         """
@@ -107,9 +107,9 @@ class Preset:
     def core(self) -> ContactParameters:
         """Parameters of the hard core below a belt's surface.
 
-        A robot that tips over an edge meets the next one with a wheel or two, and contacts that share a plane with many
-        points then yield by centimetres. The impedance of a core is near 1, so that a is, too: cores never take more
-        than they are asked for, whatever their number and the robot.
+        A robot that tips over an edge meets the next one with only a wheel or two, and contacts made for many points on
+        a plane then yield by centimetres. The impedance of a core is near 1, and so is a: cores never take more of the
+        speed than they are asked for, however many there are and on any robot.
         """
         d = np.asarray(_CORE_IMPEDANCE)
         push, brake = d * _CORE_PUSH / self.timestep**2, d * _CORE_BRAKE / self.timestep
@@ -130,7 +130,7 @@ class ContactParameters:
 
     @classmethod
     def of(cls, impedance: Array, stiffness: Array, damping: Array, grip: Array) -> ContactParameters:
-        """Fields for an impedance (...), whatever the depth, and rates (...), which the engine divides by it."""
+        """Fields for an impedance (...) at any depth, and rates (...), which the engine divides by the impedance."""
         solimp = [impedance, impedance, *(np.full_like(impedance, value) for value in (_WIDTH, 0.5, 1.0))]
         columns = ([-stiffness, -damping], solimp, [-np.ones_like(impedance), -grip])
         return cls(*(np.stack(column, axis=-1) for column in columns))
@@ -141,21 +141,21 @@ PRESETS = {
     "fast": Preset(0.004, 4, 0.00125, 0.35, core_depth=0.003),
 }
 """Presets by name."""
-_SOFT = 20 * 0.004 / 0.996  # of 20 points whose impedance is 0.004
+_SOFT = 20 * 0.004 / 0.996  # regularisation of 20 points with an impedance of 0.004
 LEVEL = Preset(0.005, 5, 0.002, 0.7 * math.sqrt(1 + _SOFT), _SOFT)
-"""Tracks that never leave a plane: no cores, and heave of a damping ratio of 0.7."""
+"""Preset for tracks that never leave a plane: no cores, and a damping ratio of 0.7 in heave."""
 LEVEL_WIDE = replace(LEVEL, regularisation=_SOFT / 2, grip=2 * LEVEL.grip)
-"""The same of a wide robot: near the middle of its short tracks, elements slide so little that grip must be quick."""
+"""`LEVEL` for a wide robot: near the middle of its short tracks, elements slide so little that grip must act fast."""
 LEVEL_WHEELS = LEVEL.softer(25)
-"""The same of wheels, whose robots are faster: they shift less load to points that slide."""
+"""`LEVEL` for wheels, whose robots are faster: it shifts less load to points that slide."""
 
 
 def track_points(half_gauge: float, contact_length: float, preset: Preset) -> int:
-    """Number of points at which each of two tracks touches the ground, 2 at either end of a segment [-].
+    """Number of points at which each of two tracks touches the ground, two per segment [-].
 
-    The ICRs of a short, wide robot are so close to its tracks that only the elements of track within a few
-    millimetres of its middle slide along themselves more than across: the wider the robot, the finer its points.
-    Beyond WIDEST there are no more, and a RobotWarning.
+    The ICRs of a short, wide robot are so close to its tracks that only elements within a few millimetres of a track's
+    middle slide more along the track than across it: the wider the robot, the finer its points. Beyond WIDEST their
+        number no longer grows, and there is a RobotWarning.
     """
     warn_if_unverified(half_gauge, contact_length)
     width = min(2 * half_gauge / contact_length, WIDEST)
@@ -163,14 +163,14 @@ def track_points(half_gauge: float, contact_length: float, preset: Preset) -> in
 
 
 def warn_if_unverified(half_gauge: float, contact_length: float) -> None:
-    """Give a RobotWarning for a robot so wide that its turns aren't verified to follow theory."""
+    """Issue a RobotWarning for a robot so wide that its turns aren't verified to follow theory."""
     if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
         allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
         warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=5)
 
 
 def load_preset(preset: str | Preset) -> Preset:
-    """Return the preset of that name, or the one given. Raises InvalidValueError for an unknown name."""
+    """Return the preset with this name, or the given preset. Raises InvalidValueError for an unknown name."""
     if isinstance(preset, Preset):
         return preset
     require(preset in PRESETS, "preset", preset, f"one of {', '.join(PRESETS)}")
@@ -178,19 +178,19 @@ def load_preset(preset: str | Preset) -> Preset:
 
 
 def set_timestep(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Set the preset's time step, unless the user has chosen one; InvalidValueError if that isn't stable."""
+    """Set the preset's time step, unless the user chose one; raises InvalidValueError if it isn't stable."""
     if spec.option.timestep == mujoco.MjSpec().option.timestep and not spec.authored.option & _TIMESTEP:
         spec.option.timestep = preset.timestep
     require_stable(spec.option.timestep, preset)
 
 
 def set_options(option: Any, preset: Preset) -> None:
-    """Set cone, impratio and solver of a spec or a model; InvalidValueError if it overrides contacts."""
+    """Set cone, impratio and solver of a spec or a model; raises InvalidValueError if it overrides contacts."""
     override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
     require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = max(option.impratio, preset.impratio)
-    if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
+    if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at this impratio
         option.solver = mujoco.mjtSolver.mjSOL_NEWTON
 
 

@@ -1,4 +1,4 @@
-"""What is bolted to a body: tracks, lines of capsules along the runs of the belt with spheres at its wheels."""
+"""Tracks bolted to a body: lines of capsules along the belt's runs, with spheres at its wheels."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from trackslip.errors import (
 )
 
 Lines = tuple[tuple[float, float], ...]
-"""Lateral place of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
+"""Lateral position of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
 WHEEL_WEIGHT = 0.5
-"""Load of a wheel on a plane, relative to a capsule's end [-]."""
+"""Load on a wheel that stands on a plane, relative to the load on a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
 TRACKS, WHEELS = "tracks", "wheels"
 """What touches the ground."""
@@ -40,16 +40,16 @@ _MAX_FRICTION = 10.0
 class Part:
     """A geom of a track."""
 
-    name: str  # its name, after the body's
+    name: str  # its name, which follows the body's
     shape: dict[str, Any]
-    """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
+    """Type, position and size in the track's frame; the z axis of a capsule along a run is the belt's direction."""
     weight: float  # stiffness relative to a capsule's end [-]
-    cored: bool  # true if it may land alone, so that it has a core; see `sim.tracks.connect`
-    edge: bool = False  # true on either edge of a belt with several lines of contact
+    cored: bool  # true if it has a core because it may land alone; see `sim.tracks.connect`
+    edge: bool = False  # true if it is on an edge of a belt with several lines of contact
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> tuple[Part, ...]:
-    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground in each line.
+    """Geoms of a track, in its frame: in each line, `segments` capsules along the longest run that faces the ground.
 
     Runs that face up, which only touch when the robot has overturned, are a single capsule each.
     """
@@ -64,16 +64,16 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> t
 
 
 def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool) -> tuple[Part, ...]:
-    """Geoms of wheels without a belt, two a wheel, which spread as an even pressure on a patch [m] does."""
+    """Geoms of wheels without a belt: two per wheel, spread like an even pressure over a patch [m]."""
     places = [(x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)]
     parts = [_wheel(i, x, z, radius, anisotropic) for i, (x, z, radius) in enumerate(places)]
     return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
 
 
 def lines_across(width: float) -> Lines:
-    """Lines of contact of a belt [m]: its middle, and, unless the width is 0, its edges.
+    """Lines of contact across a belt of this width [m]: its middle and, unless the width is 0, its edges.
 
-    They share the load so that its second moment is that of an even pressure, which is what turning feels of the width.
+    They share the load so that its second moment is that of an even pressure, which is how the width affects turning.
     """
     return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else ((0.0, 1.0),)
 
@@ -84,7 +84,7 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
     for i, run in enumerate(hull.runs):
         below = bool(run.outwards[1] < 0)
         count = max(1, round(segments * run.length / longest)) if below else 1
-        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # so that opposite runs have nothing in common
+        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # so that opposite runs don't overlap
         middle = (run.start + run.end) / 2 - radius * run.outwards
         turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
         for j, (start, end) in enumerate(_chain(run.length, count)):
@@ -102,12 +102,12 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
 
 
 def _chain(length: float, count: int) -> NDArray[np.float64]:
-    """Ends (count, 2) of the capsules along a run, from its middle.
+    """Ends (count, 2) of the capsules along a run, measured from its middle.
 
-    Together with wheels at the run's ends that carry half of a point each, the ends are spread like an even load: equal
-    steps between them, and a chain as much shorter as gives all of them the mean distance from the middle, length / 4.
-    Each capsule reaches beyond the beginning of the next, so that there is no gap for an edge. A single capsule is as
-    long as the run.
+    Together with the wheels at the run's ends, each of which carries half a point's load, the ends are spread like an
+    even load: at equal steps, on a chain so much shorter than the run that their mean distance from the middle is
+    length / 4. Each capsule reaches past the beginning of the next, which leaves no gap for an edge. A single capsule
+    is as long as the run.
     """
     if count == 1:
         return np.array([[-length / 2, length / 2]])
@@ -135,8 +135,8 @@ class Track(Checked):
     """A track, or a pair of them."""
 
     half_gauge: float
-    """Half of the distance between the middles of two tracks; of one, its distance to the left or right of the body's
-    frame, which may be 0 [m]."""
+    """Half the distance between the middles of two tracks; for a single track, its distance to the left or right of the
+    body's frame, which may be 0 [m]."""
     hull: Sequence[Sequence[float]]
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     preset: str | Preset = "accurate"
@@ -144,18 +144,18 @@ class Track(Checked):
     friction: tuple[float, float] = (0.7, 0.7)
     """Coefficients along and across the belt [-]. They may differ on planes only."""
     name: str = ""
-    """Name; two are called NAME_left and NAME_right. By default the body's."""
+    """Name, by default the body's; two tracks are called NAME_left and NAME_right."""
     side: str = "both"
     """"both", "left" or "right"."""
     load: float = checked(1.0, require_positive, 1.0)
-    """Part of the robot's weight that these tracks carry when the robot stands on them [-]."""
+    """Share of the robot's weight that these tracks carry when the robot stands on them [-]."""
     segments: int | None = None
-    """Capsules along the longest run below. By default as many as the preset has, more for a robot that is wide for its
-    length, which spread the load for turns to be exact; for a single track, such as a flipper's, two."""
+    """Number of capsules along the longest lower run. By default it is the preset's, or more for a robot that is wide
+    for its length, so that turns are exact; for a single track, such as a flipper's, two."""
     width: float = checked(0.0, require_non_negative)
-    """Width of the belts on the ground, which three lines share; 0 for a single line in the middle [m]."""
+    """Width of the belts on the ground, with three lines across it; 0 for a single line in the middle [m]."""
     contact: str = TRACKS
-    """"tracks", or "wheels": those of the hull, which turn at one speed a side and have no belt around them."""
+    """"tracks", or "wheels": the hull's wheels, which turn at one speed per side and have no belt around them."""
     patch_length: float = 0.1
     """Length of a wheel's contact with a plane [m]."""
 
@@ -182,12 +182,12 @@ class Track(Checked):
 
     @property
     def sides(self) -> tuple[tuple[str, float], ...]:
-        """End of the name, and 1 for left or -1 for right, of each track."""
+        """Name suffix of each track, and 1 for left or -1 for right."""
         return _SIDES[self.side]
 
     @property
     def segment_count(self) -> int:
-        """Capsules along the longest run below, an even number for pairs."""
+        """Number of capsules along the longest lower run, even for pairs."""
         if self.segments is not None:
             return self.segments
         if self.side != "both":
