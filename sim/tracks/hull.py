@@ -1,4 +1,4 @@
-"""The hull of a track, seen from its left side: wheels in a convex chain, and the belt around them.
+"""The hull of a track, seen from its right side: wheels in a convex chain, and the belt around them.
 
 Coordinates are (x, z), forwards and up. The belt of a robot that drives forwards circulates clockwise: backwards below,
 forwards above.

@@ -155,7 +155,7 @@ def track_points(half_gauge: float, contact_length: float, preset: Preset) -> in
 
     The ICRs of a short, wide robot are so close to its tracks that only elements within a few millimetres of a track's
     middle slide more along the track than across it: the wider the robot, the finer its points. Beyond WIDEST their
-        number no longer grows, and there is a RobotWarning.
+    number no longer grows, and there is a RobotWarning.
     """
     warn_if_unverified(half_gauge, contact_length)
     width = min(2 * half_gauge / contact_length, WIDEST)
