@@ -97,7 +97,7 @@ def student(blocks: Array, normal: Array) -> Array:
 
 
 REFERENCE = "icr_radius"
-"""The law from whose fit those of other laws start, and the best law where nothing can be compared."""
+"""The law that is fitted first, as the start for other laws, and the best law where nothing can be compared."""
 LEAST_ERROR = 1e-3
 """Mean prediction error, or difference of mean errors, too small to notice [m, rad, or relative]."""
 Fit = TypeVar("Fit", bound=FittedLaw)

@@ -66,7 +66,7 @@ def fit_drives(
 
     A `sensor` that is given isn't estimated; the motion's lag behind the belts is estimated only with `lag`.
     `reference`, a fit of REFERENCE to the same drives, saves fitting it again. That fit starts from the values by name
-    in `start`, by default gains and clock by regression. If they don't include radius_error, it is assumed to be small.
+    in `start`, by default gains and clock by regression. Without radius_error in `start`, that error is taken as small.
     """
     if reference is None:
         reference = _reference(Drives.of(drives), geometry, sensor, start, lag)

@@ -37,7 +37,7 @@ def refuse_cells(drive: PreparedDrive) -> None:
 def refuse_readings(
     drives: Sequence[PreparedDrive], window: Window, now: Array, geometry: RobotGeometry, clock: float
 ) -> None:
-    """Refuse columns of drives that match far better when read differently than as logged, which gives `now`."""
+    """Refuse columns that match far better when read differently than as logged; `now` has the matches as logged."""
     if len(now) and now.min() > _CLEARLY:
         return
     readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]

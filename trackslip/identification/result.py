@@ -74,7 +74,7 @@ class Identification:
         return []
 
     def _contradiction(self) -> list[Alarm]:
-        """An alarm if a law's intervals from steady stretches and from whole drives don't overlap and values differ."""
+        """An alarm if a law's values from steady stretches and whole drives differ and the intervals don't overlap."""
         both = [by.laws[REFERENCE] for by in (self.steady, self.drive) if by is not None and REFERENCE in by.laws]
         if len(both) < 2:
             return []

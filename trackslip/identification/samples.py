@@ -90,7 +90,7 @@ class SlipSamples:
         return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
 
     def along_robot(self, geometry: RobotGeometry) -> SlipSamples:
-        """The samples with speeds along the robot, corrected for sensor yaw above 0.02 rad and above chance.
+        """The samples with speeds along the robot, corrected for sensor yaw if above 0.02 rad and significant.
 
         A sensor X ahead moves to the left at X w; any further speed to the left in proportion to v is due to yaw.
         """
@@ -128,7 +128,7 @@ class SlipSamples:
 
 
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
-    """Raise LogError for a run that hardly moves as its sprockets imply: wrong units, signs, sides or gears.
+    """Raise LogError for a run that doesn't move roughly as its sprockets imply: wrong units, signs, sides or gears.
 
     A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
     """

@@ -56,7 +56,7 @@ def in_order(time: Array) -> np.ndarray:
 
 
 def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array] | None:
-    """Turns (n,) of headings (T,) [rad], NaN where not measured, over _TURN_TIME each, and (..., n) of `turned`.
+    """Turns (n,) of headings (T,) [rad], NaN where not measured, over _TURN_TIME each, and turns (..., n) of `turned`.
 
     `turned` (..., T) are angles turned since any fixed time [rad]. None if the robot hardly turns.
     """

@@ -42,7 +42,7 @@ def within(time: Array, window: tuple[float, float]) -> np.ndarray:
 
 
 def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[float, float]) -> None:
-    """Raise LogError if fewer than `least` of the rows (T,) are `usable`, for lack of valid poses or of time."""
+    """Raise LogError if fewer than `least` rows (T,) are `usable`; says if time or valid poses are short."""
     count, rows = int(usable.sum()), int(within(log.time, window).sum())
     if count >= least:
         return
@@ -57,10 +57,10 @@ def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[flo
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
     """Covariance (K, K) of the sum of a zero-mean series (T, K), divided by T, accounting for correlation in time.
 
-    Uses a Bartlett window, after Newey and West (1987): the covariance at lag l has the weight 1 - |l| / (L + 1). That
-    equals the mean product of sums over L + 1 successive values, of the series padded with zeros, divided by L + 1. L
-    is a `share` of the series' length or, by default, that of Andrews (1991) for a first-order autoregression: the
-    largest for the K columns, at most a quarter of the length.
+    Uses a Bartlett window, after Newey and West (1987): the covariance at lag l has the weight 1 - |l| / (L + 1). The
+    result is the mean square of sums over L + 1 successive values, with zeros before and after the series, divided by
+    L + 1. L is a `share` of the series' length or, by default, that of Andrews (1991) for a first-order autoregression:
+    the largest for the K columns, at most a quarter of the length.
     """
     rows, width = series.shape
     if share is None:
