@@ -1,4 +1,4 @@
-"""Choice of the encoders, poses and scans to take from a bag."""
+"""Choice of the encoders, poses and scans to read from a bag."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ _TF = "tf:FRAME:FRAME, as in tf:map:base_link"
 
 @dataclass(frozen=True)
 class BagChoice:
-    """Topics and joints of a bag; None where the bag leaves no doubt."""
+    """Topics and joints to read from a bag; None to choose automatically, where the bag leaves no doubt."""
 
     encoders: str | None = None
     """Topic of `sensor_msgs/JointState` with the wheels or sprockets, or of `nav_msgs/Odometry` computed from them.
 
-    Several of `sensor_msgs/JointState`, separated by commas, where each has some of the joints.
+    Several topics of `sensor_msgs/JointState`, separated by commas, if each has some of the joints.
     """
     left: tuple[str, ...] | None = None
     """Names of the joints on the left; the mean of their speeds is used."""
     right: tuple[str, ...] | None = None
-    """Names of the joints on the right; likewise."""
+    """Names of the joints on the right; the mean of their speeds is used."""
     reversed: str | None = None
     """Side whose encoders count backwards: left, right or both."""
     poses: str | None = None
-    """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
+    """Topic of poses, or tf:PARENT:CHILD for the pose of frame CHILD in frame PARENT."""
     imu: str | None = None
-    """Topic of `sensor_msgs/Imu` whose gyro to take; none for no gyro."""
+    """Topic of `sensor_msgs/Imu` whose gyro to use; none for no gyro."""
     scan: str | None = None
-    """Topic of `sensor_msgs/LaserScan` of a stationary scanner, in which to find the plate."""
+    """Topic of `sensor_msgs/LaserScan` from a stationary scanner that sees the plate."""
     plate: Plate | None = None
-    """The plate on the robot. With it, poses are the plate's in the scans."""
+    """The plate on the robot. If given, poses are those of the plate in the scans."""
     wheels: RobotGeometry | None = None
-    """The geometry by which odometry was computed from the wheels, to compute their speeds from it."""
+    """The geometry that the odometry was computed with, to compute the wheels' speeds from the odometry."""
     dead_reckoned: bool | None = None
-    """True to take poses that repeat the dead reckoning of the wheels, too: to look at them, not to identify slip."""
+    """True to accept poses that repeat the wheels' dead reckoning: to look at them, not to identify slip."""
 
     def __post_init__(self) -> None:
         for name in SIDES:
@@ -57,4 +57,4 @@ class BagChoice:
             require(len(parts) == 3 and all(parts) and parts[1] != parts[2], "poses", self.poses, _TF)
 
 
-AUTOMATIC = BagChoice()  # the topics and joints that leave no doubt
+AUTOMATIC = BagChoice()  # everything is chosen automatically

@@ -1,4 +1,4 @@
-"""Sprocket speeds from the joint states, or the odometry from the wheels, in a bag."""
+"""Sprocket speeds from the joint states or the wheel odometry in a bag."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry, track_speeds
 from trackslip.logs.runlog import RunLog
 
-_MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
-_TOLERANCE = 0.01  # by which wrapped positions may leave their range, as they are rounded [rad]
+_MAX_ANGLE = 1e9  # larger angles aren't measurements [rad]
+_TOLERANCE = 0.01  # margin by which wrapped positions may leave their range because of rounding [rad]
 _MOVES = 1e-3  # speed above which a joint that reports it should move [rad/s]
-_STILL = 0.01  # turns over those of the wheel that turns most, below which a wheel's encoder is dead [-]
-_MIN_WAY = 1.0  # of the wheel that turns most, for a judgement [rad]
+_STILL = 0.01  # turns, relative to those of the wheel that turns most, below which an encoder is dead [-]
+_MIN_WAY = 1.0  # total turn of the wheel that turns most, up to which no encoder is judged [rad]
 
 
 @dataclass(frozen=True)
 class Encoders(Readings):
-    """Sprocket speeds (T, 2), mean since the previous reading, the first as the second [rad/s]."""
+    """Sprocket speeds (T, 2), each a mean since the previous reading [rad/s]; the first equals the second."""
 
     joints: Sides
 
     @property
     def turned(self) -> Array:
-        """(T, 2) angles of the sprockets [rad], 0 at first."""
+        """(T, 2) angles of the sprockets, starting at 0 [rad]."""
         steps = self.values[1:] * np.diff(self.stamp)[:, None] / 1e9
         return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
     @property
     def about(self) -> dict[str, Any]:
-        """The topic and its joints, for the metadata of a run."""
+        """The topic and its joints, for a run's metadata."""
         known = {"encoders": self.source, "left": list(self.joints[0]), "right": list(self.joints[1])}
         return {**known, "odometry": True} if self.joints == WHEELS else known
 
@@ -54,8 +54,8 @@ class Encoders(Readings):
 def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
     """The encoders' readings.
 
-    Positions are preferred to velocities; the speeds of several joints on a side are averaged. `notes` gets a line for
-    what is left out. Raises LogError if there are no encoders, or it is unclear which they are.
+    Positions are preferred to velocities; speeds are averaged over the joints on a side. Adds a line to `notes` for
+    each part left out. Raises LogError if there are no encoders, or it is unclear which topics or joints they are.
     """
     topics, names = encoder_topics(bag, choice)
     joints = _joints(bag, [topic.name for topic in topics], names, choice.wheels, notes)
@@ -81,9 +81,9 @@ def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
 def _joints(
     bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None, notes: list[str]
 ) -> dict[str, Readings]:
-    """Positions [rad] and velocities [rad/s] (N, 2) of the joints; NaN where not measured.
+    """Positions [rad] and velocities [rad/s] (N, 2) of each joint by name; NaN where not measured.
 
-    Raises LogError for a joint that no message names.
+    Raises LogError for a joint that appears in no message.
     """
 
     def states(content: Any) -> Iterable[tuple[str, Any, tuple[float, float]]]:
@@ -108,7 +108,7 @@ def _joints(
 
 
 def _has_positions(position: Array, velocity: Array) -> bool:
-    """True if positions (N,) of a joint are measured: mostly finite, and not at rest while velocities (N,) aren't."""
+    """True if a joint's positions (N,) are measured: mostly finite, and not constant while velocities (N,) aren't 0."""
     known = position[np.isfinite(position)]
     if 2 * len(known) <= len(position):
         return False
@@ -116,7 +116,7 @@ def _has_positions(position: Array, velocity: Array) -> bool:
 
 
 def _angles(name: str, joint: Readings, by_position: bool) -> Readings:
-    """Angles (n,) of a joint [rad]; raises LogError if hardly any are stated."""
+    """Angles (n,) of a joint [rad]; raises LogError if most messages don't state any."""
     values = joint.values[:, 0 if by_position else 1]
     rows = np.flatnonzero(np.isfinite(values))
     if 2 * len(rows) <= len(values):
@@ -128,17 +128,17 @@ def _angles(name: str, joint: Readings, by_position: bool) -> Readings:
 
 
 def unwrapped(position: Array) -> Array:
-    """Continuous angles (T,) from positions (T,) [rad], which are unwrapped if they stay in -π to π or 0 to 2π."""
+    """Continuous angles (T,) from positions (T,) [rad]: positions within -π to π or 0 to 2π are unwrapped."""
     low, high = position.min(), position.max()
     wraps = any(start - _TOLERANCE <= low and high <= start + 2 * np.pi + _TOLERANCE for start in (-np.pi, 0.0))
     return np.unwrap(position) if wraps else position
 
 
 def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], notes: list[str]) -> Array:
-    """Mean turns (n,) [rad] in each interval of the wheels of a side, of those `turns` that are measured.
+    """Mean turns (n,) [rad] of a side's wheels in each interval, from the `turns` of each joint.
 
-    An encoder that stands still while others turn is left out, with a note. Raises LogError, with the topic and the
-    names, if wheels turn against each other.
+    An encoder that stands still while others turn is left out, with a note. Raises LogError, which names the topic and
+    the joints, if wheels turn against each other.
     """
     ways = {name: float(np.abs(turns[name]).sum()) for name in side}
     most = max(ways, key=lambda name: ways[name])
@@ -157,9 +157,9 @@ def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], note
 
 
 def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
-    """A row for each reading of the encoders and for each pose between the first and the last of these.
+    """The log, with a row for each encoder reading and each pose between the first and the last reading.
 
-    Poses (N, 3) take the speeds of the next reading.
+    Poses (N, 3) get the sprocket speeds of the next reading.
     """
     read, start = encoders.stamp, int(encoders.stamp[0])
     measured = np.isfinite(poses.values).any(axis=1)

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2: their topics and messages, read by rosbags."""
+"""ROS 1 and ROS 2 bags: their topics and messages, read with rosbags."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ K = TypeVar("K", bound=Hashable)
 
 _METADATA = "metadata.yaml"
 _STORAGES = (".bag", ".mcap", ".db3")
-_WRAPPINGS = (".zstd", ".active")  # compressed as a whole; not closed
+_WRAPPINGS = (".zstd", ".active")  # suffixes of files that are compressed as a whole, and that were not closed
 _REPAIRS = {
     ".bag": "rosbag reindex {file}",
     ".active": "rosbag reindex {file}",
@@ -34,18 +34,18 @@ _REPAIRS = {
     ".zstd": "zstd -d {file}",
 }
 _MCAP_END = b"\x89MCAP0\r\n"
-_DEPTH = 4  # of files in folders
-_SHOWN = 12  # names in a message
+_DEPTH = 4  # levels of folders that are searched for bags
+_SHOWN = 12  # most names listed in a message
 
 
 class Message(NamedTuple):
-    """A message, decoded."""
+    """A message, decoded if asked for."""
 
     topic: str
     arrival: int
     """Time of recording [ns]."""
     content: Any
-    """Its fields as attributes: `content.header.stamp.sec`; None if only times are read."""
+    """The message's fields as attributes, such as `content.header.stamp.sec`; None if not decoded."""
 
     @property
     def stamp(self) -> int:
@@ -58,7 +58,7 @@ def _stamp(header: Any) -> int:
 
 
 Read = Callable[[Collection[str], bool], Iterator[Message]]
-"""Reads the messages of topics by time of recording; decodes their content or not."""
+"""Yields the messages of some topics by time of recording; the flag says whether to decode their content."""
 
 
 @dataclass(frozen=True)
@@ -66,22 +66,22 @@ class Topic:
     """A topic in a bag."""
 
     name: str
-    type: str  # name of the message type, as in `sensor_msgs/msg/JointState`
+    type: str  # name of the message type, such as `sensor_msgs/msg/JointState`
     count: int  # number of messages
 
 
 @dataclass(frozen=True)
 class Bag:
-    """A recording of any format."""
+    """A recording in any supported format."""
 
     name: str
-    path: Path  # its file, or the folder of a ROS 2 bag
+    path: Path  # the bag's file, or its folder for ROS 2
     topics: dict[str, Topic]  # by name, in alphabetical order
     read: Read = field(repr=False)
-    notes: tuple[str, ...] = ()  # what is missing, one line each
+    notes: tuple[str, ...] = ()  # parts that are missing, one line each
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
-        """The topic of a name; raises LogError for an unknown name, or messages of another type than `kind`."""
+        """The topic with this name; raises LogError if there is none, or its messages are not of type `kind`."""
         bare = name.strip("/")
         topic = self.topics.get(name) or self.topics.get(f"/{bare}") or self.topics.get(bare)
         if topic is None:
@@ -91,17 +91,17 @@ class Bag:
         return topic
 
     def only(self, names: Sequence[str], what: str, option: str) -> str:
-        """The only name; raises LogError, which asks for the option, if there are several."""
+        """The only one of `names`; if there are several, raises LogError, which tells the user to set `option`."""
         if len(names) > 1:
             raise LogError(f"{self.path}: {what} may be {', '.join(names)}: choose with {option}")
         return names[0]
 
     def of_type(self, *types: str) -> list[Topic]:
-        """The topics whose messages have one of the types, given as `sensor_msgs/msg/JointState`."""
+        """The topics whose messages have one of the types, written like `sensor_msgs/msg/JointState`."""
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def between(self, begin: int, end: int) -> Bag:
-        """What was recorded from `begin` to before `end` [ns], with the transforms that are published only once."""
+        """The bag limited to messages recorded from `begin` to before `end` [ns], and all static transforms."""
 
         def read(chosen: Collection[str], decode: bool) -> Iterator[Message]:
             for message in self.read(chosen, decode):
@@ -111,13 +111,13 @@ class Bag:
         return replace(self, read=read)
 
     def messages(self, *topics: str) -> Iterator[Message]:
-        """Decoded messages of topics, by time of recording; raises LogError for unknown topics and damage."""
+        """Decoded messages of topics, by time of recording; raises LogError for an unknown topic or a damaged bag."""
         return self.read([self.topic(name).name for name in topics], True)
 
     def readings(
         self, topics: Sequence[str], parts: Callable[[Any], Iterable[tuple[K, Any, Iterable[float]]]]
     ) -> dict[K, Readings]:
-        """Numbers (N, k) in the messages of topics; `parts` are a message's keys, headers and numbers for each."""
+        """Numbers (N, k) by key, from messages; `parts` returns (key, header, numbers) for each part of a message."""
         times: dict[K, array[int]] = defaultdict(lambda: array("q"))
         numbers: dict[K, array[float]] = defaultdict(lambda: array("d"))
         for message in self.messages(*topics):
@@ -131,36 +131,36 @@ class Bag:
         return found
 
     def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> Readings:
-        """The numbers (N, k) that `row` takes from each message of a topic; raises LogError if there are none."""
+        """The numbers (N, k) that `row` returns for each message of a topic; raises LogError without messages."""
         found = self.readings([topic], lambda content: [(topic, content.header, row(content))])
         if not found:
             raise LogError(f"topic {topic}: no messages")
         return found[topic]
 
     def first(self, topic: str, most: int) -> list[Message]:
-        """The first messages of a topic, at most `most`."""
+        """The first messages of a topic, `most` at most."""
         return list(islice(self.messages(topic), most))
 
     def arrivals(self) -> dict[str, np.ndarray]:
-        """Times of recording (n,) of the messages of each topic, ascending [ns]; reads the whole bag."""
+        """For each topic, its messages' times of recording (n,), ascending [ns]; reads the whole bag."""
         times = {name: array("q") for name in self.topics}
         for message in self.read(self.topics, False):
             times[message.topic].append(message.arrival)
         return {name: np.sort(np.array(some, np.int64)) for name, some in times.items()}
 
     def listed(self) -> str:
-        """The first topics with their types, for a message."""
+        """The first topics and their types, as text for a message."""
         return listed([f"{topic.name} ({topic.type})" for topic in self.topics.values()])
 
 
 def listed(names: Sequence[str]) -> str:
-    """The first of some names, for a message."""
+    """The first of some names, as text for a message."""
     more = f", ... ({len(names)} of them)" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN] or ["none"]) + more
 
 
 def has_rosbags() -> bool:
-    """True if rosbags is installed, and what else the extra `ros` installs."""
+    """True if rosbags and the other packages from the extra `ros` are installed."""
     try:
         for package in ("rosbags.typesys", "mcap", "pymap3d"):
             importlib.import_module(package)
@@ -176,14 +176,14 @@ def require_rosbags() -> None:
 
 
 def open_bags(path: str | Path) -> list[Bag]:
-    """The bag in a file, or those in a folder: folders with a metadata.yaml, and files in others.
+    """The bag in a file, or all bags in a folder: subfolders with a metadata.yaml, and single files elsewhere.
 
-    Files: `.bag` of ROS 1, `.mcap` and `.db3` of ROS 2. An MCAP file whose end is missing is read as far as it goes,
-    see `Bag.notes`. Bags that can't be read are left out if others can be, with a note.
+    Files are `.bag` for ROS 1, `.mcap` or `.db3` for ROS 2. An MCAP file whose end is missing is read as far as it
+    goes, see `Bag.notes`. If some bags can be read, others that can't be are left out, with a note.
 
     Raises:
-        LogError: if there is no bag, or none can be read: the message names a command that repairs.
-        TrackslipError: where rosbags is missing.
+        LogError: if there is no bag, or none can be read: the message names a command that may repair it.
+        TrackslipError: if rosbags is not installed.
     """
     require_rosbags()
     path = Path(path)
@@ -207,7 +207,7 @@ def open_bags(path: str | Path) -> list[Bag]:
 
 
 def bags_in(path: Path) -> list[Path]:
-    """The bags in a folder, or that of a file: folders with metadata, and files."""
+    """The paths of the bags in a folder (subfolders with metadata, or single files), or of the bag in a file."""
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
     patterns = ("/".join("*" * depth) for depth in range(1, _DEPTH + 1))
@@ -223,14 +223,14 @@ def _is_bag_file(path: Path) -> bool:
 
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
-    """Turn what readers raise into a LogError of one line, which names the command that repairs the file."""
+    """Turn exceptions from readers into a one-line LogError, which names a command that may repair the file."""
     try:
         yield
     except LogError:
         raise
     except OSError as error:
         raise LogError(f"{path}: {error.strerror or first_line(error)}") from error
-    except Exception as error:  # readers of damaged files raise whatever they meet first
+    except Exception as error:  # for damaged files, readers raise exceptions of any type
         reason = first_line(error).rstrip(".")
         repair = _REPAIRS.get(path.suffix, "ros2 bag reindex {file}").format(file=shlex.quote(str(path)))
         raise LogError(f"{path}: can't be read ({reason}); this may repair it: {repair}") from error
@@ -246,7 +246,7 @@ def _open(path: Path) -> Bag:
 
 
 def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...] = ()) -> Bag:
-    """A bag of topics, without those that have no messages."""
+    """A bag with these topics, except those without messages."""
     by_name = {topic.name: topic for topic in sorted(topics, key=lambda topic: topic.name) if topic.count}
     if not by_name:
         raise LogError(f"{path}: it has no messages")
@@ -279,7 +279,7 @@ def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator
 
 
 def _reader(path: Path) -> Any:
-    """The reader of a file or folder; types are those of ROS 2 Humble where the bag states none."""
+    """A reader for a file or folder; message types are those of ROS 2 Humble if the bag doesn't define them."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
@@ -287,7 +287,7 @@ def _reader(path: Path) -> Any:
 
 
 def _streamed(path: Path) -> Bag:
-    """The bag in an MCAP file without index, as a recorder leaves it whose battery went flat."""
+    """The bag in an MCAP file without an index, such as a recorder leaves behind when its battery goes flat."""
     counts: Counter[tuple[str, str]] = Counter()
     with _refusing(path):
         size = regular_file(path).stat().st_size
@@ -318,7 +318,7 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
 
 
 def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
-    """Schema, channel and message of each message, as far as the file goes."""
+    """Schema, channel and message of each record, as far as the file goes."""
     from mcap.exceptions import RecordLengthLimitExceeded
     from mcap.reader import NonSeekingReader
 
@@ -333,6 +333,6 @@ def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
                     yield schema, channel, message
         except RecordLengthLimitExceeded:
             return  # the last record is longer than the file
-        except Exception:  # whatever a record raises that is cut off
+        except Exception:  # a record that is cut off may raise exceptions of any type
             if file.tell() < size:
                 raise

@@ -1,4 +1,4 @@
-"""Measured poses from the messages in a bag, seen from above, and the yaw rate by the gyro of an IMU."""
+"""Measured poses, projected onto the plane, and the yaw rate from an IMU's gyro, from the messages in a bag."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import paired_turns
 from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
-_NO_FIX = 0  # status below which a fix is none: sensor_msgs/NavSatStatus
-_MAX_ALTITUDE = 1e5  # heights above mean nothing [m]
-_MIN_WAY = 0.1  # distance over which a constant heading is doubtful [m]
+_NO_FIX = 0  # status below which a message has no fix: sensor_msgs/NavSatStatus
+_MAX_ALTITUDE = 1e5  # altitudes above this mean nothing [m]
+_MIN_WAY = 0.1  # distance beyond which a constant heading is doubtful [m]
 
 
 def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
-    """The poses (N, 3) of a topic or of tf:PARENT:CHILD in the plane [m, m, rad]: NaN where not measured.
+    """The poses (N, 3) in the plane from a topic or from tf:PARENT:CHILD [m, m, rad]; NaN where not measured.
 
-    Headings are not unwrapped. `notes` gets a line for what is left out, and for what is doubtful. Raises LogError if
-    there are none.
+    Headings are not unwrapped. Adds a line to `notes` for each part left out and each doubt. Raises LogError if there
+    are no poses.
     """
     if source.startswith("tf:"):
         name = source
@@ -45,7 +45,7 @@ def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
 
 
 def _read(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
-    """Positions and quaternions (N, 7) of a topic's poses, NaN where not measured, without meaningless ones."""
+    """Positions and quaternions (N, 7) of a topic's poses, NaN where not measured; meaningless poses are left out."""
     if topic.type == FIX:
         return _fixes(bag, topic, notes)
     if topic.type == IMU:
@@ -63,14 +63,14 @@ def _read(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
 
 
 def _orientation(imu: Any) -> tuple[float, ...]:
-    """The quaternion of an IMU without position; NaN if its covariance says, by -1, that it is not measured."""
+    """An IMU's quaternion, without a position; NaN if a covariance of -1 says that it is not measured."""
     turn, unknown = imu.orientation, (np.nan,) * 3
     measured = imu.orientation_covariance[0] != -1
     return (*unknown, turn.x, turn.y, turn.z, turn.w) if measured else (np.nan,) * 7
 
 
 def _place_and_turn(content: Any) -> tuple[float, ...]:
-    """Position and quaternion of a message with a pose in metres."""
+    """Position [m] and quaternion from a message with a pose."""
     if hasattr(content, "transform"):
         return pose_numbers(content.transform.translation, content.transform.rotation)
     pose = content.pose.pose if hasattr(content.pose, "covariance") else content.pose
@@ -78,7 +78,7 @@ def _place_and_turn(content: Any) -> tuple[float, ...]:
 
 
 def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
-    """The positions of fixes, east and north of the first one, without quaternions."""
+    """The positions of satellite fixes, east and north of the first fix, without quaternions."""
     from pymap3d import geodetic2enu
 
     def numbers(fix: Any) -> tuple[float, ...]:
@@ -99,7 +99,7 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
 
 
 def _headings(name: str, poses: Array, notes: list[str]) -> Array:
-    """Headings (N,) of poses (N, 7), NaN where not measured, or where they mean nothing, with a note."""
+    """Headings (N,) of poses (N, 7), NaN where not measured; meaningless headings are also NaN, with a note."""
     place, turn = poses[:, :2], poses[:, 3:]
     heading = np.full(len(poses), np.nan)
     if np.isnan(turn).all():
@@ -119,9 +119,9 @@ def _headings(name: str, poses: Array, notes: list[str]) -> Array:
 
 
 def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
-    """Headings (n,) of the x axes of rotations (n, 4), counter-clockwise from above [rad].
+    """Headings (n,) of the x axes of quaternions (n, 4), counter-clockwise seen from above [rad].
 
-    NaN if most of them are tilted so much that the x axis shows no heading. `notes` gets a line for tilts above 20°.
+    All are NaN if most rotations are tilted too much for a heading. Adds a line to `notes` for tilts above 20°.
     """
     heading, tilt = heading_and_tilt(Rotation.from_quat(quaternion))
     steep = tilt > MAX_TILT
@@ -137,14 +137,14 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
 
 
 _MAX_GAP = 0.2  # longest time between readings that counts as measured [s]
-_CLEARLY = 0.8  # correlation of turns that leaves no doubt [-]
-_ALONG = 0.98  # component of an axis that is one of the IMU's own: it is mounted so to within 11° [-]
+_CLEARLY = 0.8  # least correlation of turns that leaves no doubt [-]
+_ALONG = 0.98  # component of the yaw axis above which it is one of the IMU's own axes: within 11° [-]
 
 
 def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
-    """The gyro's yaw rates (n, 3) about the axes of its frame [rad/s]; None without, with a note if there is an IMU.
+    """The gyro's angular velocities (n, 3) about its frame's axes [rad/s]; None without any, noted if there is an IMU.
 
-    Their source is the topic and the frame, in words.
+    Their `source` is a text with the topic and the frame.
     """
     topic = imu_topic(bag, choice)
     if topic is None:
@@ -160,16 +160,16 @@ def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
 
 
 def _rates(imu: Any) -> tuple[float, ...]:
-    """Its angular velocities; NaN if their covariance says, by -1, that they are not measured."""
+    """An IMU's angular velocities; NaN if a covariance of -1 says that they are not measured."""
     rate = imu.angular_velocity
     return (rate.x, rate.y, rate.z) if imu.angular_velocity_covariance[0] != -1 else (np.nan,) * 3
 
 
 def with_gyro(log: RunLog, imu: Readings, start: int, notes: list[str]) -> tuple[RunLog, str]:
-    """The log, whose time begins at `start` [ns], with the IMU's yaw rate, and where that is from, in words.
+    """The log, whose time begins at `start` [ns], with the IMU's yaw rate, and a description of the rate's source.
 
-    Its axis is the one about which the IMU turns when headings do, or else the sprockets; without turns, z. `notes`
-    gets a line if no axis follows the turns, and the log is returned without gyro.
+    The yaw axis is the one about which the IMU turns when the headings do (without headings, the sprockets); z if
+    nothing turns. If no axis follows the turns, adds a line to `notes` and returns the log without gyro.
     """
     time = seconds(imu.stamp, start)
     angle = cumulative_trapezoid(imu.values, time, axis=0, initial=0.0)

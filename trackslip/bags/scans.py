@@ -1,4 +1,4 @@
-"""Runs of a robot with a plate in front of a stationary laser range finder: encoders and scans in a bag."""
+"""Runs from encoders and scans in a bag, of a robot with a plate in front of a stationary laser range finder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trackslip.logs.runlog import RunLog, ScanLog
 
 @dataclass(frozen=True)
 class Scans(Readings):
-    """Ranges (S, B) of scans, all with the same beams, stamped by their first rays [m]."""
+    """Ranges (S, B) of scans, all with the same beams, stamped at their first rays [m]."""
 
     first: Any  # the first message, with angles, limits and frame
 
@@ -29,7 +29,7 @@ class Scans(Readings):
 def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
     """The scans of a topic.
 
-    Scans with other beams than most are left out; `notes` gets a line for that. Raises LogError if there are none.
+    Scans whose beams differ from those of most are left out, with a line in `notes`. Raises LogError without scans.
     """
     topic = scan_topic(bag, name)
     first: dict[Any, Any] = {}
@@ -51,9 +51,9 @@ def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
 def plate_log(
     bag: Bag, run: str, encoders: Encoders, scans: Scans, plate: Plate, notes: list[str]
 ) -> tuple[RunLog, str]:
-    """The log of a run, with the plate's poses and ranges, and the sources taken, in words.
+    """The log of a run, with the plate's poses and ranges, and a description of the sources used.
 
-    `notes` gets a line for each doubt. Raises LogError, naming topic and cause.
+    Adds a line to `notes` for each doubt. Raises LogError, which names topic and cause.
     """
     notes += clocks_apart(encoders, scans)
     mount, upside_down, source = _mount(bag, scans, notes)
@@ -79,7 +79,7 @@ def plate_log(
 
 
 def _mount(bag: Bag, scans: Scans, notes: list[str]) -> tuple[Array, bool, str]:
-    """Pose (3,) of the scanner by the transforms, else the origin, whether it is upside down, and the source."""
+    """Pose (3,) of the scanner from the transforms or, without any, 0; whether it is upside down; the pose's source."""
     frame = scans.first.header.frame_id
     try:
         fixed = read_fixed(bag, frame, notes) if frame else None

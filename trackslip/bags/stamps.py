@@ -1,4 +1,4 @@
-"""Stamps of messages: in order, of one clock, not zero, and not in bursts."""
+"""Checks on message stamps: in order, from one clock, not zero, and not in bursts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, restarts
 
-_SIMULATED = 10**17  # stamps before, in 1973, are of a simulation [ns]
-_APART = 1.0  # difference of delays that isn't the time in which a scan is matched [s]
-_BURST = 0.1  # interval by the usual one, below which readings came in a burst: speeds would be ten-fold
-_SHORTEST = 500_000  # usual interval, half that of the fastest controllers, which run at 1 kHz [ns]
+_SIMULATED = 10**17  # stamps before this time, in 1973, are from a simulation [ns]
+_APART = 1.0  # difference of delays above which clocks differ: matching a scan takes less [s]
+_BURST = 0.1  # interval, relative to the usual one, below which readings came in a burst: speeds would be ten-fold
+_SHORTEST = 500_000  # least usual interval, half that of the fastest controllers, which run at 1 kHz [ns]
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Numbers in stamped messages."""
+    """Numbers from stamped messages."""
 
     source: str  # the topic, or tf:PARENT:CHILD
     stamp: np.ndarray  # (N,) int: stamps in the headers [ns]
@@ -28,12 +28,12 @@ class Readings:
 
     @property
     def delay(self) -> Array:
-        """(N,) from the stamps to the recording [s]."""
+        """(N,) times from the stamps to the recording [s]."""
         return np.asarray((self.arrival - self.stamp) / 1e9)
 
     @property
     def changes(self) -> np.ndarray:
-        """Rows (n,) whose values differ from those before, and the first one."""
+        """The first row, and all rows whose values differ from the row before (n,)."""
         return np.flatnonzero(np.append(True, (self.values[1:] != self.values[:-1]).any(axis=1)))
 
     def take(self, rows: np.ndarray) -> Self:
@@ -41,9 +41,9 @@ class Readings:
         return replace(self, stamp=self.stamp[rows], arrival=self.arrival[rows], values=self.values[rows])
 
     def ascending(self, notes: list[str]) -> Self:
-        """The readings by ascending stamp, of those recorded by one clock.
+        """The largest set of readings whose stamps ascend in the order of recording.
 
-        `notes` gets a line for what is left out, if it hasn't got it. Raises LogError if most stamps are 0.
+        Adds a line to `notes`, once, for each kind of reading left out. Raises LogError if most stamps are 0.
         """
         stamp, lines, zero = self.stamp, [], self.stamp == 0
         if zero.mean() > 0.5:
@@ -65,7 +65,7 @@ class Readings:
         return self.take(kept)
 
     def restarts(self) -> np.ndarray:
-        """Times of recording (n,) [ns] at which the clock of the stamps starts anew."""
+        """Times of recording (n,) [ns] at which the clock of the stamps restarts."""
         rows = np.argsort(self.arrival, kind="stable")
         rows = rows[self.stamp[rows] != 0]
         time = seconds(self.stamp[rows], int(self.stamp[rows].min(initial=0)))
@@ -73,15 +73,15 @@ class Readings:
 
 
 def seconds(stamp: np.ndarray, origin: int) -> Array:
-    """Times (n,) since the origin [s] of stamps (n,) [ns]."""
+    """Times (n,) of stamps (n,) [ns] since the origin [s]."""
     return np.asarray((stamp - origin) / 1e9)
 
 
 def without_bursts(stamp: np.ndarray) -> np.ndarray:
-    """Rows of the last reading of each burst, of ascending stamps (N,) [ns].
+    """The row of the last reading in each burst, given ascending stamps (N,) [ns].
 
-    Messages that waited in a queue may be stamped microseconds apart. The last of them is the latest reading, and the
-    mean since the last one of the burst before is a speed.
+    Messages that waited in a queue may be stamped microseconds apart. The last of them is the latest reading, and a
+    mean since the last reading of the previous burst is a valid speed.
     """
     interval = np.diff(stamp)
     apart = interval[interval > _SHORTEST]
@@ -90,10 +90,10 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
 
 
 def clocks_apart(ours: Readings, theirs: Readings) -> list[str]:
-    """A line on clocks that differ by a constant, by the delays of two topics' messages; none if they don't.
+    """A line if two topics' clocks differ by a constant, as the delays of their messages show; otherwise none.
 
-    Delays are the times from the stamps in the headers to the recording, by the recorder's one clock. Raises LogError
-    if the stamps have no time in common.
+    A delay is the time from the stamp in a header to the recording, whose clock is the same for both. Raises LogError
+    if the stamps of the two topics do not overlap.
     """
     apart = abs(float(np.median(ours.delay) - np.median(theirs.delay)))
     spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))

@@ -1,4 +1,4 @@
-"""The encoders, poses and gyros that a bag offers, and the choice among them."""
+"""The encoders, poses, gyros and scans that a bag offers, and the choice among them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ POSE_TYPES = (
     "geometry_msgs/msg/TransformStamped",
     FIX,
 )
-"""Types of messages that poses are read from, besides transforms."""
+"""Message types that poses are read from, besides transforms."""
 _TICKS = re.compile(r"std_msgs/msg/U?Int\d+(MultiArray)?")
 Sides = tuple[tuple[str, ...], tuple[str, ...]]  # names of the joints on the left and on the right
-WHEELS: Sides = ("left wheels",), ("right wheels",)  # what stands for the joints in odometry
+WHEELS: Sides = ("left wheels",), ("right wheels",)  # stand for the joints if odometry is used
 
-# Words in the names of topics, joints and frames, as ROS packages of robots and localization use them.
+# Words in the names of topics, joints and frames that ROS packages for robots and localization use.
 _WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
 _LESSER_IMU = r"camera|realsense|zed|oak|lidar|ouster|\bos\d?_|livox|velodyne|raw"
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -39,11 +39,11 @@ _LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc"
 _RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
 _FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
 _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
-_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000  # first messages that are looked at for names
+_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000  # number of first messages that are searched for names
 
 
 class PoseOrigin(Enum):
-    """Origins of poses, from those independent of the wheels to those computed from them."""
+    """Origins of poses, from independent of the wheels to computed from the wheels."""
 
     CHOSEN = "as asked for"
     MOCAP = "motion capture"
@@ -67,16 +67,16 @@ _MARKS = {
 
 @dataclass(frozen=True)
 class PoseSource:
-    """A topic or a pair of frames that states poses."""
+    """A topic or a pair of frames with poses."""
 
     name: str  # the topic, or tf:PARENT:CHILD
     origin: PoseOrigin
 
 
 def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
-    """The topic with the encoders, or several where each has some of them, and the joints on the left and on the right.
+    """The topic or topics with the encoders, and the joints on the left and on the right.
 
-    Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
+    Raises LogError if the choice doesn't fit the bag, or is not clear: the message lists what the bag has.
     """
     if choice.encoders is not None:
         topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
@@ -93,7 +93,7 @@ def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
             raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
         topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
         names = [topic.name for topic in topics if _joints(bag, [topic], choice) is not None]
-        if names:  # else each topic may have some of the joints
+        if names:  # otherwise each topic may have some of the joints
             names = [name for name in names if name.strip("/") == "joint_states"] or names
             topics = [bag.topics[bag.only(names, "encoders", "--encoders TOPIC")]]
     joints = _joints(bag, topics, choice)
@@ -106,7 +106,7 @@ def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
 
 
 def _instead(bag: Bag) -> str:
-    """What to do with a bag without joint states."""
+    """Advice for a bag without joint states, to end an error message."""
     ticks = [topic for topic in bag.topics.values() if _TICKS.fullmatch(topic.type)]
     if ticks:
         named = listed([f"{topic.name} ({topic.type})" for topic in ticks])
@@ -120,7 +120,7 @@ def _instead(bag: Bag) -> str:
 
 
 def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | None:
-    """The chosen joints, or the ones recognised by their names; None if there are none."""
+    """The chosen joints, or those recognised by their names; None if none are recognised."""
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
     return sides(_joint_names(bag, topics))
@@ -134,7 +134,7 @@ def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
 def sides(names: Sequence[str]) -> Sides | None:
     """Names of the driven joints on the left and on the right; None if they aren't recognised.
 
-    Joints whose names speak of wheels or tracks come before others, and arms, steering and the like don't count.
+    Joints with names of wheels or tracks are preferred; joints of arms, steering and the like are ignored.
     """
     candidates = [name for name in names if not any(_OTHER.fullmatch(word) for word in _words(name))]
     for some in ([name for name in candidates if _DRIVES.search(name)], candidates):
@@ -145,7 +145,7 @@ def sides(names: Sequence[str]) -> Sides | None:
 
 
 def _side(name: str) -> str:
-    """left, right, or an empty text if the name contains neither or both."""
+    """The side in a joint's name: left, right, or an empty text if the name contains neither or both."""
     words, plain = _words(name), name.lower()
     left = bool(words & _LEFT) or "left" in plain
     right = bool(words & _RIGHT) or "right" in plain
@@ -155,19 +155,19 @@ def _side(name: str) -> str:
 
 
 def _words(name: str) -> set[str]:
-    """The words in a name, in lower case: front, left and wheel of front_leftWheel2."""
+    """The words in a name, in lower case: front, left and wheel for front_leftWheel2."""
     return {word.lower() for word in _WORDS.findall(name)}
 
 
 def pose_sources(bag: Bag) -> list[PoseSource]:
-    """All sources of poses, the best first."""
+    """All sources of poses in a bag, the best first."""
     topics = [topic for topic in bag.of_type(*POSE_TYPES) if not re.search(_WANTED, topic.name, re.IGNORECASE)]
     found = [*(PoseSource(topic.name, _origin(bag, topic)) for topic in topics), *_in_transforms(bag)]
     return sorted(found, key=lambda source: list(PoseOrigin).index(source.origin))
 
 
 def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
-    """The source chosen, or the best, last the headings of an IMU; raises LogError if there is none, or a choice."""
+    """The source chosen, or else the best; an IMU's headings come last. LogError if there is none or no single best."""
     if choice.poses is not None:
         name = choice.poses if choice.poses.startswith("tf:") else bag.topic(choice.poses).name
         return PoseSource(name, PoseOrigin.CHOSEN)
@@ -186,7 +186,7 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
 
 
 def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
-    """The origin of a topic's poses by its name, type and frame."""
+    """The origin of a topic's poses, according to its name, type and frame."""
     usual = {FIX: PoseOrigin.FIX, ODOMETRY: PoseOrigin.WHEELS}.get(topic.type, PoseOrigin.MATCHED)
     origin = next((origin for origin, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
     if origin in (PoseOrigin.FUSED, PoseOrigin.WHEELS) and topic.type == ODOMETRY:
@@ -197,7 +197,7 @@ def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
 
 
 def _in_transforms(bag: Bag) -> list[PoseSource]:
-    """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
+    """The poses of robot bodies in the root frames of the transforms, if the transforms have such bodies."""
     parents = parents_of(frames_of(bag, _FRAME_MESSAGES))
     of_name = ([child for child in sorted(parents) if _last(child) == name] for name in _BODIES)
     sources = []
@@ -214,7 +214,7 @@ def _last(frame: str) -> str:
 
 
 def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
-    """The topic chosen, or the best: an IMU of its own with most messages; None without."""
+    """The topic chosen, or else the one with most messages, but IMUs inside other sensors last; None without any."""
     if choice.imu is not None:
         return None if choice.imu == "none" else bag.topic(choice.imu, IMU)
 
@@ -225,7 +225,7 @@ def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
 
 
 def scan_topic(bag: Bag, name: str | None = None) -> Topic:
-    """The topic of scans, by default the only one; raises LogError if there is none, or a choice."""
+    """The topic of scans, by default the only one; raises LogError if there is none, or several."""
     if name is not None:
         return bag.topic(name, LASER_SCAN)
     topics = bag.of_type(LASER_SCAN)

@@ -1,4 +1,4 @@
-"""Poses of a frame in another over time, from the transforms (tf) in a bag."""
+"""Poses of one frame in another over time, from the transforms (tf) in a bag."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from trackslip.kinematics import Array
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 MAX_PLACE = 1e9  # places farther away mean nothing [m]
 MAX_TILT = np.radians(20.0)
-"""Of a robot or a scanner to the vertical, above which its heading and its path in the plane are doubtful [rad]."""
-_TOLERANCE = 0.02  # by which a quaternion's norm may differ from 1: single precision and rounded text stay below
+"""Tilt from the vertical above which the heading and the planar path of a robot or a scanner are doubtful [rad]."""
+_TOLERANCE = 0.02  # most that a quaternion's norm may differ from 1: single precision and rounded text stay below
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
-_USUAL_GAPS = 5.0  # the same in its usual intervals [-]
+_USUAL_GAPS = 5.0  # the same, in usual intervals of the transform; the longer of both counts [-]
 
-Pair = tuple[str, str]  # a frame and one that is given in it
+Pair = tuple[str, str]  # a frame, and a frame whose pose is given in it
 Link = tuple[Readings, bool]
-"""Transforms (n, 7) between two frames, only one if they never change, and whether a chain follows them forwards."""
+"""Transforms (n, 7) between two frames, a single one if constant, and whether a chain follows them forwards."""
 
 
 def frames_of(bag: Bag, most: int) -> list[Pair]:
@@ -35,12 +35,12 @@ def frames_of(bag: Bag, most: int) -> list[Pair]:
 
 
 def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:
-    """The frame that each frame is given in."""
+    """The parent of each frame: the frame in which its pose is given."""
     return {child: parent for parent, child in pairs}
 
 
 def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
-    """A frame, the one that it is given in, and so on."""
+    """A frame, its parent, the parent's parent, and so on."""
     path = [frame]
     while (parent := parents.get(path[-1])) is not None and parent not in path:
         path.append(parent)
@@ -50,9 +50,9 @@ def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
 def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
     """The poses of `child` in `parent`: places [m] and quaternions x, y, z, w (n, 7).
 
-    They are sampled when the link changes that changes least often, as map to odom does with each match of a scan;
-    the others are interpolated. Raises LogError if the frames are unknown or not connected, or no transform between
-    them can be read.
+    There is one for each change of the link that changes least often (map to odom, for example, changes when a scan is
+    matched); the other links are interpolated. Raises LogError if the frames are unknown or not connected, or no
+    transform between them can be read.
     """
     transforms = read_transforms(bag)
     if not transforms:
@@ -64,9 +64,9 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
 
 
 def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rotation] | None:
-    """The outermost frame that a frame is fixed in, and its place (3,) [m] and rotation there.
+    """The outermost frame in which a frame is fixed, and the frame's place (3,) [m] and rotation there.
 
-    None if there are no transforms of it. Raises LogError if it moves there.
+    None if the frame has no transforms. Raises LogError if the frame moves in the outermost one.
     """
     frame = frame.strip("/")
     transforms = read_transforms(bag)
@@ -85,7 +85,7 @@ def _pair(transform: Any) -> Pair:
 
 
 def read_transforms(bag: Bag) -> dict[Pair, Readings]:
-    """Transforms (n, 7) by pair of frames: places [m] and quaternions x, y, z, w."""
+    """Transforms (n, 7) for each pair of frames: places [m] and quaternions x, y, z, w."""
 
     def numbers(content: Any) -> Iterator[tuple[Pair, Any, tuple[float, ...]]]:
         for link in content.transforms:
@@ -95,14 +95,14 @@ def read_transforms(bag: Bag) -> dict[Pair, Readings]:
 
 
 def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
-    """Coordinates and quaternion x, y, z, w of a point or vector and a quaternion in messages."""
+    """Coordinates x, y, z and quaternion x, y, z, w from the corresponding parts of a message."""
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
 def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: str, notes: list[str]) -> list[Link]:
-    """The links that lead from a frame to another.
+    """The links that lead from frame `parent` to frame `child`.
 
-    Raises LogError if there is no such frame, or the links don't connect them.
+    Raises LogError if one of the frames doesn't exist, or no links connect them.
     """
     frames = {frame for pair in transforms for frame in pair}
     for frame in (parent, child):
@@ -122,7 +122,7 @@ def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: st
 
 
 def _link(pair: Pair, transforms: Readings, notes: list[str]) -> Readings:
-    """The transforms between two frames; the last one if they never change."""
+    """The transforms between two frames; only the last one if they never change."""
     name = f"tf {pair[0]} -> {pair[1]}"
     good = are_unit(transforms.values[:, 3:]) & (np.abs(transforms.values[:, :3]) <= MAX_PLACE).all(axis=1)
     if not good.any():
@@ -132,7 +132,7 @@ def _link(pair: Pair, transforms: Readings, notes: list[str]) -> Readings:
 
 
 def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:
-    """Headings (n,) of the x axes of rotations (n), counter-clockwise from above, and tilts (n,) of their z axes."""
+    """Headings (n,) of the x axes of rotations (n), counter-clockwise seen from above, and tilts (n,) of the z axes."""
     axes = turn.as_matrix()
     return np.arctan2(axes[..., 1, 0], axes[..., 0, 0]), np.arccos(np.clip(axes[..., 2, 2], -1.0, 1.0))
 
@@ -144,7 +144,7 @@ def are_unit(quaternion: Array) -> np.ndarray:
 
 
 def _sampled(links: Sequence[Link]) -> Readings:
-    """The poses at the end of a chain of links, see `read_chain`."""
+    """The poses at the end of a chain of links, sampled as `read_chain` describes."""
     moving = [link for link, _ in links if len(link.stamp) > 1]
     slowest = min(moving, key=lambda link: len(link.changes))
     rows = slowest.changes
@@ -171,7 +171,7 @@ def _composed(links: Sequence[Link], stamp: np.ndarray) -> tuple[Array, Rotation
 
 
 def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether the stamps (n,) lie between transforms of a link that aren't far apart."""
+    """(n,) bool: whether each stamp (n,) lies between two of a link's transforms that aren't far apart."""
     after = np.clip(np.searchsorted(link.stamp, stamp), 1, len(link.stamp) - 1)
     before, next_ = link.stamp[after - 1], link.stamp[after]
     longest = max(_MAX_GAP, _USUAL_GAPS * float(np.median(np.diff(link.stamp))) / 1e9)
@@ -180,7 +180,7 @@ def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
 
 
 def _at(link: Readings, stamp: np.ndarray) -> tuple[Array, Rotation]:
-    """Places (n, 3) and rotations (n) of a link at stamps (n,) within its own; only one if it never changes."""
+    """Places (n, 3) and rotations (n) of a link at stamps (n,) within its range; a single one if it never changes."""
     place, turn = link.values[:, :3], Rotation.from_quat(link.values[:, 3:])
     if len(link.stamp) == 1:
         return place[0], turn[0]

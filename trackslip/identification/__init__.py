@@ -1,6 +1,6 @@
 """Identification: from logs to slip laws with intervals.
 
-`source` reads logs. Whole drives: `preparation` says what encoders and poses are worth; `first_look` checks them by
-`clocks`, `misread` and `gains`; `windows` fit the model of `path`, and `law_fit` a law by them; `prediction` says how
-far off laws are. Steady runs: `samples` and `steady`. Both: `comparison`, `result`, and `identify`, all in one call.
+`source` reads logs. For whole drives, `preparation` extracts encoder intervals and poses; `first_look` checks them with
+`clocks`, `misread` and `gains`; `windows` fits the model in `path`, and `law_fit` a law with it; `prediction` measures
+errors of laws. For steady runs: `samples`, `steady`. For both: `comparison`, `result`, and `identify`, all in one call.
 """

@@ -1,4 +1,4 @@
-"""Laws with 95 % intervals, compared on the same data: which is best, and which of those that odometry can express."""
+"""Laws with 95 % intervals, compared on the same data: the best, and the best of those that odometry can express."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 
 FEWEST_BLOCKS = 6  # independent parts of driving needed for an interval
-_SINGULAR = 1e-12  # smallest eigenvalue over the largest of what the data determine
-_FEWEST_EFFECTIVE = 3.0  # with fewer, Student's t says nothing of a parameter, as of the sensor's place
+_SINGULAR = 1e-12  # ratio of an eigenvalue to the largest, below which the data determine nothing
+_FEWEST_EFFECTIVE = 3.0  # with fewer effective blocks, Student's t says nothing about a parameter
 
 
 class Gain(NamedTuple):
-    """A value with a 95 % interval, NaN for too little driving."""
+    """A value with a 95 % interval, whose ends are NaN if there is too little driving."""
 
     value: float
     low: float
@@ -38,9 +38,9 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FittedLaw:
-    """A law with values that were identified, from steady samples or whole drives."""
+    """A law with values identified from steady samples or whole drives."""
 
-    name: str  # name of the family
+    name: str  # name of the law's family
     law: SlipLaw  # the law with the values below
     values: dict[str, float]  # parameters of the law by name, in their units
     stderr: dict[str, float]  # standard errors of the fitted parameters
@@ -51,7 +51,7 @@ class FittedLaw:
 def uncertainty(
     names: Sequence[str], values: Array, covariance: Array, quantile: Array | float, limits: Array
 ) -> dict[str, Any]:
-    """The fields stderr, interval95 and correlation of a FittedLaw, of fitted parameters (f,) with limits (2, f)."""
+    """The fields stderr, interval95 and correlation of a FittedLaw, for fitted parameters (f,) with limits (2, f)."""
     error = np.sqrt(np.diag(covariance))
     low, high = np.maximum(values - quantile * error, limits[0]), np.minimum(values + quantile * error, limits[1])
     with np.errstate(invalid="ignore"):
@@ -64,10 +64,10 @@ def uncertainty(
 
 
 def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
-    """Steps (G, f) of f parameters from minima without G parts of the data to the minimum of all, by Newton's method.
+    """Steps (G, f) of f parameters from the minimum without each of G parts of the data to the minimum with all data.
 
-    `rest` (G, f, f) are the normal equations without each part, `score` (G, f) their right sides of each part. Steps
-    are 0 where the rest determines nothing.
+    They are by Newton's method. `rest` (G, f, f) has the normal equations without each part, `score` (G, f) the right
+    side from each part. Steps are 0 where the remaining data determine nothing.
     """
     scale = np.sqrt(np.maximum(np.einsum("gaa->ga", rest), 1e-200))
     inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True)
@@ -75,7 +75,7 @@ def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
 
 
 def cr3(apart: Array) -> Array:
-    """Covariance (f, f) of parameters, from how far apart (G, f) they are without each block; NaN for few blocks.
+    """Covariance (f, f) of parameters, from the changes `apart` (G, f) without each block; NaN for too few blocks.
 
     CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.
     """
@@ -85,10 +85,10 @@ def cr3(apart: Array) -> Array:
 
 
 def student(blocks: Array, normal: Array) -> Array:
-    """Student's t (f,) for 95 % intervals of f parameters, by the normal equations (G, f, f) of blocks and in all.
+    """Student's t (f,) for 95 % intervals of f parameters, from normal equations: per block (G, f, f) and total (f, f).
 
     A parameter that few blocks determine has few degrees of freedom: one less than the effective number of blocks, by
-    their shares of its information (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
+    their shares of information on it (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
     """
     inverse = np.linalg.inv(normal)
     share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
@@ -97,28 +97,28 @@ def student(blocks: Array, normal: Array) -> Array:
 
 
 REFERENCE = "icr_radius"
-"""The law that others start from, and the best one where nothing can be compared."""
+"""The law that is fitted first, as the start for other laws, and the best law where nothing can be compared."""
 LEAST_ERROR = 1e-3
-"""Mean error of a prediction, or difference of errors, that nobody notices [m, rad, or relative]."""
+"""Mean prediction error, or difference of mean errors, too small to notice [m, rad, or relative]."""
 Fit = TypeVar("Fit", bound=FittedLaw)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """The best of some laws."""
+    """The best law out of several."""
 
-    best: str  # the law that predicts motion best; of laws that predict it equally well, the simplest
-    reason: str  # why, in one sentence
-    score: Mapping[str, float]  # mean over the criteria of each law's mean error, relative to the smallest [-]
+    best: str  # the law that predicts motion best or, among laws that predict it equally well, the simplest
+    reason: str  # why it is best, in one sentence
+    score: Mapping[str, float]  # by law, its mean error over the smallest of any law, averaged over the criteria [-]
     expressible: str | None = None
-    """The best of the laws that a differential drive's odometry can express, chosen likewise; None if there is none."""
+    """The best law that a differential drive's odometry can express, chosen likewise; None if there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Choice):
     """Laws identified from the same data."""
 
-    laws: Mapping[str, FittedLaw]  # fits by name of the law, the best first
+    laws: Mapping[str, FittedLaw]  # fits by law name, the best first
     warnings: tuple[str, ...]  # remarks on the fits, one line each
 
 
@@ -126,15 +126,15 @@ class Comparison(Choice):
 class Criterion:
     """Errors of laws on the same data."""
 
-    errors: Mapping[str, Array]  # (n,) by law
-    block: np.ndarray  # (n,) number of the independent part of the data
-    unnoticed: float  # difference of mean errors that doesn't matter
+    errors: Mapping[str, Array]  # (n,) errors by law
+    block: np.ndarray  # (n,) index of the independent part of the data that each error is from
+    unnoticed: float  # largest difference of mean errors that doesn't matter
 
     def as_good_as(self, errors: Array, leader: int) -> np.ndarray:
-        """Laws (L,) bool whose mean errors, of (L, n), exceed the leader's by no more than chance or than matters.
+        """(L,) bool: whether each law's mean of `errors` (L, n) exceeds the leader's by no more than chance explains.
 
-        Chance is a standard error, from the scatter of the sums over the blocks. Of fewer than five, whose
-        scatter is unknown, it is a quarter of the leader's errors.
+        A difference up to `unnoticed` doesn't count. Chance is one standard error, from the scatter of the sums over
+        blocks. With fewer than five blocks, whose scatter is unknown, it is a quarter of the leader's mean error.
         """
         worse = errors - errors[leader]
         mean, (number, block) = worse.mean(axis=1), np.unique(self.block, return_inverse=True)
@@ -147,9 +147,9 @@ class Criterion:
 
 
 def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]) -> Choice | None:
-    """The best of laws, and of those that odometry can express, by a rule `rank`; None if it can't decide.
+    """The best law, and the best that odometry can express, according to `rank`; None if `rank` can't decide.
 
-    A law that odometry can't express is best only if a term of its own differs from zero.
+    A law that odometry can't express is best only if a parameter that those laws don't have differs from zero.
     """
     linear = {name: law for name, law in laws.items() if is_expressible(name)}
     choice, among = rank(laws), rank(linear) if linear else None
@@ -165,10 +165,10 @@ def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice |
 
 
 def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choice | None:
-    """The best of laws by criteria, one for each time ahead; None without criteria.
+    """The best law according to criteria, one for each time ahead; None without criteria.
 
-    The leader has the smallest errors by most criteria. Laws that are as good by most of them, within a standard error
-    of the mean difference over blocks, count as equal, and of these the simplest is best.
+    The leader has the smallest errors by most criteria. Laws as good as the leader by most criteria, within a standard
+    error of the mean difference over blocks, count as equal; the simplest of them is best.
     """
     if not criteria:
         return None
@@ -188,7 +188,7 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
 
 
 def _terms(name: str, law: FittedLaw) -> float:
-    """The number of a law's parameters; of as many, a law for odometry is simpler."""
+    """The number of a law's parameters, plus a half if odometry can't express the law."""
     return len(law.values) + 0.5 * (not is_expressible(name))
 
 
@@ -198,6 +198,6 @@ def is_expressible(name: str) -> bool:
 
 
 def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
-    """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration by which slip may show: 0.5 m/s²."""
+    """True if sprocket speeds (n, 2) [rad/s] often imply lateral accelerations that may affect slip: above 0.5 m/s²."""
     v, w = body_twist(omega, 0.0, geometry).T
     return bool(np.mean(np.abs(v * w) > 0.5) > 0.05)

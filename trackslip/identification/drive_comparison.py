@@ -1,4 +1,4 @@
-"""Laws fitted to whole drives and compared by what they predict, and what a reader should doubt."""
+"""Laws fitted to whole drives and compared by their predictions, and reasons to doubt them."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ TODAY = "today"  # name of the prediction without identification: dead reckoning
 
 @dataclass(frozen=True, kw_only=True)
 class DriveComparison(Comparison):
-    """Laws identified from drives, and compared by predictions of driving that they were not fitted to."""
+    """Laws identified from drives, compared by their predictions of driving that they were not fitted to."""
 
-    look: Look  # what the drives show before any law is fitted
-    laws: Mapping[str, DriveFit]  # fits by name of the law, the best first
+    look: Look  # first look at the drives, before any law is fitted
+    laws: Mapping[str, DriveFit]  # fits by law name, the best first
     errors: Mapping[str, Mapping[float, PredictionErrors]]
-    """Errors by horizon [s] of held-out predictions, and before them of TODAY and GAINS."""
+    """Errors of held-out predictions by law and horizon [s], preceded by those of TODAY and GAINS."""
     alarms: tuple[Alarm, ...]  # reasons not to trust the best law
 
 
@@ -50,10 +50,10 @@ def compare_drives(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> DriveComparison:
-    """Fit laws to the drives of a look and predict driving that they were not fitted to.
+    """Fit laws to the drives of a first look and predict driving that they were not fitted to.
 
-    `step(1.0)` is called after each law. By default, all families that are made for drives. Raises LogError if no law
-    can be fitted.
+    `names` are the laws, by default all families made for drives. `step(1.0)` is called after each law. Raises LogError
+    if no law can be fitted.
     """
     fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
     start = look.gains.start(geometry, look.clock)
@@ -97,12 +97,12 @@ def compare_drives(
 
 
 def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
-    """The gains of a first look as a law."""
+    """The gains of a first look, in the form of a fitted law."""
     model, values = reference.fit.model, look.gains.law(reference.fit.model.geometry)
     speed, turn = (gain or Gain(1.0, np.nan, np.nan) for gain in (look.gains.speed, look.gains.turn))
     wide = model.geometry.half_gauge * speed.value / turn.value
     slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
-    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # of half widths of intervals
+    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # from the half widths of intervals
     return replace(
         reference,
         name=GAINS,
@@ -116,7 +116,7 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
 
 
 def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
-    """Values (p,) of a model's parameters by name; 0 where not known."""
+    """The values (p,) of a model's parameters, given some by name; 0 for the others."""
     return np.array([known.get(name, 0.0) for name in model.names])
 
 

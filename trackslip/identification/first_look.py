@@ -1,8 +1,8 @@
 """A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the driving can determine.
 
-What can't be used is refused in one line that names the quantity, its value and what to do. All else is reported as it
-is: a gain far from 1 is no error, as wheels may slip on ice or be smaller than thought. Poses that jump off the path of
-the wheels are wild, and come back, or the drive is cut there, as at a relocalisation.
+Unusable logs are refused in one line that names the quantity, its value and what to do. All else is only reported: a
+gain far from 1 is no error, as wheels may slip on ice or be smaller than thought. Poses that jump off the wheels' path
+and soon return are wild, and left out; where poses stay off, as after a relocalisation, the drive is cut.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from trackslip.identification.misread import matches_of, refuse_cells, refuse_re
 from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
-MOST_WILD = 3  # successive poses that are wild, or placeholders, rather than a path of their own
-_NOISE = 0.1  # share of outlying motions above which all of them are noise
+MOST_WILD = 3  # most successive poses that are wild, or placeholders; more are a path of their own
+_NOISE = 0.1  # share of outlying motions above which all outliers count as noise
 
 Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]
-"""From the first and the last of some poses, (n,) each, by how much motions miss the path, and how much of that slip
-explains, (2, n) [m, rad]."""
+"""For n motions, from the indices (n,) of their first and last poses: how far they miss the wheels' path, and how much
+of that slip explains, (2, n) each [m, rad]."""
 
 
 def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], list[int]]:
     """Indices of wild poses out of `count`, and of the first pose after each lasting jump.
 
-    No motion jumps that slip explains to within `limit` (2,) [m, rad].
+    A motion is not a jump if slip explains it to within `limit` (2,) [m, rad].
     """
     step, limit = np.arange(1, count), limit[:, None]
     size, slip = missed(step - 1, step)
@@ -53,32 +53,32 @@ def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], lis
     return wild, lasting
 
 
-_OUTLYING = 10.0  # robust standard deviations: slip in bursts reaches 6, relocalisations of a few cm exceed it
+_OUTLYING = 10.0  # limit for jumps [robust standard deviations]: bursts of slip reach 6, relocalisations exceed 10
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """Something that a user must know before trusting any law."""
+    """A warning that a user must see before trusting any law."""
 
-    kind: str  # a word: match, units or little
+    kind: str  # one word, such as match, units or little
     line: str
 
 
 @dataclass(frozen=True)
 class Look:
-    """What drives show before any law is fitted."""
+    """What the drives show before any law is fitted."""
 
     drives: tuple[PreparedDrive, ...]  # without wild poses, cut at lasting jumps
-    gains: Gains  # measured distances and turns over those of the wheels, and the sensor's rough place
-    clock: float  # encoder clock minus pose clock at which both fit best, a start value [s]
+    gains: Gains  # ratios of measured distances and turns to the wheels', and the sensor's rough place
+    clock: float  # encoder clock minus pose clock at which encoders and poses fit best, a start value for fits [s]
     left_turns: float  # sum of turns to the left [rad]
-    right_turns: float
-    duration: float  # of all drives with poses [s]
-    notes: tuple[str, ...]  # what the log is, one line each
+    right_turns: float  # sum of turns to the right, not negative [rad]
+    duration: float  # total duration of the drives with poses [s]
+    notes: tuple[str, ...]  # remarks on the log, one line each
     alarms: tuple[Alarm, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """As plain numbers and texts; NaN is None."""
+        """The content as plain numbers and texts, with None for NaN."""
         content = {name: value for name, value in vars(self).items() if name not in ("drives", "gains")}
         content["alarms"] = [vars(alarm) for alarm in self.alarms]
         gains = ("speed", self.gains.speed), ("turn", self.gains.turn)
@@ -86,7 +86,7 @@ class Look:
 
 
 def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look:
-    """Look at drives; raises LogError, with one line that says what to do, where the log can't be used."""
+    """Look at drives; raises LogError, with one line that says what to do, if the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
     clocks = [_checked_clock(drive) for drive in drives]
@@ -126,7 +126,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
 
 
 def _checked_clock(drive: PreparedDrive) -> Clock:
-    """The clock of a drive, if encoders and poses are of one time to within what a fit finds."""
+    """The clock of a drive; raises LogError if encoders and poses are too far apart in time for a fit to align them."""
     clock = clock_of_drive(drive)
     ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
     if clock.distinct and differ > NEAR:
@@ -191,7 +191,7 @@ def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: fl
 def without_jumps(
     drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
 ) -> tuple[list[PreparedDrive], list[str]]:
-    """Parts of a drive without wild poses, cut at lasting jumps, and a line on each kind; parts of a few poses go."""
+    """A drive's parts, without wild poses and cut at lasting jumps, and a line on each; short parts are left out."""
     wild, lasting = _jumps(drive, geometry, gains, clock)
     notes, cut = [], ": the drive is cut there"
     for rows, what, then in ((wild, "wild pose", ""), (lasting, "lasting jump", cut)):
@@ -211,9 +211,9 @@ def without_jumps(
 
 
 def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of wild poses, and of the first pose after each lasting jump, against dead reckoning with gains.
+    """Indices of wild poses, and of the first pose after each lasting jump, compared to dead reckoning with gains.
 
-    Wheels that slip altogether move nothing, and a stamp may be off by a step: so much of a motion is no jump.
+    As wheels may slip completely and a stamp may be off by one step, a deviation that these explain is no jump.
     """
     steps = Steps.of(Drives.of([drive]), geometry, clock, margin=NEAR)
     speed, turn = gains.factors
@@ -235,14 +235,14 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
     if len(steps.time) < 2:
         return steps.rows[:0], steps.rows[:0]
     step = np.arange(1, len(steps.time))
-    harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # [m, rad], under a robust loss
+    harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # jumps that don't matter to a robust loss [m, rad]
     limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed(step - 1, step)[0], axis=1), harmless)
     wild, lasting = find_jumps(len(steps.time), missed, limit)
     return steps.rows[wild], steps.rows[lasting]
 
 
 def _part(drive: PreparedDrive, rows: np.ndarray, clock: float) -> PreparedDrive:
-    """The drive with these poses, and the encoder intervals within a few seconds of them."""
+    """The drive limited to some rows of poses, and to encoder intervals within a few seconds of these."""
     first, last = drive.time[rows[[0, -1]]] + clock + np.array([-3.0, 3.0])
     begin = max(int(np.searchsorted(drive.edges, first)) - 1, 0)
     end = min(int(np.searchsorted(drive.edges, last)) + 1, len(drive.edges))

@@ -1,7 +1,7 @@
 """Gains: how far a robot moves and turns per metre and radian of its wheels, by robust regression over windows.
 
-This is what people compute by hand: the distance measured over that of the wheels, the turn measured over that of the
-wheels. Without headings, the turn is that between successive chords of the path.
+People compute the same by hand: the measured distance divided by the wheels', and the measured turn divided by the
+wheels'. Without headings, a turn is the angle between successive chords of the path.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW = 2.0
-"""Duration of windows [s]: noise of 2 cm is 5 % of the distance of a slow robot then, and steady arcs stay below half a
-turn."""
-_HUBER = 1.345  # standard deviations: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
+"""Duration of windows [s]: noise of 2 cm is then 5 % of a slow robot's distance, and arcs stay below half a turn."""
+_HUBER = 1.345  # [standard deviations]: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Of distances and turns; None where the driving doesn't determine it."""
+    """Gains of distances and of turns; None if the driving doesn't determine a gain."""
 
     speed: Gain | None
     turn: Gain | None
@@ -34,51 +33,51 @@ class Gains:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Of distances and turns; 1 where the driving doesn't determine it."""
+        """Values of the gains of distances and of turns; 1 if the driving doesn't determine a gain."""
         return self.speed.value if self.speed else 1.0, self.turn.value if self.turn else 1.0
 
     def law(self, geometry: RobotGeometry) -> dict[str, float]:
         """The gains as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
         speed = self.factors[0]
         turn = self.turn.value if self.turn else speed
-        if min(speed, turn) <= 0:  # of poses that hardly go with the wheels
+        if min(speed, turn) <= 0:  # the poses hardly match the wheels
             speed = turn = 1.0
         return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
 
     def start(self, geometry: RobotGeometry, clock: float) -> dict[str, float]:
-        """Values to start fits from, by name, with a clock offset [s]; of the law only if distances are known."""
+        """Start values for fits, by name, with a clock offset [s]; values of the law only if distances are known."""
         place = {"sensor_x": self.arm.real, "sensor_y": self.arm.imag, "sensor_yaw": self.heading}
         return (self.law(geometry) if self.speed else {}) | place | {"clock_offset": clock}
 
 
 class Window(NamedTuple):
-    """Motion in windows of drives, n in all."""
+    """Motion in n windows of drives."""
 
-    distance: Array  # (n,) by the wheels [m]
-    turn: Array  # (n,) by the wheels [rad]; without headings, from the mean direction of this window to the next one's
-    moved: np.ndarray  # (n,) measured in the frame of the sensor, complex; without headings, the chord's size [m]
-    turned: Array  # (n,) measured [rad]; without headings, from this chord to the next one; NaN where not known
+    distance: Array  # (n,) distance of the wheels [m]
+    turn: Array  # (n,) turn of the wheels [rad]; without headings, from this window's mean direction to the next one's
+    moved: np.ndarray  # (n,) measured motion in the sensor frame, complex; without headings, the chord's length [m]
+    turned: Array  # (n,) measured turn [rad]; without headings, from this chord to the next one; NaN where not known
     block: np.ndarray  # (n,) index of the block of driving
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The poses of drives that encoders cover, and what the wheels have driven until each."""
+    """The poses of drives that encoders cover, and the wheels' motion up to each pose."""
 
     rows: np.ndarray  # (K,) indices of the poses
     drive: np.ndarray  # (K,) index of the drive
-    time: Array  # (K,) of the poses [s]
-    place: np.ndarray  # (K,) complex [m]; NaN where not known
-    heading: Array  # (K,) [rad], interpolated to positions; NaN in drives without
-    distance: Array  # (K,) by the wheels [m]
-    turn: Array  # (K,) by the wheels [rad]
-    moment: Array  # (K,) integral of the turn over the distance [rad m]
+    time: Array  # (K,) times of the poses [s]
+    place: np.ndarray  # (K,) positions, complex [m]; NaN where not known
+    heading: Array  # (K,) headings, interpolated to positions [rad]; NaN in drives without headings
+    distance: Array  # (K,) distance of the wheels [m]
+    turn: Array  # (K,) turn of the wheels [rad]
+    moment: Array  # (K,) integral of the wheels' turn over the distance [rad m]
 
     @classmethod
     def of(
         cls, drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, margin: float = 0.0
     ) -> Steps:
-        """The steps by wheels `shift` [s] later than by this clock; wheels go on at both ends for `margin` [s]."""
+        """The steps, with wheels read `shift` [s] later than this clock says, and going on for `margin` [s] at ends."""
         of, at = drives.drive, drives.time + clock
         placed = (np.bincount(of, drives.known[0], len(drives.drives)) > 1)[of]
         edges, ends = drives.edges.copy(), np.append(drives.begins[1:], len(drives.edges)) - 1
@@ -101,13 +100,13 @@ class Steps:
 
     @property
     def moved(self) -> np.ndarray:
-        """(K - 1,) Measured motion along the arc, in the frame of the headings, complex [m]; NaN where not known."""
+        """(K - 1,) measured motions along arcs, relative to the headings, complex [m]; NaN where not known."""
         turn = np.diff(self.heading)
         chord = np.diff(self.place) * np.exp(-0.5j * (self.heading[1:] + self.heading[:-1]))
         return chord / np.maximum(np.sinc(turn / (2 * np.pi)), 0.1)
 
     def ends(self, length: Array) -> np.ndarray:
-        """Poses (n + 1,) that bound windows of about these durations (K,) [s]; each drive ends a window."""
+        """Poses (n + 1,) that bound windows of about the duration `length` (K,) [s]; windows end with their drive."""
         begin = self.time[np.searchsorted(self.drive, self.drive)]
         number = np.floor((self.time - begin + 1e-9) / length)
         other = np.diff(self.drive) != 0
@@ -118,9 +117,9 @@ class Steps:
 def windows_of(
     drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
 ) -> Window:
-    """Motion of drives in windows, by wheels `shift` [s] later than by this clock.
+    """Motion of drives in windows, with the wheels read `shift` [s] later than this clock offset says.
 
-    If no drive has headings, distances are those of chords, which are shorter than arcs by turns with this gain.
+    If no drive has headings, distances are lengths of chords, for arcs that turn by `turn_gain` times the wheels' turn.
     """
     steps = Steps.of(drives, geometry, clock, shift)
     length = np.maximum(WINDOW, 2 * np.array([drive.interval for drive in drives.drives]))[steps.drive]
@@ -152,7 +151,7 @@ def windows_of(
 
 
 def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
-    """Gains of drives: of those with headings, or of all if there are none."""
+    """Gains from the drives with headings, or from all drives if none has headings."""
     headed = [drive for drive in drives.drives if drive.has_heading]
     if 0 < len(headed) < len(drives.drives):
         drives = Drives.of(headed)
@@ -185,28 +184,28 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
 
 
 def _tells(values: Array, least: float) -> bool:
-    """True if there is more than a little of it."""
+    """True if the sizes of values (n,) add up to more than `least`, with more than two values."""
     return len(values) > 2 and np.abs(values).sum() > least
 
 
 def rms(values: np.ndarray) -> float:
-    """Root mean square of values (n,), NaN left out; 0 of none."""
+    """Root mean square of values (n,) without NaN; 0 for no values."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(np.abs(known) ** 2))) if len(known) else 0.0
 
 
 class _Regression(NamedTuple):
-    values: np.ndarray  # (k,) of all windows
-    without: np.ndarray  # (G, k) without each block
-    quantile: float  # Student's t for an interval of the first one
+    values: np.ndarray  # (k,) coefficients from all windows
+    without: np.ndarray  # (G, k) coefficients without each block
+    quantile: float  # Student's t for an interval of the first coefficient
 
 
 def _regression(
     columns: Array, values: np.ndarray, window: Window, rows: np.ndarray, prior: Sequence[float]
 ) -> _Regression:
-    """Coefficients (k,) of columns (n, k) for values (n,) in some rows (n,) of windows, by Huber's loss.
+    """Regression of values (n,) on columns (n, k), with Huber's loss, over the windows selected by `rows` (n,).
 
-    Values may be complex, and so are their coefficients. `prior` (k,) are precisions around 0.
+    Complex values have complex coefficients. `prior` (k,) has the precisions of the coefficients' priors around 0.
     """
     columns, values = columns[rows], values[rows]
     weight, scale = np.ones(len(values)), 0.0
@@ -216,7 +215,7 @@ def _regression(
         size = np.abs(values - columns @ fit)
         scale = max(1.4826 * float(np.median(size)), 1e-9)
         weight = np.minimum(1.0, _HUBER * scale / np.maximum(size, 1e-12))
-    # without a block, by one step of Newton's method: slopes of the loss, and their changes, not the weights
+    # without a block, by one step of Newton's method with first and second derivatives of the loss, not the weights
     bend = np.where(size > _HUBER * scale, 0.5 * weight * np.iscomplexobj(values), 1.0)
     _, number = np.unique(window.block[rows], return_inverse=True)
     hessian = np.zeros((int(number.max()) + 1, len(fit), len(fit)))

@@ -40,11 +40,11 @@ def identify(
     Args:
         source: a folder of results, a `.parquet` or `.csv` file of traces or steady samples, a bag of ROS 1 or ROS 2, a
             folder of bags, or runs in memory.
-        geometry: of the robot; needed if the log does not state it.
-        method: steady: from stretches of constant sprocket speeds; drive: from whole drives. By default steady where
-            most of the driving is, else drive.
-        sensor: place and yaw on the robot of the sensor that measured the poses, if known.
-        lag: whether to estimate how far the motion lags behind the belts, of whole drives.
+        geometry: the robot's geometry; needed if the log does not state it.
+        method: steady, from stretches of constant sprocket speeds, or drive, from whole drives. By default steady if
+            most of the driving is, otherwise drive.
+        sensor: place and yaw, on the robot, of the sensor that measured the poses, if known.
+        lag: whether to estimate, from whole drives, the time by which the motion lags behind the belts.
         gear, settle, motion, bag, multiplier: see `ReadOptions`.
 
     Raises:
@@ -67,7 +67,7 @@ def identify_source(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> Identification:
-    """Identify laws from a source that was read, like `identify`; `step(1.0)` is called after each stage or law."""
+    """Identify laws from a source already read, like `identify`; `step(1.0)` is called after each stage or law."""
     require(method in (None, "steady", "drive"), "method", method, "steady or drive")
     if method == "drive" and not source.logs:
         raise LogError("holds steady samples, not traces: only method steady can be used")
@@ -93,14 +93,14 @@ def identify_source(
 
 
 def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:
-    """Fit and compare the laws of steady samples; raises LogError if they determine no law."""
+    """Fit laws to steady samples and compare them; raises LogError if the samples determine no law."""
     steady = compare_laws(sampling.samples.along_robot(geometry), geometry)
     warnings = (*sampling.notes, *map(str, sampling.refused), *steady.warnings)
     return Identification(geometry, "steady", steady, None, sampling.refused, warnings, logs)
 
 
 def _steady_runs(source: Source) -> bool:
-    """True if every run is a steady one, as of the paper's grid, mostly: at least four identify laws by themselves."""
+    """True if runs are mostly steady, with one stretch each as in the paper's grid, and at least four are usable."""
     open_loop = [log for log in source.logs if "controller" not in log.metadata]
     if sum(map(turning_stretches, open_loop)) > len(source.logs):
         return False

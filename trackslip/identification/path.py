@@ -1,8 +1,8 @@
-"""The model of a drive: a law, and the effects of the sensor's mounting, its clock and the robot's lag on the poses.
+"""The model of a drive: a law, and the effects on the poses of the sensor's mounting, its clock and the robot's lag.
 
-Its parameters are the law's, followed by EXTRAS. The centre of turns may lie ahead of the middle of the tracks, and
-sensor_x is the distance from it. With a drift c, the lateral speed is -c v w. Encoders show at stamp t + clock_offset
-what poses show at stamp t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
+Its parameters are the law's, followed by EXTRAS. The turning centre may lie ahead of the middle of the tracks;
+sensor_x is the sensor's distance ahead of that centre. With a drift c, the lateral speed is -c v w. Encoder readings
+stamped t + clock_offset belong to poses stamped t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from trackslip.laws.families import LawFamily
 
 @dataclass(frozen=True)
 class Extra:
-    """A parameter that isn't the law's."""
+    """A parameter of a drive model that doesn't belong to the law."""
 
     unit: str
-    scale: float  # a change that matters
-    prior: float  # standard deviation of the prior, around 0 or a given value; of a length, in half gauges
+    scale: float  # smallest change that matters
+    prior: float  # standard deviation of the prior around 0 or a given value; for a length, in half gauges
     low: float
     high: float
     title: str
@@ -40,21 +40,21 @@ EXTRAS: dict[str, Extra] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
-GYRO = ("gyro_bias", "gyro_scale")  # the last of them, for drives with a gyro
+GYRO = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 
 @dataclass(frozen=True)
 class DriveModel:
-    """A family of laws with EXTRAS, for a robot."""
+    """A family of laws with EXTRAS, for one robot."""
 
     family: LawFamily
     geometry: RobotGeometry
-    gyro: bool = False  # true for drives with a gyro; without, the parameters GYRO are missing
-    radius_prior: float = 0.1  # standard deviation of the prior of the errors of the sprockets' radii [-]
+    gyro: bool = False  # true for drives with a gyro; if false, the parameters GYRO are left out
+    radius_prior: float = 0.1  # standard deviation of the prior for the sprockets' radius errors [-]
 
     @property
     def extras(self) -> dict[str, Extra]:
-        """The parameters that aren't the law's."""
+        """The parameters that don't belong to the law."""
         return {name: extra for name, extra in EXTRAS.items() if self.gyro or name not in GYRO}
 
     @property
@@ -63,25 +63,25 @@ class DriveModel:
         return (*self.family.names, *self.extras)
 
     def index(self, name: str) -> int:
-        """Place of a parameter in arrays of values."""
+        """Index of a parameter in arrays of values."""
         return self.names.index(name)
 
     @property
     def limits(self) -> Array:
-        """Lower limits, upper limits and scales (3, p)."""
+        """Lower limits, upper limits and scales of the parameters (3, p)."""
         extras = np.array([(e.low, e.high, e.scale) for e in self.extras.values()]).T
         return np.concatenate([self.family.limits(self.geometry.half_gauge), extras], axis=1)
 
     @property
     def prior(self) -> Array:
-        """Standard deviations (p,) of the priors; the law's are too wide to matter where data say anything."""
+        """Standard deviations (p,) of the priors; the law's are too wide to matter where the data show anything."""
         scale, b = self.family.limits(self.geometry.half_gauge)[2], self.geometry.half_gauge
         extras = [extra.prior * (b if extra.unit == "m" else 1.0) for extra in self.extras.values()]
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 
     def path(self, values: Array, drives: Drives, free: np.ndarray) -> Path:
-        """The path of the sensor at the poses' times by parameters (p,), with derivatives by those `free` (f,)."""
+        """The sensor's path at the poses' times for `values` (p,), with derivatives by the parameters `free` (f,)."""
         law = len(self.family.names)
         extra = dict(zip(self.extras, values[law:], strict=True))
         moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
@@ -102,7 +102,7 @@ class DriveModel:
         return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
 
     def gyro_turns(self, values: Array, drives: Drives, free: np.ndarray) -> tuple[Array, Array, Array]:
-        """Sums (K,) of the gyro's readings until each pose, less bias [rad]; derivatives (f, K); time measured [s]."""
+        """The gyro's turn (K,) up to each pose, without bias [rad]; derivatives (f, K); time with readings (K,) [s]."""
         assert drives.gyro is not None
         time = drives.time + values[self.index("clock_offset")]
         turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
@@ -130,7 +130,7 @@ class DriveModel:
 
 
 def _lagging(values: Array, drives: Drives, lag: float) -> Array:
-    """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M); each drive starts settled."""
+    """Interval means (..., M) of values (..., M) after a first-order lag [s]; each drive starts in a settled state."""
     if lag <= 0:
         return values
     step, begins = np.diff(drives.edges), drives.begins
@@ -147,21 +147,21 @@ def _lagging(values: Array, drives: Drives, lag: float) -> Array:
 
 @dataclass(frozen=True)
 class Path:
-    """A path at K times, with derivatives by f parameters; places are x + i y."""
+    """A path at K times, with derivatives by f parameters; places are complex, x + i y."""
 
     place: np.ndarray  # (K,) complex [m]
     heading: Array  # (K,) [rad]
     place_slope: np.ndarray  # (f, K) complex
     heading_slope: Array  # (f, K)
-    velocity: np.ndarray  # (K,) complex, of the middle of the tracks [m/s]
+    velocity: np.ndarray  # (K,) velocity of the middle of the tracks, complex [m/s]
     yaw_rate: Array  # (K,) [rad/s]
 
 
 def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
-    """The path from the origin, at `time` (K,), of a robot that moves with (v, u, w): forwards, to the left, turning.
+    """The path from the origin, at times `time` (K,), of a robot with speeds v forwards, u to the left, yaw rate w.
 
-    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, f, M). `row`
-    (K,) is the interval that each time lies in, or whose motion continues until then.
+    `motion` (3, M), that is v, u, w, is constant in each interval between `edges` (M + 1,); its derivatives are `slope`
+    (3, f, M). `row` (K,) is the interval that each time lies in, or the interval whose motion continues up to it.
     """
     step = np.diff(edges)
     turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
@@ -183,9 +183,9 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
 def _displaced(
     motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World displacement (M,) by motions (3, M) for `step` (M,) from headings (M,), and derivatives (f, M).
+    """World displacements (M,) in motions (3, M) over times `step` (M,) from headings (M,), and derivatives (f, M).
 
-    An arc's chord points in its mean heading, and is sin(t/2) / (t/2) as long as the arc, with t its turn.
+    An arc's chord points in its mean heading; its length is sin(t/2) / (t/2) times the arc's, where t is the turn.
     """
     turn = motion[2] * step
     chord = np.sinc(turn / (2 * np.pi))
@@ -203,7 +203,7 @@ def _displaced(
 
 
 def _started(increments: np.ndarray) -> np.ndarray:
-    """Sums (..., M + 1) from zero of increments (..., M)."""
+    """Cumulative sums (..., M + 1) of increments (..., M), starting at zero."""
     sums = np.zeros((*increments.shape[:-1], increments.shape[-1] + 1), increments.dtype)
     np.cumsum(increments, axis=-1, out=sums[..., 1:])
     return sums

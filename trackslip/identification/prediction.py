@@ -1,4 +1,4 @@
-"""Predictions of driving: from each measured pose, by the belts, to the pose some seconds later."""
+"""Predictions of driving: from each measured pose, using the belt speeds, to the pose some seconds later."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
 FOLDS = 5
-"""Parts of the driving, of every fifth block each, that are predicted from the others."""
-HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times ahead [s]
+"""Number of parts, each of every fifth block of driving, that are predicted from the other parts."""
+HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times to predict ahead [s]
 
 
 @dataclass(frozen=True)
@@ -26,21 +26,21 @@ class Statistics:
     rms: float
     mean: float
     median: float
-    p90: float  # error that 90 % of them stay below
+    p90: float  # 90th percentile
     largest: float
 
     @classmethod
     def of(cls, errors: Array) -> Statistics:
-        """Statistics of errors (n,) >= 0."""
+        """Statistics of errors (n,), which are not negative."""
         mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
         return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
 
 
 @dataclass(frozen=True)
 class PredictionErrors:
-    """Errors of predictions, all over the same time or distance."""
+    """Errors of predictions that all cover the same time or distance."""
 
-    count: int  # number of predictions, which overlap
+    count: int  # number of predictions, whose times overlap
     way: float  # median distance driven by the belts [m]
     position: Statistics | None  # errors of positions [m]; None without positions
     heading: Statistics | None  # absolute errors of headings [rad]; None without headings
@@ -56,19 +56,19 @@ class PredictionErrors:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of measured poses between which the robot moves: every law predicts the second one from the first."""
+    """Pairs of measured poses between which the robot moves: every law predicts the second pose from the first."""
 
     drives: Drives
-    start: np.ndarray  # (n,) index of the pose
-    end: np.ndarray  # (n,)
-    horizon: Array  # (n,) [s]
-    way: Array  # (n,) mean distance driven by the belts in between [m]
+    start: np.ndarray  # (n,) index of the first pose
+    end: np.ndarray  # (n,) index of the second pose
+    horizon: Array  # (n,) time between the two, nominally [s]
+    way: Array  # (n,) mean distance that the belts drive between the two [m]
 
     @classmethod
     def of(cls, drives: Drives, geometry: RobotGeometry, horizons: Sequence[float] = HORIZONS) -> Pairs:
-        """All pairs that are a horizon apart, within half the interval between poses.
+        """All pairs that are one of the horizons apart, to within half the interval between poses.
 
-        Where poses are rarer than all horizons, pairs are neighbours.
+        If the interval between poses is longer than all horizons, pairs are neighbouring poses.
         """
         shortest = min(drive.interval for drive in drives.drives)
         if shortest > max(horizons):
@@ -88,9 +88,9 @@ class Pairs:
         return cls(drives, start[moving], end[moving], ahead[moving], (way[end] - way[start])[moving])
 
     def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
-        """Errors (n, 3) forwards, to the left and of the heading by parameters (F, p) [m, m, rad]; NaN if unknown.
+        """Errors (n, 3) forwards, to the left and in heading [m, m, rad] for parameter sets (F, p); NaN if unknown.
 
-        `part` (n,) says which of the F predicts each pair.
+        `part` (n,) is the index of the set that predicts each pair.
         """
         part = np.zeros(len(self.start), int) if part is None else part
         drives, error = self.drives, np.full((len(part), 3), np.nan)
@@ -108,23 +108,23 @@ class Pairs:
         return error
 
     def held_out_errors(self, fit: WindowFit) -> Array:
-        """Errors (n, 3) of pairs that are predicted without every fifth block of driving, their own among them."""
+        """Errors (n, 3) of pairs, each predicted by a fit without a fifth of the blocks, which includes the pair's."""
         count = len(fit.score)
         number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
         values = fit.without(fold == np.arange(len(number))[:, None])
         return self.errors(fit.model, values, fold[np.minimum(fit.block[self.start], count - 1)])
 
     def summaries(self, error: Array) -> dict[float, PredictionErrors]:
-        """PredictionErrors by horizon [s] of errors (n, 3)."""
+        """Summaries of errors (n, 3) by horizon [s]."""
         every = {horizon: self.horizon == horizon for horizon in np.unique(self.horizon).tolist()}
         return {h: PredictionErrors.of(self.way[rows], *sizes(error)[rows].T) for h, rows in every.items()}
 
     def criteria(self, errors: Mapping[str, Array]) -> list[Criterion]:
-        """Errors (n, 3) by law as a criterion for each horizon.
+        """A criterion for each horizon, from errors (n, 3) by law.
 
-        An error is the distance of the predicted position plus that of the heading, in units of the smallest means of
-        any law: a mean of distances, because a pose that is wrong adds no more to it than laws differ, where squares
-        would let it decide.
+        A pair's error is the position's distance plus the heading's, each in units of the smallest mean of any law.
+        Distances are averaged, not squares: a wrong pose then changes the comparison by no more than laws differ there,
+        whereas with squares it could decide.
         """
         criteria, every = [], np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
         for horizon in np.unique(self.horizon):
@@ -142,12 +142,12 @@ class Pairs:
 
 
 def sizes(error: Array) -> Array:
-    """Sizes (n, 2) of errors (n, 3) of position [m] and heading [rad]."""
+    """Sizes (n, 2) of errors (n, 3), in position [m] and heading [rad]."""
     return np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])])
 
 
 def _headings(drives: Drives, path: Path) -> Array:
-    """Headings (K,) of the sensor as measured, else those at which its path fits the positions so far."""
+    """Headings (K,) of the sensor: measured or, in drives without any, those at which its path fits past positions."""
     heading = np.where(drives.known[1], drives.heading, np.nan)
     for drive, begin, end in zip(drives.drives, drives.first[:-1], drives.first[1:], strict=True):
         if not drive.has_heading:
@@ -158,10 +158,10 @@ def _headings(drives: Drives, path: Path) -> Array:
 
 
 def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, heading: Array) -> Array:
-    """Headings (n,) at which dead reckoning fits the positions of the last 10 s; NaN where these are few.
+    """Headings (n,) at which dead reckoning fits the positions of the last 10 s; NaN where these are too few.
 
-    Positions are `measured` (n,) at `time` (n,), where dead reckoning from anywhere gives `place` (n,), complex as
-    x + i y, and `heading` (n,).
+    Positions `measured` (n,), at `time` (n,), and `place` (n,) are complex, x + i y. `place` and `heading` (n,) are
+    from dead reckoning with any start.
     """
     place = place - place[:1]
     values = [np.ones(len(place)), measured, place, measured * place.conj(), np.abs(place) ** 2]
@@ -169,16 +169,16 @@ def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, headi
     begin = np.searchsorted(time, time - 10.0)
     number, there, here, product, square = sums[:, 1:] - sums[:, begin]
     size = (square / number).real - np.abs(here / number) ** 2
-    known = (number.real >= 5) & (size > 0.15**2)  # positions on 0.5 m, which noise of 2 cm turns by few degrees
+    known = (number.real >= 5) & (size > 0.15**2)  # positions over 0.5 m, which noise of 2 cm turns by few degrees
     return np.where(known, np.angle(product - there * here.conj() / number) + heading, np.nan)
 
 
 def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float] = HORIZONS) -> dict[str, float]:
-    """Slip that varies, a random walk of the pose [m/√m, m/√m, rad/√m], from errors (n, 3) of predictions.
+    """Varying slip as a random walk of the pose [m/√m, m/√m, rad/√m], estimated from prediction errors (n, 3).
 
-    Their variance, by medians, is that of two poses and one that grows with the way from the shortest horizon `ahead`
-    [s] to the longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to
-    the sides.
+    The errors' variance, from medians, is that of two poses plus a part that grows with the distance driven, from the
+    shortest to the longest horizon in `ahead` [s]. With one horizon, `spread` (3,) is the poses'. Errors in the first
+    heading and in turns add to the sideways variance.
     """
     names, horizons = ("slip_forward", "slip_sideways", "slip_turn"), np.intersect1d(pairs.horizon, ahead)
     if not len(horizons):
@@ -191,15 +191,15 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
         way, reach = np.array([0.0, way[0]]), np.array([0.0, reach[0]])
         variance = np.stack([2 * spread[[0, 0, 1]] ** 2, variance[0]])
     per_way = np.maximum((variance[1] - variance[0]) / (way[1] - way[0]), 0.0)
-    heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one
+    heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one heading
     aside = variance[:, 1] - (heading + per_way[2] * way / 3) * reach
     per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
-    # growth is a difference of large numbers: medians don't resolve less than a hundredth
+    # the growth is a difference of large numbers, of which medians don't resolve less than a hundredth
     per_way = np.maximum(per_way, 0.01 * variance[1] / max(way[1], 1e-9))
     return dict(zip(names, np.sqrt(per_way).tolist(), strict=True))
 
 
 def _robust_variance(values: Array) -> float:
-    """Variance of normal numbers with the median size of these (n,), NaN left out; 0 of none."""
+    """Variance of normally distributed numbers with the same median size as values (n,) without NaN; 0 for none."""
     size = np.abs(values[np.isfinite(values)])
     return float((1.4826 * np.median(size)) ** 2) if len(size) else 0.0

@@ -1,4 +1,4 @@
-"""The result of an identification: laws, intervals and the best law, for a summary.json and a report."""
+"""The result of an identification: laws, intervals and the best law, for summary.json and the report."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from trackslip.laws.file import laws_content
 from trackslip.logs.runlog import Refused, RunLog
 
 Method = Literal["steady", "drive"]
-"""Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
-_VAGUE = 0.5  # half width of an interval of a multiplier that says nothing: 1 is no slip, tracks have up to 2 [-]
+"""How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
+_VAGUE = 0.5  # half width above which a multiplier's interval says nothing: 1 is no slip, tracks have up to 2 [-]
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Laws identified from logs, and what was left out on the way; `print` shows the answer."""
+    """Laws identified from logs, and what was left out; `print` shows the answer."""
 
     geometry: RobotGeometry
     """Nominal geometry of the robot."""
     method: Method
-    """Source of `best`, `laws` and `intervals`: steady stretches or whole drives."""
+    """Whether `best`, `laws` and `intervals` are from steady stretches or whole drives."""
     steady: SteadyComparison | None
-    """Laws of steady stretches; None if there are too few."""
+    """Laws from steady stretches; None if there are too few."""
     drive: DriveComparison | None
-    """Laws of whole drives; None if they were not evaluated."""
+    """Laws from whole drives; None if these were not evaluated."""
     outliers: tuple[Refused, ...]
-    """Runs that gave no sample or were left out of the fits."""
+    """Runs that yielded no sample or were left out of the fits."""
     warnings: tuple[str, ...]
     """Alarms, doubts and remarks, one line each."""
     logs: tuple[RunLog, ...] = ()
-    """The runs that the laws were identified from, if there were any."""
+    """The runs that the laws were identified from; empty if they are from samples."""
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -53,14 +53,14 @@ class Identification:
         return (*self._unstated_multiplier(), *self._untold(), *drive, *self._contradiction())
 
     def _untold(self) -> list[Alarm]:
-        """An alarm if the driving says hardly anything of D."""
+        """An alarm if the driving hardly determines D."""
         times = self.answer.get("wheel_separation_multiplier")
         if times is None or not times.error > _VAGUE:
             return []
         return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
 
     def _unstated_multiplier(self) -> list[Alarm]:
-        """An alarm if odometry was taken as encoders, whose multiplier nobody stated."""
+        """An alarm if odometry was used in place of encoders and nobody stated its multiplier."""
         for log in self.logs:
             bag = log.metadata.get("bag")
             if isinstance(bag, Mapping) and bag.get("odometry") and "multiplier" not in log.metadata:
@@ -74,7 +74,7 @@ class Identification:
         return []
 
     def _contradiction(self) -> list[Alarm]:
-        """An alarm if steady stretches and whole drives have values of a law that exclude each other, far apart."""
+        """An alarm if a law's values from steady stretches and whole drives differ and the intervals don't overlap."""
         both = [by.laws[REFERENCE] for by in (self.steady, self.drive) if by is not None and REFERENCE in by.laws]
         if len(both) < 2:
             return []
@@ -88,11 +88,11 @@ class Identification:
 
     @property
     def answer(self) -> dict[str, Gain]:
-        """What people look for, with 95 % intervals: multipliers of a differential drive's odometry, D [m] and ε.
+        """The main values, with 95 % intervals: multipliers for a differential drive's odometry, D [m] and ε.
 
-        Ends of an interval are NaN where there is none: of what the law doesn't have, or too little driving.
-        `wheel_separation_multiplier`, `left_wheel_radius_multiplier`, `right_wheel_radius_multiplier`, `offset` and
-        `radius_error`, of the best law if it has constant ICRs, else of the best of those.
+        The keys are `wheel_separation_multiplier`, `left_wheel_radius_multiplier`, `right_wheel_radius_multiplier`,
+        `offset` and `radius_error`. The values are from the best law that odometry can express. The ends of an interval
+        are NaN if the law doesn't have the parameter, or there is too little driving.
         """
         if self.expressible is None:
             return {}
@@ -108,7 +108,7 @@ class Identification:
 
     @property
     def main(self) -> Comparison:
-        """The comparison that `best` is of."""
+        """The comparison that `best` is from."""
         return self.drive if self.method == "drive" and self.drive is not None else self.comparison
 
     @property
@@ -125,29 +125,29 @@ class Identification:
 
     @property
     def best(self) -> str:
-        """Name of the law that predicts motion best; of laws that predict it equally well, the simplest."""
+        """Name of the law that predicts motion best or, among laws that predict it equally well, the simplest."""
         return self.main.best
 
     @property
     def expressible(self) -> str | None:
-        """The best of the laws that a differential drive's odometry can express; None if there is none."""
+        """The best law that a differential drive's odometry can express; None if there is none."""
         return self.main.expressible
 
     @property
     def laws(self) -> dict[str, SlipLaw]:
-        """The identified laws by name, the best predictions first."""
+        """The identified laws by name, the best first."""
         return {name: fit.law for name, fit in self.main.laws.items()}
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
-        """95 % interval of every fitted parameter by law and parameter, in the parameter's unit."""
+        """95 % interval for every fitted parameter, by law and parameter, in the parameter's unit."""
         return {name: fit.interval95 for name, fit in self.main.laws.items()}
 
     def report(self, path: str | Path) -> Path:
-        """Write the report, one self-contained HTML page, to a file, or as `report.html` to a folder; returns its path.
+        """Write the report, one self-contained HTML page, to a file or to `report.html` in a folder; returns its path.
 
         Raises:
-            TrackslipError: if the package that draws reports is not installed.
+            TrackslipError: if no package that renders reports is installed.
             OutputError: if the file cannot be written.
         """
         file = Path(path)
@@ -177,9 +177,9 @@ class Identification:
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
-    """A parameter, or the mean of those of both sides, with its 95 % interval; 0 if the law has none.
+    """A parameter, or the mean of its values for the two sides, with a 95 % interval; 0 if the law doesn't have it.
 
-    The ends are NaN where nothing was fitted.
+    The interval's ends are NaN if the parameter was not fitted.
     """
     names = [name for name in fit.values if name == key or name.startswith(f"{key}_{side}")]
     value = float(np.mean([fit.values[name] for name in names])) if names else 0.0
@@ -187,13 +187,13 @@ def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
     if not fitted:
         return Gain(value, np.nan, np.nan)
     rows = [list(fit.stderr).index(name) for name in fitted]
-    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]  # one end: at a limit
+    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]  # an end may be cut
     wide = float(np.sqrt(half @ fit.correlation[np.ix_(rows, rows)] @ half)) / len(names)
     return Gain(value, value - wide, value + wide)
 
 
 def identification_to_json(result: Identification) -> dict[str, Any]:
-    """The laws as `load_laws` reads them, everything known of each, `prediction` of drives, and what was left out."""
+    """The laws as `load_laws` reads them, all details of each, predictions for drives, and runs left out."""
     steady, drive = result.steady, result.drive
     stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values}
     content: dict[str, Any] = laws_content(stored, result.geometry) | {
@@ -228,13 +228,13 @@ def identification_to_json(result: Identification) -> dict[str, Any]:
 
 
 def _stored(law: FittedLaw) -> dict[str, Any]:
-    """A law as programs read it; standard errors are None for values that were held."""
+    """A law as `load_laws` reads it; standard errors are None for values that were held."""
     errors = {name: law.stderr.get(name) for name in law.values}
     return {"values": law.values, "stderr": errors, "interval95": law.interval95}
 
 
 def _content(law: FittedLaw) -> dict[str, Any]:
-    """The fields of a fit that are numbers."""
+    """The numeric fields of a fit."""
     unstored = ("name", "law", "fit", "missed", "pairs")
     content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
     return content | {"correlation": law.correlation.tolist()}

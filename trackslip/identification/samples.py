@@ -1,4 +1,4 @@
-"""Steady slip samples: mean slip in stretches of constant sprocket speeds, as measured and as truly driven."""
+"""Steady slip samples: mean slip in stretches of constant sprocket speeds, from measured or from true motion."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from trackslip.motion.steady import (
 from trackslip.motion.steady_twist import MotionMethod, paper
 
 MOTION_METHODS: dict[str, MotionMethod] = {"paper": paper, "arc": arc, "bundle": bundle}
-"""Methods that find the twist of a steady run: first the paper's as printed, last the most accurate."""
-_REPEATED = 0.01  # difference of the angles of a command and its repeats (test_steady) [rad]
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_steady)
+"""Methods that estimate the twist of a steady run, from the paper's as printed to the most accurate."""
+_REPEATED = 0.01  # largest difference in angle between a command and its repeats (test_steady) [rad]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and largest plausible share kept of speed, yaw rate (test_steady)
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class SlipSamples:
     """Mean slip of steady runs, one row per run."""
 
     omega: Array  # (n, 2) measured sprocket speeds [rad/s]
-    twist: Array  # (n, 2) [m/s, rad/s]
-    slip: Array  # (n, 2)
+    twist: Array  # (n, 2) mean twists [m/s, rad/s]
+    slip: Array  # (n, 2) slip of each track [-]
     run: tuple[str, ...]  # (n,) names
-    covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
+    covariance: Array | None = None  # (n, 2, 2) covariances of the twists' errors, if known
     lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
-    load: Array | None = None  # (n, 2) mean tractions per unit load, along and to the left, if known [-]
+    load: Array | None = None  # (n, 2) mean tractions per unit load, forwards and to the left, if known [-]
 
     def __len__(self) -> int:
         return len(self.run)
@@ -51,7 +51,7 @@ class SlipSamples:
 
     @property
     def radius(self) -> Array:
-        """Signed radii (n,) of the observed paths [m]; infinite for a straight one."""
+        """Signed radii (n,) of the observed paths [m]; infinite for straight paths."""
         v, w = self.twist.T
         return np.divide(v, w, out=np.full(len(v), np.inf), where=w != 0)
 
@@ -66,10 +66,10 @@ class SlipSamples:
         lateral: Array | None = None,
         load: Array | None = None,
     ) -> SlipSamples:
-        """Samples from steady sprocket speeds and twists (n, 2), and more where it is known; Eqs. 2-3.
+        """Samples from steady sprocket speeds and twists (n, 2), and the other fields where known; Eqs. 2-3.
 
-        The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
-        motion is implausible.
+        Slip is undefined (NaN) for a track whose sprocket hardly turns. Raises LogError if both sprockets stand still
+        or the motion is implausible.
         """
         size = np.abs(omega)
         slip = np.where(size < 0.02 * size.max(axis=1, keepdims=True), np.nan, track_slip(omega, twist, geometry))
@@ -78,21 +78,21 @@ class SlipSamples:
         return samples
 
     def arrays(self) -> dict[str, Array]:
-        """What is known, by name."""
+        """The known fields except `run`, by name."""
         return {name: values for name, values in vars(self).items() if name != "run" and values is not None}
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
-        """Concatenate samples; what some parts lack is left out."""
+        """Concatenate samples; fields that any part doesn't have are left out."""
         arrays = [part.arrays() for part in parts]
         names = set.intersection(*map(set, arrays))
         run = tuple(name for part in parts for name in part.run)
         return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
 
     def along_robot(self, geometry: RobotGeometry) -> SlipSamples:
-        """The samples with speeds along the robot, of a sensor that is turned on it by more than chance and 0.02 rad.
+        """The samples with speeds along the robot, corrected for sensor yaw if above 0.02 rad and significant.
 
-        A sensor X ahead moves by X w to the left of the robot: another speed to the left, in proportion to v, is yaw.
+        A sensor X ahead moves to the left at X w; any further speed to the left in proportion to v is due to yaw.
         """
         if self.lateral is None or not np.isfinite(self.lateral).all() or len(self) < 4:
             return self
@@ -106,17 +106,17 @@ class SlipSamples:
         return SlipSamples.of(self.omega, twist, geometry, self.run, self.covariance, moved.imag, self.load)
 
     def take(self, rows: np.ndarray) -> SlipSamples:
-        """The samples `rows`."""
+        """The samples in `rows`."""
         run = tuple(np.array(self.run, object)[rows])
         return SlipSamples(run=run, **{name: values[rows] for name, values in self.arrays().items()})
 
     def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Errors (n, 2) of the track speeds of predicted twists (n, 2), relative to the faster sprocket's."""
+        """Errors (n, 2) in track speed of predicted twists (n, 2), relative to the faster sprocket's speed."""
         missed = track_speeds(twist - self.twist, geometry.half_gauge)
         return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
 
     def by_command(self, geometry: RobotGeometry) -> np.ndarray:
-        """Labels (n,), in order, of runs with nearly the same ratio of sprocket speeds, and so the same radius."""
+        """Labels (n,), in order, equal for runs with nearly the same ratio of sprocket speeds, hence path radius."""
         commanded = body_twist(self.omega, 0.0, geometry)
         angle = np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0])
         labels, label, first = np.zeros(len(angle), int), -1, -np.inf
@@ -128,7 +128,7 @@ class SlipSamples:
 
 
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
-    """Raise LogError for a run that doesn't move about as its sprockets say: wrong units, signs, sides or gears.
+    """Raise LogError for a run that doesn't move roughly as its sprockets imply: wrong units, signs, sides or gears.
 
     A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
     """
@@ -137,7 +137,7 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
     size = length * np.abs(commanded)
     covariance = 0.0 if samples.covariance is None else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
-    error = 4 * length * np.sqrt(covariance)  # no chance
+    error = 4 * length * np.sqrt(covariance)  # more than chance
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
     fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
     plausible |= np.abs(along - size) <= 0.1 * fastest  # where sprockets differ or the sensor is off the centre
@@ -154,18 +154,18 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
 
 @dataclass(frozen=True)
 class Sampling:
-    """The samples of a set of runs, and why some runs or stretches gave none."""
+    """The samples from a set of runs, and the reasons why some runs or stretches yielded none."""
 
     samples: SlipSamples  # one sample per usable stretch
     refused: tuple[Refused, ...]  # runs and steady stretches without a sample
     notes: tuple[str, ...]  # parts that were excluded from usable runs, one line each
-    steady_share: float = 1.0  # share of the time of driving that is in steady stretches, settling included [-]
+    steady_share: float = 1.0  # share of the driving time that is in steady stretches, settling included [-]
 
     @classmethod
     def of(
         cls, usable: Sequence[SlipSamples], refused: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
     ) -> Sampling:
-        """The usable samples; raises LogError if there are none."""
+        """A sampling with the usable samples; raises LogError if there are none."""
         if not usable:
             raise LogError(none_usable(refused))
         return cls(SlipSamples.joined(usable), tuple(refused), tuple(notes), share)
@@ -179,13 +179,13 @@ def usable_samples(
     refused: Sequence[Refused] = (),
     longest: bool = False,
 ) -> Sampling:
-    """The samples of all steady stretches of all runs, and why others give none.
+    """The samples from all steady stretches of all runs, and the reasons why some yield none.
 
-    Left out are `settle` [s] at the start of each stretch, and runs that were `refused` before. `method` is one of
-    MOTION_METHODS, by default the most accurate that each run allows. With `longest`, only the longest stretch of each
-    run counts; else a run with several stretches gives as many samples, named by when they begin.
+    The first `settle` [s] of each stretch are left out. `refused` lists runs that were refused before. `method` is one
+    of MOTION_METHODS, by default the most accurate that each run allows. With `longest`, only the longest stretch of
+    each run is used; otherwise a run with several stretches yields a sample for each, named after its start time.
 
-    Raises LogError if no run gives a sample, InvalidValueError for an invalid `settle` or `method`.
+    Raises LogError if no run yields a sample, InvalidValueError for an invalid `settle` or `method`.
     """
     require_non_negative("settle", settle)
     if method is not None and method not in MOTION_METHODS:
@@ -214,7 +214,7 @@ def usable_samples(
 
 
 def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
-    """Samples of the longest steady stretches from the true motion of simulated runs.
+    """Samples from the true motion of simulated runs, in the longest steady stretch of each.
 
     Raises LogError if a run has no truth or no steady stretch.
     """
@@ -230,7 +230,7 @@ def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float 
 
 
 def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSamples:
-    """The sample of a steady stretch."""
+    """The sample from a steady stretch."""
     steady = MOTION_METHODS[method](part.log, part.window)
     lateral = None if steady.lateral is None else np.array([steady.lateral])
     load = None if part.load is None else part.load[None]

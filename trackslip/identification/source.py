@@ -1,4 +1,4 @@
-"""Steady samples from whatever was logged: traces or samples, a folder, a file or runs in memory."""
+"""Runs and steady samples from logs of any kind: traces or samples, in a folder, a file, a bag or in memory."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS = (0.1, 10.0)
-"""wheel_separation_multipliers that a robot may have: ICRs within ten times the gauge."""
+"""Least and largest wheel_separation_multiplier that a robot may have: ICRs within ten times the gauge."""
 
 
 @dataclass(frozen=True)
 class ReadOptions:
     """Options for reading a log."""
 
-    half_gauge: float | None = None  # half the distance between the tracks [m]; None for the log's
-    sprocket_radius: float | None = None  # radius of the sprockets [m]; None for the log's
-    gear: float = 1.0  # turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-]
-    settle: float = SETTLE  # time after the sprockets have become steady that is left out of each run [s]
+    half_gauge: float | None = None  # half the distance between the tracks [m]; None to take it from the log
+    sprocket_radius: float | None = None  # radius of the sprockets [m]; None to take it from the log
+    gear: float = 1.0  # turns of the encoder per turn of the sprocket, if omega is the encoder's speed [-]
+    settle: float = SETTLE  # time left out at the start of each steady stretch [s]
     motion: str | None = None  # name of a motion method; None for the most accurate that each run allows
     bag: BagChoice = AUTOMATIC  # topics to read from bags
-    multiplier: float | None = None  # wheel_separation_multiplier of odometry taken as encoders, if known [-]
+    multiplier: float | None = None  # wheel_separation_multiplier of odometry used in place of encoders, if known [-]
 
     def __post_init__(self) -> None:
         require_within("gear", self.gear, *GEARS)
@@ -44,7 +44,7 @@ class ReadOptions:
             require_within("multiplier", self.multiplier, *MULTIPLIERS)
 
     def sprocket_speeds(self, omega: Array) -> Array:
-        """Sprocket speeds (n, 2) from those of the encoders (n, 2), or of odometry computed with the multiplier."""
+        """Sprocket speeds (n, 2) from speeds of encoders, or from odometry computed with the multiplier (n, 2)."""
         mean = omega.mean(axis=1, keepdims=True)
         return (mean + (self.multiplier or 1.0) * (omega - mean)) / self.gear
 
@@ -53,18 +53,18 @@ class ReadOptions:
 class Source:
     """Logged runs and their steady samples."""
 
-    name: str  # its name in messages
+    name: str  # name of the source in messages
     geometry: RobotGeometry
     reading: ReadOptions
-    logs: tuple[RunLog, ...] = ()  # runs; empty if the log held samples instead of traces
-    rows: Sampling | None = None  # samples, if the log held them
+    logs: tuple[RunLog, ...] = ()  # runs; empty if the log has samples instead of traces
+    rows: Sampling | None = None  # samples, if the log has samples instead of traces
     refused: tuple[Refused, ...] = ()  # runs that cannot be read
-    notes: tuple[str, ...] = ()  # parts that were left out of the runs when they were read, one line each
-    taken: tuple[str, ...] = ()  # topics that were taken from bags as encoders and poses, one line each
+    notes: tuple[str, ...] = ()  # parts of runs that were left out on reading, one line each
+    taken: tuple[str, ...] = ()  # topics read from bags as encoders and poses, one line each
 
     @cached_property
     def sampling(self) -> Sampling:
-        """The samples of the log, or of its runs that are not closed loops; raises LogError if there are none."""
+        """The log's samples, or those of its runs without a controller; raises LogError if there are none."""
         if self.rows is not None:
             return self.rows
         steady = [log for log in self.logs if "controller" not in log.metadata]
@@ -79,10 +79,10 @@ class Source:
 def read_source(
     path: Path, reading: ReadOptions = ReadOptions(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
-    """Runs or samples from a folder of results, a `.parquet` or `.csv` file of traces or steady samples, or bags.
+    """Runs or samples from a results folder, a `.parquet` or `.csv` file of traces or steady samples, or bags.
 
-    Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
-    the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
+    `chosen` returns the names of the runs to use, given the folder; None to use all runs. Raises LogError if nothing in
+    the log can be read or it has no runs to choose from, InvalidValueError if the geometry is unknown.
     """
     from trackslip.bags.drives import holds_bags, read_bags, refuse_choice  # late: runs in memory need no bags
 
@@ -101,7 +101,7 @@ def read_source(
 
 @contextmanager
 def _naming(source: object) -> Iterator[None]:
-    """Put the name of the source in front of a LogError that lacks it."""
+    """Put the name of the source in front of any LogError that does not contain it."""
     try:
         yield
     except LogError as error:
@@ -114,10 +114,10 @@ def source_of_runs(
     name: str = "the runs",
     left_out: ReadRuns | None = None,
 ) -> Source:
-    """Runs in memory, called `name` in messages; what reading has `left_out` is listed with what cannot be used.
+    """A source with runs in memory, called `name` in messages; `left_out` has notes and refused runs from reading.
 
-    Raises LogError if there are no runs or they differ in what matters to slip, InvalidValueError if neither `reading`
-    nor the runs state the geometry.
+    Raises LogError if there are no runs or they differ in something that affects slip, InvalidValueError if neither
+    `reading` nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
@@ -166,7 +166,7 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:
-    """A note on runs under different loads; LogError for runs that cannot share a law: ground or robot differ."""
+    """A note if runs are under different loads; LogError if they cannot share a law, as ground or robot differ."""
     for key in ("ground", "radius_error", "geometry", "model_sha256"):
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
@@ -182,7 +182,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
 
 
 def _geometry(reading: ReadOptions, stored: Any, source: object) -> RobotGeometry:
-    """The geometry given, else that of the log."""
+    """The geometry given in `reading` or, where that has none, in the log (`stored`)."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(reading, name)

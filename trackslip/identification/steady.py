@@ -1,14 +1,14 @@
-"""Laws fitted to steady runs and compared: values, errors, the scatter between the runs, errors at left-out radii.
+"""Laws fitted to steady runs and compared: values, errors, scatter between runs, errors at left-out radii.
 
 The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds, so
-slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: the
-residual of a run is the measured minus the predicted speed V of either track, (2,) [m/s]. Its covariance is
+slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: a run's
+residual is the measured minus the predicted speed V of each track, (2,) [m/s]. Its covariance is
 
     C = B P B^T + tau^2 s^2 I,    s = r max |omega|
 
-P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of the track speeds
-beyond the measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground,
-speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one.
+P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of track speeds besides
+measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground, speed, the
+law's wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one.
 """
 
 from __future__ import annotations
@@ -43,25 +43,25 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, LawFamily, family
 from trackslip.metrics import rms
 
-_EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
-_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_steady)
-_FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
-_VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_steady)
+_EXACT = 1e-9  # least error of a run, relative to the faster sprocket: samples that follow a law except for rounding
+_SINGULAR = 1e7  # condition of the normal equations above which parameters are interchangeable (test_steady)
+_FOLDS = 10  # largest number of folds in a cross-validation (Kohavi, 1995)
+_VAGUE = 5.0  # least standard error of an undetermined parameter, in changes that matter (test_steady)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyFit(FittedLaw):
-    """A law fitted to steady samples; intervals are Student's."""
+    """A law fitted to steady samples, with Student's t intervals."""
 
     rms: float
-    """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
+    """Root mean square error of the predicted track speeds, relative to the speed of the faster sprocket [-]."""
     scatter: float
-    """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
-    fit: Fit  # the fit in matrices
+    """tau, the track speeds' scatter about the law besides measurement errors, relative likewise [-]."""
+    fit: Fit  # the full fit
 
 
 def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyFit:
-    """Weighted least-squares fit to the measured motions, with intervals.
+    """Weighted least-squares fit of a law to measured motions, with intervals.
 
     `geometry` is the robot's nominal one. Raises LogError if the samples do not determine every parameter, and
     InvalidValueError for an unknown law.
@@ -91,19 +91,19 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyF
 
 @dataclass(frozen=True)
 class Fit:
-    """A family fitted to steady runs; along the axes, errors of measurement of a run's track speeds are independent."""
+    """A family fitted to steady runs, along two axes in which a run's track speeds have independent errors."""
 
     family: LawFamily
     samples: SlipSamples
     geometry: RobotGeometry
-    axes: Array  # (n, 2, 2) from twists to the axes, in the speed of the faster sprocket
-    measurement: Array  # (n, 2) variances of the errors of measurement along the axes
-    values: Array  # (p,)
+    axes: Array  # (n, 2, 2) maps from twists to the axes, relative to the speed of the faster sprocket
+    measurement: Array  # (n, 2) variances of the measurement errors along the axes
+    values: Array  # (p,) values of the law's parameters
     scatter: float  # tau [-]
 
     @classmethod
     def of(cls, family: LawFamily, samples: SlipSamples, geometry: RobotGeometry) -> Fit:
-        """Values and scatter in turn, at first from all starting values and as if all errors were scatter."""
+        """Fit values and scatter alternately, first from all start values and as if all errors were scatter."""
         speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
         known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
@@ -120,7 +120,7 @@ class Fit:
 
     @property
     def variance(self) -> Array:
-        """Variances (n, 2) along the axes."""
+        """Variances (n, 2) of the residuals along the axes."""
         return self.measurement + self.scatter**2
 
     @cached_property
@@ -134,19 +134,19 @@ class Fit:
         return self.missed.size - len(self.values)
 
     def predicted(self, values: Array) -> Array:
-        """Twists (n, 2) of the runs by a law with values (p,), or by one for each run (n, p)."""
+        """Twists (n, 2) that a law predicts for the runs, with values (p,), or (n, p) for separate values per run."""
         twist = self.family.law(values, self.geometry).twist(self.samples.omega, self.geometry)
-        return np.broadcast_to(twist, self.samples.twist.shape)  # of laws without parameters, too
+        return np.broadcast_to(twist, self.samples.twist.shape)  # for laws without parameters, too
 
     def _missed(self, values: Array) -> Array:
         return np.einsum("nij,nj->ni", self.axes, self.samples.twist - self.predicted(values))
 
     def _slopes(self, values: Array) -> Array:
-        """Derivatives (n, 2, p) of what a law predicts along the axes."""
+        """Derivatives (n, 2, p) of the law's predictions along the axes."""
         return self.axes @ self.family.twist_slopes(values[None], self.samples.omega, self.geometry)[0]
 
     def minimum(self) -> Fit:
-        """The minimum of chi-square at this scatter, from these values."""
+        """The fit with the least chi-square at this scatter, starting from these values."""
         if not self.family.names:
             return self
         low, high, scale = self.family.limits(self.geometry.half_gauge)
@@ -175,13 +175,13 @@ class Fit:
 
     @cached_property
     def _normal(self) -> tuple[Array, Array]:
-        """Normal equations (n, p, p) of the runs and their right sides (n, p)."""
+        """The runs' normal equations (n, p, p) and right sides (n, p)."""
         slope = self._slopes(self.values)
         weighted = (slope / self.variance[..., None]).swapaxes(1, 2)
         return weighted @ slope, (weighted @ self.missed[..., None])[..., 0]
 
     def without(self, labels: np.ndarray) -> Array:
-        """Values (G, p) without the runs of each label (n,)."""
+        """Values (G, p) fitted without the runs of each label (n,), by one step of Newton's method."""
         out = (labels == np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
         normal, pull = self._normal
         rest = np.einsum("gn,npq->gpq", 1 - out, normal)
@@ -190,10 +190,10 @@ class Fit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance (p, p) of the values; infinite if they stand in for each other.
+        """Covariance (p, p) of the values; infinite if parameters are interchangeable.
 
-        Repeats of a command may share what the law does not know. Standard errors are at least those by leaving out a
-        command each (CR3, as in `windows`), or a run each where commands are few.
+        Repeats of a command may share effects outside the law. So standard errors are at least those from leaving out
+        one command at a time (CR3, as in `windows`), or one run at a time if there are few commands.
         """
         normal = self._normal[0].sum(axis=0)
         unit = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -205,13 +205,13 @@ class Fit:
         if labels.max() + 1 < FEWEST_BLOCKS:
             labels = np.arange(len(labels))
         variance = np.diag(cr3(self.without(labels) - self.values))
-        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # as it is if there are few
+        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # unchanged if there are few labels
         return covariance * np.outer(wider, wider)
 
     def left_out(self) -> Array | None:
-        """Twists (n, 2) of runs by fits without the runs of their radius; None where the rest are too few for a fit.
+        """Twists (n, 2) predicted by fits without the runs at each run's radius; None if too few runs remain.
 
-        Of fewer than three radii, a run or every tenth run is left out instead.
+        With fewer than three radii, single runs or tenths of the runs are left out instead.
         """
         radii = self.samples.by_command(self.geometry)
         labels = folds(radii if radii.max() >= 2 else np.arange(len(radii)))
@@ -220,7 +220,7 @@ class Fit:
         return self.predicted(self.without(labels)[labels])
 
     def undetermined(self, error: Array) -> str:
-        """A parameter that the samples do not determine by its standard error (p,), and why; empty if there is none."""
+        """A message on a parameter that the samples, by standard errors (p,), do not determine; empty without any."""
         limits = self.family.limits(self.geometry.half_gauge)
         for key, value, spread, low, high, scale in zip(self.family.names, self.values, error, *limits, strict=True):
             if value not in (low, high) and spread < max(_VAGUE * scale, abs(value) / 2):
@@ -232,7 +232,7 @@ class Fit:
 
 
 def folds(labels: np.ndarray) -> np.ndarray:
-    """Folds (n,) of a cross-validation: groups (n,) or, where there are many, about equal numbers of neighbours."""
+    """Folds (n,) for a cross-validation: the groups (n,) or, if there are many, neighbouring groups joined evenly."""
     size = np.bincount(labels)
     if len(size) <= _FOLDS:
         return labels
@@ -242,15 +242,15 @@ def folds(labels: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Rms errors of a law for runs at radii that it was not fitted to."""
+    """Rms errors of a law in predicting runs at radii that it was not fitted to."""
 
-    slip: float  # of the track speeds, relative to the faster sprocket's [-]
-    linear_speed: float  # [m/s]
-    yaw_rate: float  # [rad/s]
+    slip: float  # rms error of the track speeds, relative to the faster sprocket's speed [-]
+    linear_speed: float  # rms error [m/s]
+    yaw_rate: float  # rms error [rad/s]
 
     @classmethod
     def of(cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation | None:
-        """Errors of the twists (n, 2) that fits without each radius predict."""
+        """Errors of twists (n, 2) predicted by fits without each run's radius; None without twists."""
         if twist is None:
             return None
         v, w = (rms(column) for column in (twist - samples.twist).T)
@@ -262,14 +262,14 @@ class SteadyComparison(Comparison):
     """Laws identified from steady samples."""
 
     samples: SlipSamples  # the samples that the laws were fitted to
-    laws: Mapping[str, SteadyFit]  # fits by name of the law
-    validation: Mapping[str, CrossValidation | None]  # cross-validation by name of the law
+    laws: Mapping[str, SteadyFit]  # fits by law name
+    validation: Mapping[str, CrossValidation | None]  # cross-validation by law name
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
-    """Fit all families that the samples determine, and compare them.
+    """Fit laws of all families that the samples determine, and compare them.
 
-    Raises LogError if the samples determine no law of turning.
+    Raises LogError if the samples determine no law except `none`.
     """
     laws, warnings = dict[str, SteadyFit](), list[str]()
     sides = np.sign(np.diff(samples.omega, axis=1)[:, 0] * samples.omega.sum(axis=1))
@@ -303,9 +303,9 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
 
 
 def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice | None:
-    """The simplest of the laws whose predictions of left-out radii are as good as any other's; None for few runs.
+    """The simplest law that predicts left-out radii as well as any other; None for too few runs.
 
-    Errors are mean squares of the relative errors of the track speeds, weighted by the runs' variances.
+    Errors are mean squares of the relative errors in track speed, weighted by the runs' inverse variances.
     """
     fit = next(iter(laws.values())).fit
     samples, scatter = fit.samples, max(LEAST_ERROR, min(law.scatter for law in laws.values()))

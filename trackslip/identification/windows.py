@@ -1,13 +1,13 @@
-"""The estimator: windows of poses, each laid onto the path that the belts drive by a law.
+"""The estimator: fits the path that follows from the belt speeds and a law to the poses, window by window.
 
-The belts of a drive, integrated by a law, give a path of the sensor. The poses are cut into windows of some seconds. In
-each window the path is moved and turned so that it fits the poses best; what is left are residuals, which don't depend
-on where the robot is in the world. Slip that varies bends no window but its own: no state needs to be estimated. The
-parameters of the law, of the sensor's place and of the clocks are those with the smallest residuals, in units of their
+Belt speeds, integrated according to a law, yield the sensor's path. The poses are cut into windows of some seconds. In
+each window the path is moved and turned to fit the poses best. The remaining residuals don't depend on where the robot
+is in the world. Varying slip affects only the windows in which it occurs, so no state needs to be estimated. The
+parameters of the law, the sensor's place and the clocks are those that minimise the residuals, in units of their
 spread, under Cauchy's loss (P. J. Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
 
-Standard errors come from blocks of driving: a fit without one block, by one step of Newton's method, and the scatter of
-these fits (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015).
+Standard errors are from the scatter of fits that each leave out one block of driving, by one step of Newton's method
+(CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015).
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from trackslip.kinematics import Array, wrap_angle
 
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
-_BENDS = 0.2  # of what its weights say: least second derivative of the loss, where a few large residuals make it less
-_RELAXED = 1.5  # first steps over those of reweighted least squares, which the loss would shorten: it bends less
-_NEAR = 30.0  # change, in standard errors, after which steps are Newton's
+_BENDS = 0.2  # least second derivative of the loss, relative to the weights; large residuals could make it smaller
+_RELAXED = 1.5  # ratio of first steps to those of reweighted least squares, which are too short for this loss
+_NEAR = 30.0  # change, in standard errors, below which the next step is Newton's
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of the poses of drives in a row. A row is a pose in a window: most poses are in several."""
+    """Windows of poses. A row is one pose in one window: most poses are in several windows."""
 
     pose: np.ndarray  # (R,) index of the pose
-    count: np.ndarray  # (W,) rows of each window
+    count: np.ndarray  # (W,) number of rows in each window
 
     @classmethod
     def cut(cls, drives: Drives, length: float) -> Windows:
-        """Windows of about this length [s]; the pose at a border belongs to both sides.
+        """Windows of about this length [s]; a pose on a border belongs to both windows.
 
-        Cut twice, the second time half a window later, they are as efficient as an estimate of the whole path.
+        Drives are cut twice, the second time half a window later: that is as efficient as estimating the whole path.
         """
         rows = []
         for drive, begin in zip(drives.drives, drives.first, strict=False):
@@ -52,7 +52,7 @@ class Windows:
                 cuts = np.searchsorted(time, np.arange(start, time[-1], span))
                 ends = np.unique([0, *cuts, len(time) - 1])
                 if start > time[0] and len(ends) < 4:
-                    break  # the same poses once more
+                    break  # the window would have the same poses again
                 rows += [begin + np.arange(a, b + 1) for a, b in pairwise(ends)]
         return cls(np.concatenate(rows), np.array([len(row) for row in rows]))
 
@@ -66,32 +66,32 @@ class Windows:
         return np.add.reduceat(values, self.first, axis=-1)
 
     def each(self, values: np.ndarray) -> np.ndarray:
-        """Values (..., W) of the windows at their rows (..., R)."""
+        """Values (..., W) of the windows, repeated for each of their rows (..., R)."""
         return np.repeat(values, self.count, axis=-1)
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """What the windows leave: of places ahead and to the left [m], of headings and, with a gyro, of its turns [rad]."""
+    """Residuals in each window: of places forwards and to the left [m], headings and, with a gyro, its turns [rad]."""
 
-    value: Array  # (3 or 4, R)
-    slope: Array  # (3 or 4, f, R) by the free parameters
-    known: np.ndarray  # (3 or 4, R) bool
+    value: Array  # (3 or 4, R) residuals
+    slope: Array  # (3 or 4, f, R) their derivatives by the free parameters
+    known: np.ndarray  # (3 or 4, R) bool: whether each was measured
 
     @property
     def spread(self) -> Array:
-        """Robust standard deviations (3,) of a coordinate, a heading and a gyro's turn; 1 where there are none."""
+        """Robust standard deviations (3,) of a coordinate, a heading and a gyro's turn; 1 if nothing was measured."""
         spread = np.ones(3)
         for k, rows in enumerate((slice(2), slice(2, 3), slice(3, 4))):
             size = np.abs(self.value[rows][self.known[rows]])
             if len(size):
-                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # of normal numbers, and of rounding
+                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # for normal errors, and at least rounding
         return spread
 
     def weights(self, spread: Array) -> tuple[Array, Array]:
-        """Weights (3 or 4, R) under Cauchy's loss, over the variances, and the loss's second derivatives.
+        """Weights (3 or 4, R) under Cauchy's loss, divided by the variances, and the loss's second derivatives.
 
-        Both are 0 where nothing was measured; the derivatives are negative where residuals are large.
+        Both are 0 where nothing was measured; the second derivatives are negative where residuals are large.
         """
         variance = spread[[0, 0, 1, 2][: len(self.value)], None] ** 2
         square = self.value**2 / (variance * LOSS**2)
@@ -99,7 +99,7 @@ class Residuals:
         return weight, weight * (1 - square) / (1 + square)
 
     def alignment(self, spread: Array) -> Array:
-        """Weights (2, R) of places and headings in the alignment of their windows, where wrong ones count less."""
+        """Weights (2, R) of places and headings for the alignment of their windows; outliers have less weight."""
         size = np.stack([np.hypot(*self.value[:2]), self.value[2]]) / spread[:2, None]
         return self.known[[0, 2]] / (1 + (size / LOSS) ** 2) / spread[:2, None] ** 2
 
@@ -109,7 +109,7 @@ class Residuals:
         return np.asarray(sum(w @ s.T for w, s in zip(weighted, self.slope[..., rows], strict=True)))
 
     def score(self, weight: Array, rows: slice = slice(None)) -> Array:
-        """Slope (f,) of half the weighted sum of squares of rows."""
+        """Gradient (f,) of half the weighted sum of squares over rows."""
         pull = weight[:, rows] * self.value[:, rows]
         return np.asarray(sum(s @ p for s, p in zip(self.slope[..., rows], pull, strict=True)))
 
@@ -117,9 +117,9 @@ class Residuals:
 def residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, weight: Array
 ) -> Residuals:
-    """Residuals of the rows with parameter values (p,), and derivatives by those `free` (f,).
+    """Residuals of the rows for parameter values (p,), and derivatives by the parameters `free` (f,).
 
-    `weight` (2, R) is that of places and headings in the alignment of their windows.
+    `weight` (2, R) has the weights of places and headings for the alignment of their windows.
     """
     path = model.path(values, drives, free)
     rows, (wp, wh) = windows.pose, weight
@@ -137,7 +137,7 @@ def residuals(
     back = np.exp(-1j * phi)  # into the robot's frame
     left = u * np.exp(-1j * turned) - c * back
     value = np.stack([left.real, left.imag, wrap_angle(h - turned)])
-    # derivatives of the alignment, by d angle(q) = Im(dq conj(q)) / |q|², then of what it leaves, to first order
+    # derivatives of the alignment, from d angle(q) = Im(dq conj(q)) / |q|², then of the residuals, to first order
     per_turn = windows.each(np.conj(q) / np.maximum(np.abs(q) ** 2, 1e-300))
     by_place, by_turn = wp * u * per_turn, (off * per_turn).real
     dtheta = windows.each(windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi))
@@ -154,9 +154,9 @@ def residuals(
 def _gyro_residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
-    """Turns by the gyro less those by the law, from the row before in the window.
+    """The gyro's turns minus the law's, since the previous row in the window.
 
-    Both are read by the encoders' clock, so that they say nothing about the poses': their slope by it is 0.
+    Both are by the encoder clock, so they say nothing about the clock offset: their derivative by it is 0.
     """
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
@@ -178,20 +178,20 @@ class WindowFit:
     model: DriveModel
     drives: Drives
     length: float  # of the windows [s]
-    values: Array  # (p,) of all parameters
-    free: np.ndarray  # (f,) indices of those that were fitted
-    spread: Array  # (3,) of the residuals
-    block: np.ndarray  # (K,) of each pose, as `Drives.blocks` gives it
-    blocks: Array  # (G, f, f) normal equations of each block, by the weights
+    values: Array  # (p,) values of all parameters
+    free: np.ndarray  # (f,) indices of the parameters that were fitted
+    spread: Array  # (3,) `Residuals.spread`
+    block: np.ndarray  # (K,) block of each pose, from `Drives.blocks`
+    blocks: Array  # (G, f, f) normal equations of each block, from the weights
     bend: Array  # (f, f) second derivatives of the loss
-    score: Array  # (G, f) of each block, by which the other ones are balanced
-    prior: Array  # (f,) precisions
+    score: Array  # (G, f) gradient from each block; with the prior's, they sum to about 0
+    prior: Array  # (f,) precisions of the priors
 
     def without(self, blocks: np.ndarray) -> Array:
-        """Parameters (F, p) without the blocks of (F, G) bool, by one step of Newton's method.
+        """Parameters (F, p) fitted without the blocks in each row of `blocks` (F, G) bool, by one Newton step.
 
-        The normal equations of the weights, which stay regular, contain what the rest of the driving determines; the
-        step is as much longer as the loss bends less than they do.
+        The step uses the normal equations from the weights of the other blocks, which stay regular. It is then
+        lengthened as much as the loss's second derivatives are smaller than the normal equations.
         """
         out = blocks.astype(float)
         rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
@@ -203,13 +203,13 @@ class WindowFit:
 
     @property
     def covariance(self) -> Array:
-        """(f, f) of the free parameters: by leaving out blocks (CR3), and of the priors; NaN for few blocks."""
+        """(f, f) of the free parameters: by leaving out blocks (CR3), plus the priors' part; NaN for too few blocks."""
         apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
         return cr3(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
 
     @property
     def quantile(self) -> Array:
-        """Half widths (f,) of 95 % intervals over the standard errors."""
+        """Half widths (f,) of 95 % intervals, in standard errors."""
         return student(self.blocks, self._normal)
 
     @property
@@ -222,7 +222,7 @@ class WindowFit:
 
 
 def _inverse(bend: Array, normal: Array) -> Array:
-    """Inverse (f, f) of the second derivatives of the loss, which are at least a fifth of what the weights say."""
+    """Inverse (f, f) of the loss's second derivatives, limited to at least a fifth of the normal equations."""
     scale = np.sqrt(np.diag(normal))
     normal, bend = (matrix / np.outer(scale, scale) for matrix in (normal, bend))
     values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
@@ -232,11 +232,11 @@ def _inverse(bend: Array, normal: Array) -> Array:
 def fit_windows(
     model: DriveModel, drives: Drives, length: float, values: Array, held: Collection[str], mean: Array
 ) -> WindowFit:
-    """Fit all parameters but those `held` to windows of a length [s], from `values` (p,), with priors' `mean` (p,).
+    """Fit parameters not `held` in windows of `length` [s], starting at `values` (p,), with priors of mean `mean` (p,).
 
-    Steps are those of reweighted least squares, then Newton's. The fit has converged when no parameter changes by more
-    than a tenth of its standard error, of independent residuals and known others. Slopes are taken again after changes
-    of more than three.
+    Steps are first those of reweighted least squares, then Newton's. The fit has converged when no parameter changes by
+    more than a tenth of its standard error (for independent residuals and known other parameters). Derivatives are
+    recomputed after changes of more than three standard errors.
     """
     windows, values = Windows.cut(drives, length), values.copy()
     free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
@@ -265,13 +265,13 @@ def fit_windows(
     rest = residuals(model, drives, windows, values, free, rest.alignment(rest.spread))
     spread = rest.spread
     pull, curved = rest.weights(spread)
-    block = drives.blocks(2 * length)  # where windows that overlap share little
+    block = drives.blocks(2 * length)  # so long that few windows overlap two blocks
     middle = windows.pose[windows.first + (windows.count - 1) // 2]
     part = windows.each(np.unique(block[middle], return_inverse=True)[1])
     blocks = np.zeros((int(part.max()) + 1, len(free), len(free)))
     score = np.zeros(blocks.shape[:2])
     ends = np.flatnonzero(np.diff(part, prepend=-1, append=-1)).tolist()
-    for begin, end in pairwise(ends):  # rows of a block follow each other
+    for begin, end in pairwise(ends):  # most rows of a block are consecutive
         blocks[part[begin]] += rest.normal(pull, slice(begin, end))
         score[part[begin]] += rest.score(pull, slice(begin, end))
     return WindowFit(model, drives, length, values, free, spread, block, blocks, rest.normal(curved), score, prior)

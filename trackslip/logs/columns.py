@@ -1,4 +1,4 @@
-"""Columns of an arbitrary table as arrays, cell by cell: what is empty, and what is damaged."""
+"""Columns of any table as arrays, with masks of the empty and the damaged cells."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import MAX_YAW_RATE
 from trackslip.logs.schema import COLUMNS
 
-_HUGE = 1e21  # no measurement in SI units is larger, nor a time in ns
+_HUGE = 1e21  # no measurement in SI units and no time in ns is larger
 _BOOLEANS = {"true": 1.0, "1": 1.0, "1.0": 1.0, "false": 0.0, "0": 0.0, "0.0": 0.0, "": np.nan}
 _EXPECTED = {"valid": "true or false", "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s"}
 
@@ -24,11 +24,11 @@ class Cells:
 
     values: Array  # (T,); NaN where the cell is empty, NaN or damaged
     empty: np.ndarray  # (T,) bool
-    damaged: np.ndarray  # (T,) bool: it holds text, infinity or a number beyond all measurements
+    damaged: np.ndarray  # (T,) bool: the cell holds text, infinity or a number too large for a measurement
 
 
 class Columns:
-    """Columns of a table as arrays; errors name the row and the column."""
+    """A table's columns as arrays; errors name the row and the column."""
 
     def __init__(self, table: pa.Table, source: str) -> None:
         self._table, self._source = table, source
@@ -43,7 +43,7 @@ class Columns:
             raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {', '.join(present)[:200]!r}")
 
     def cells(self, name: str) -> Cells:
-        """A column of numbers, empty if it is missing; raises LogError for another type or unit."""
+        """A column of numbers, all empty if it is missing; raises LogError for a wrong type or unit."""
         if name not in self._table.column_names:
             nowhere = np.zeros(len(self._table), bool)
             return Cells(np.full(len(nowhere), np.nan), ~nowhere, nowhere)
@@ -56,19 +56,19 @@ class Columns:
         return _cells(_as_floats(column), column.is_null().to_numpy())
 
     def optional(self, names: Sequence[str]) -> Array | None:
-        """Values (T, len(names)) with NaN for what is no number, or None if a column is missing."""
+        """Values (T, len(names)), NaN where a cell has no number; None if a column is missing."""
         if any(name not in self._table.column_names for name in names):
             return None
         return np.stack([self.cells(name).values for name in names], axis=-1)
 
     def complaint(self, name: str, row: int) -> str:
-        """A complaint about a cell."""
+        """An error message about a cell."""
         shown = repr(self._table.column(name)[row].as_py())
         shown = shown if len(shown) <= 40 else shown[:40] + "…"
         return f"row {row + 1}, column {name}: {shown} is not {_EXPECTED.get(name, 'a finite number')}"
 
     def categories(self, name: str) -> tuple[np.ndarray, list[str]]:
-        """Numbers of the texts of a column (T,), and the texts; empty cells are the empty text."""
+        """For each cell (T,) of a text column, the index of its text, and the texts; empty cells have an empty text."""
         try:
             text = self._table.column(name).cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
         except pa.ArrowException as error:
@@ -76,7 +76,7 @@ class Columns:
         return text.indices.to_numpy(), text.dictionary.to_pylist()
 
     def boolean(self, name: str) -> Cells:
-        """1 or 0, empty if the column is missing."""
+        """A column of true and false as 1 and 0; all cells are empty if the column is missing."""
         if name not in self._table.column_names:
             return self.cells(name)
         index, texts = self.categories(name)
@@ -92,26 +92,26 @@ class Columns:
 
 
 def _cells(values: Array, empty: np.ndarray) -> Cells:
-    """Cells of values (T,), infinite or huge where damaged."""
+    """Cells from values (T,), which are infinite or huge where damaged."""
     damaged = np.abs(values) > _HUGE
     return Cells(np.where(damaged, np.nan, values), empty, damaged)
 
 
 def _from_text(column: pa.ChunkedArray) -> Cells:
-    """Cells with numbers as Python reads them."""
+    """Cells from texts, read as Python reads numbers."""
     import pyarrow.compute as pc  # takes longer to import than pyarrow itself, and few logs have numbers as text
 
     text = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
     empty = pc.equal(text, "")
     try:
         values = _as_floats(pc.if_else(empty, None, text))
-    except pa.ArrowInvalid:  # some text is not as Arrow writes numbers
+    except pa.ArrowInvalid:  # some text is not a number to Arrow
         values = np.array([_number(cell) for cell in text.to_pylist()])
     return _cells(values, empty.to_numpy())
 
 
 def _number(text: str) -> float:
-    """The number in a text: NaN for nothing, infinity for anything else."""
+    """The number in a text: NaN if it is empty, infinity if it is not a number."""
     try:
         return float(text or "nan")
     except ValueError:

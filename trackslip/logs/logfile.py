@@ -1,4 +1,4 @@
-"""Files of runs, Parquet and CSV, and joining the runs of several Parquet files without loading all of them."""
+"""Reads and writes Parquet and CSV files of runs, and joins Parquet files without loading all of their runs."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
-RUNS = "runs.parquet"  # name of the file of runs in a folder of results
-_LOOKED_AT = 50  # lines from which separator and decimal mark are recognised
+RUNS = "runs.parquet"  # name of the file with the runs in a results folder
+_LOOKED_AT = 50  # number of lines from which the separator and the decimal mark are inferred
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
-_TIMES = ("s", "sec", "ms", "us", "ns")  # in the column t of a row of units
+_TIMES = ("s", "sec", "ms", "us", "ns")  # units of time in the column t, which identify a row of units
 _NO_UNIT = ("", "-", "1")
 
 
@@ -41,9 +41,9 @@ def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
 
 
 def packing(schema: pa.Schema) -> dict[str, Any]:
-    """Options of the Parquet writer: compact storage of measured numbers, which rarely repeat, with checksums.
+    """Options for the Parquet writer: compact storage for measured numbers, which rarely repeat, with checksums.
 
-    Zstandard would save another tenth but take half as long again. Statistics let readers skip runs and times.
+    Zstandard would make files a tenth smaller but take 1.5 times as long. Statistics let readers skip runs and times.
     """
     return {
         "compression": "lz4",
@@ -55,7 +55,7 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a CSV file, without metadata, ranges and contacts; other numbers are exact."""
+    """Write runs to a CSV file, without metadata, ranges, contacts and shear; all other numbers are exact."""
     plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None, shear=None)) for log in logs]
     pa.csv.write_csv(to_table(plain), path)
 
@@ -74,7 +74,7 @@ def read_table(path: Path) -> pa.Table:
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
         if isinstance(error, OSError) and error.strerror:
             raise LogError(f"{path}: {error.strerror}") from error
-        reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the name of the file
+        reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the file's name
         if kind == ".parquet":
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
@@ -82,10 +82,10 @@ def read_table(path: Path) -> pa.Table:
 
 
 def _read_csv(path: Path) -> pa.Table:
-    """The table in a CSV file, every column as text so that errors name row and column.
+    """The table in a CSV file, every column as text so that errors can name row and column.
 
-    Read as well: blanks around cells, lines before the header that begin with #, columns separated by semicolons or
-    tabs, decimal commas among these, and a row of units under the header, which become the units of the columns.
+    The file may have blanks around cells, lines beginning with # before the header, columns separated by semicolons or
+    tabs (then also decimal commas), and, below the header, a row with the units of the columns.
     """
     import pyarrow.compute as pc  # takes longer to import than pyarrow itself
 
@@ -112,7 +112,7 @@ def _read_csv(path: Path) -> pa.Table:
 
 
 def _with_units(table: pa.Table) -> pa.Table:
-    """The table without a first row of units, which its columns get."""
+    """The table with a first row of units, if any, moved to the metadata of its columns."""
     first = [column[0].as_py().strip("[]()") for column in table.columns] if len(table) else []
     if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
         return table
@@ -124,7 +124,7 @@ def _with_units(table: pa.Table) -> pa.Table:
 
 
 def runs_file(path: Path) -> Path:
-    """The file of runs in a folder of results, or `path` itself; LogError if the folder has none, or is too new."""
+    """The file with the runs in a results folder, or `path` itself; LogError if the folder has none or is too new."""
     try:
         if not path.is_dir():
             return path
@@ -137,7 +137,7 @@ def runs_file(path: Path) -> Path:
 
 
 def read_runs(path: Path) -> list[RunLog]:
-    """The runs in a file, with a LogWarning for what is left out; raises LogError if no run can be read."""
+    """The runs in a file, with a LogWarning for each part left out; raises LogError if no run can be read."""
     read = read_log(path)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
@@ -145,14 +145,14 @@ def read_runs(path: Path) -> list[RunLog]:
 
 
 def read_log(path: Path) -> ReadRuns:
-    """The runs in a file, and what was left out of it; raises LogError if no run can be read."""
+    """The runs in a file, and notes on the parts left out; raises LogError if no run can be read."""
     return runs_from_table(read_table(path), str(path))
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
-    """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
+    """Copy runs, each given as (file, name, new name), in order from files written by `write_parquet` to one file.
 
-    Their row groups are their runs, so that one is in memory at a time. Raises LogError if a file cannot be read.
+    Each run is a row group, so only one is in memory at a time. Raises LogError if a file cannot be read.
     """
     with contextlib.ExitStack() as stack:
         try:

@@ -1,4 +1,4 @@
-"""RunLog: the record of one run, simulated or real, with a row for every scan, and the plate in these."""
+"""RunLog: the record of one run, simulated or real, with a row for every scan, and the plate in the scans."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
-"""Errors from metadata of runs that are not as trackslip writes them."""
+"""Errors that a run's metadata cause if trackslip did not write them."""
 _OPTIONAL = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
 _NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
-MAX_YAW_RATE = 100.0  # yaw rate above which a gyro's reading is none [rad/s]
-MEASURED = 0.99  # share of a time that a gyro must have measured for its turn to count [-]
+MAX_YAW_RATE = 100.0  # yaw rate above which a gyro's reading is invalid [rad/s]
+MEASURED = 0.99  # share of an interval that a gyro must have covered for its turn to count [-]
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Truth:
     saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
     contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
-    shear: Array | None = None  # (T, P) how far the ground has given way under each pad, on ground that shears [m]
+    shear: Array | None = None  # (T, P) distance that the ground has yielded under each pad, if it shears [m]
 
 
 @dataclass(frozen=True)
 class ScanLog:
-    """The returns of each scan that were attributed to the plate."""
+    """The returns of each scan that come from the plate."""
 
     scan: Scan  # the scanner, without ranges: (0, B)
     plate: Plate  # the plate that was scanned
@@ -60,7 +60,7 @@ class ScanLog:
 
 @dataclass(frozen=True)
 class RunLog:
-    """One run. Row k contains the measurements at time k and the command given then."""
+    """One run. Row k has the measurements at time k and the command sent at that time."""
 
     run: str
     """Name of the run, unique within a file."""
@@ -70,10 +70,10 @@ class RunLog:
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
     twist_command: Array | None = None  # (T, 2) body twist commanded by a controller [m/s, rad/s]
     icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
-    covariance: Array | None = None  # (T, 3, 3) of the pose
+    covariance: Array | None = None  # (T, 3, 3) covariance of the pose
     valid: np.ndarray | None = None  # (T,) bool: whether the pose was measured; None if every pose was
-    load: Array | None = None  # (T, 2) traction per unit load that the robot needs, along and to its left [-]
-    gyro: Array | None = None  # (T,) yaw rate by a gyroscope, mean since the previous row; NaN if not measured [rad/s]
+    load: Array | None = None  # (T, 2) traction per unit load that the robot needs, forwards and to its left [-]
+    gyro: Array | None = None  # (T,) gyroscope's yaw rate, mean since the previous row; NaN if not measured [rad/s]
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
     beyond: Array | None = None  # (B, 4) times and poses before the first and after the last encoder reading
@@ -102,17 +102,17 @@ class RunLog:
 
     @property
     def has_place(self) -> np.ndarray:
-        """(T,) bool: whether the pose was measured with its position."""
+        """(T,) bool: whether the pose has a measured position."""
         return self.is_valid & np.isfinite(self.pose[:, 0])
 
     @property
     def has_heading(self) -> np.ndarray:
-        """(T,) bool: whether the pose was measured with its heading."""
+        """(T,) bool: whether the pose has a measured heading."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
 
     @property
     def gyro_sums(self) -> Array | None:
-        """(T, 2) turn by the gyro until each row [rad], and how long it has measured [s]; None without a gyro."""
+        """(T, 2) turn that the gyro measured up to each row [rad], and for how long [s]; None without a gyro."""
         if self.gyro is None:
             return None
         rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
@@ -131,7 +131,7 @@ class RunLog:
         return replace(self, **part(self) | {"truth": truth, "scans": scans, "beyond": None})
 
     def cut(self, duration: float) -> list[RunLog]:
-        """Parts of equal duration, about `duration` [s]; the log itself if it isn't longer."""
+        """Parts of equal duration, about `duration` [s] each; a shorter log is returned whole."""
         count = max(round((self.time[-1] - self.time[0]) / duration), 1)
         ends = np.searchsorted(self.time, np.linspace(self.time[0], self.time[-1], count + 1)).tolist()
         ends[-1] += 1
@@ -146,14 +146,14 @@ class RunLog:
 
 @dataclass(frozen=True)
 class Refused:
-    """A run that cannot be read, gave no sample or was excluded from the fits."""
+    """A run that cannot be read, yields no sample or was excluded from the fits."""
 
     run: str  # name of the run, or of its steady stretch
     reason: str  # the reason for its exclusion
 
     @classmethod
     def of(cls, run: str, error: LogError) -> Refused:
-        """A run that raised an error, whose message may begin with the name of the run."""
+        """A run that raised an error; the run's name is removed from the start of the message."""
         return cls(run, str(error).removeprefix(f"run {run!r}: "))
 
     def __str__(self) -> str:
@@ -161,7 +161,7 @@ class Refused:
 
 
 def none_usable(refused: Sequence[Refused]) -> str:
-    """One line for a log all of whose runs are refused: the most frequent reason."""
+    """One line with the most frequent reason, for a log whose runs are all refused."""
     if len(refused) == 1:
         return f"run {refused[0].run!r}: {refused[0].reason}"
     return f"none of the {len(refused)} runs can be used; {in_few_lines(map(str, refused))[0]}"
@@ -177,7 +177,7 @@ def in_few_lines(lines: Iterable[str]) -> list[str]:
 
 
 def stored_geometry(log: RunLog) -> RobotGeometry | None:
-    """The robot's geometry, if the log has it."""
+    """The robot's geometry, if the log states it."""
     known = log.metadata.get("geometry")
     with contextlib.suppress(*MALFORMED):
         return RobotGeometry(float(known["half_gauge"]), float(known["sprocket_radius"])) if known else None

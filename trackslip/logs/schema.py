@@ -1,4 +1,4 @@
-"""The columns of a table of runs: name, unit, description, which files contain as metadata."""
+"""The columns in a table of runs: name, unit and description, which files store as metadata."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NO_UNIT = ""  # unit of a column that is not a number
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table of runs."""
+    """A column in a table of runs."""
 
     name: str
     unit: str
@@ -79,6 +79,6 @@ COLUMNS = {column.name: column for column in _ALL}  # columns by name
 
 
 def with_units(table: pa.Table) -> pa.Table:
-    """A table whose known columns have unit and description as metadata, but which has none itself."""
+    """The table with unit and description as metadata of each known column, and without metadata of its own."""
     fields = [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema]
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))

@@ -1,7 +1,7 @@
 """RunLogs and steady samples as tables, and back.
 
-A table contains any number of runs, distinguished by the column `run`. The log of a real robot needs only the columns
-REQUIRED, and x and y or phi; samples of steady driving without a trace need SAMPLE_COLUMNS.
+A table contains any number of runs, distinguished by the column `run`. A real robot's log needs only the columns
+REQUIRED, and x and y or phi; steady samples without traces need SAMPLE_COLUMNS.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
-"""Columns of any log of a robot; it has x and y, phi or all three, too. Without `run`, it is one run."""
+"""Columns that every robot log has, besides x and y, phi or all three. Without a column `run`, it is one run."""
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
-LATERAL = "lateral"  # speed to the left, of samples that have it [m/s]
-BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
+LATERAL = "lateral"  # optional column of steady samples: speed to the left [m/s]
+BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
     "twist_command": ("v_cmd", "w_cmd"),
     "icr": ("icr_offset", "icr_radius_error"),
@@ -33,7 +33,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "omega": ("omega_l", "omega_r"),
     "pose": ("x", "y", "phi"),
 }
-TRUTH: dict[str, tuple[str, ...]] = {  # columns of fields of its Truth
+TRUTH: dict[str, tuple[str, ...]] = {  # columns for each field of its Truth
     "pose": ("true_x", "true_y", "true_phi"),
     "twist": ("true_v", "true_lateral", "true_w"),
     "traction": ("traction_l", "traction_r"),
@@ -44,19 +44,19 @@ TRUTH: dict[str, tuple[str, ...]] = {  # columns of fields of its Truth
 }
 COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-"""Places of the elements of a covariance among COVARIANCE."""
+"""For each element (3, 3) of a covariance, its index in COVARIANCE."""
 CONTACT = "contact"
 SHEAR = "shear"
-SCANNED = "scanned"  # key of the scanner in the metadata of a run
+SCANNED = "scanned"  # key for the scanner in a run's metadata
 _RANGES, _ALL_RANGES = "ranges", "all_ranges"
 _OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
-_METADATA_KEY = b"trackslip"  # of the description of runs in the metadata of a file
+_METADATA_KEY = b"trackslip"  # key for the descriptions of the runs in a file's metadata
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
-    """Runs as one table with a row per scan, and metadata of columns and runs.
+    """Runs as one table with a row per scan, and metadata for the columns and the runs.
 
-    Columns that a run lacks are null in its rows.
+    If a run has no values for a column, the column is null in its rows.
     """
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
@@ -68,12 +68,12 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
 
 def file_metadata(runs: Mapping[str, Any]) -> dict[bytes, str]:
-    """Metadata of a file: the format and descriptions of its runs."""
+    """Metadata of a file: its format and the descriptions of its runs."""
     return {_METADATA_KEY: json.dumps({"format": FORMAT, "runs": runs})}
 
 
 def stored_metadata(metadata: Mapping[bytes, bytes] | None, source: str) -> dict[str, dict[str, Any]]:
-    """Descriptions of the runs by name in the metadata of a file; LogError if damaged or in a newer format."""
+    """Descriptions of runs, by name, from a file's metadata; LogError if damaged or in a newer format."""
     text = (metadata or {}).get(_METADATA_KEY)
     if not text:
         return {}
@@ -105,7 +105,7 @@ def _table(log: RunLog) -> pa.Table:
 
 
 def _scan_columns(scans: ScanLog) -> dict[str, Any]:
-    """The columns of scans, with T rows each; ranges are NaN for beams between the returns of a cluster."""
+    """The columns for scans, with T rows each; ranges are NaN for beams without a return within a cluster."""
     cluster, beam = scans.cluster, scans.beam
     first, last = (ends.astype(int) for ends in cluster.extremes(beam))
     width = np.where(cluster.count > 0, last - first + 1, 0)
@@ -123,7 +123,7 @@ def _list_column(rows: Array) -> pa.Array:
 
 
 def _lists(values: Array, count: np.ndarray) -> pa.Array:
-    """Lists of `count` (T,) numbers each, of all values (n,) in order."""
+    """T lists from values (n,) in order, each with `count` (T,) numbers."""
     ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
     return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
 
@@ -153,7 +153,7 @@ def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
 
 
 def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
-    """The scans of a run, or None if it has none; raises LogError if they are not as `to_table` writes them."""
+    """A run's scans, or None if it has none; raises LogError if they differ from what `to_table` writes."""
     if SCANNED not in metadata or not {*_OF_SCANS, _RANGES} <= set(table.column_names):
         return None
     try:

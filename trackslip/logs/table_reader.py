@@ -1,4 +1,4 @@
-"""Runs from a table of any origin: rows and runs that cannot be read are left out one by one, each with its reason."""
+"""Runs from a table of any origin: each row or run that cannot be read is left out, with a reason."""
 
 from __future__ import annotations
 
@@ -33,43 +33,40 @@ from trackslip.logs.table import (
 _OPTIONAL = ("command", "twist_command", "icr", "load")
 _NAMES = ("t", *BLOCKS["omega"], *BLOCKS["pose"], *BLOCKS["gyro"], "valid")
 _OMEGA, _POSE, _GYRO, _VALID = [1, 2], [3, 4, 5], 6, 7
-_GAP = 1.0  # without readings that the next one covers [s]
+_GAP = 1.0  # longest time without readings that the next reading covers [s]
 _QUATERNION = re.compile(r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE)
-_MOST = 0.5  # share of damaged rows above which a run cannot be read
+_MOST = 0.5  # share of damaged rows above which a run is refused
 
 
 @dataclass(frozen=True)
 class ReadRuns:
-    """The runs of a log, and what was left out of it."""
+    """The runs of a log, and notes on the parts left out."""
 
     runs: tuple[RunLog, ...] = ()
     refused: tuple[Refused, ...] = ()
     """Runs that cannot be read."""
     notes: tuple[str, ...] = ()
-    """Parts that were left out of the others, one line each."""
+    """Parts that were left out of the runs that can be read, one line each."""
     taken: tuple[str, ...] = ()
-    """Encoders and poses taken where the log leaves a choice, one line each."""
+    """Encoders and poses used where the log offers several, one line each."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """All that was left out, one line each."""
+        """A line for each part and each run that was left out."""
         return (*self.notes, *map(str, self.refused))
 
 
 def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
-    """The runs in a table; `source` names it in errors.
+    """The runs in a table, which errors call `source`; raises LogError if no run can be read.
 
-    Raises LogError if it holds no run that can be read.
-
-    A row without position and heading, or with one that cannot be read, counts as not valid. A row without encoder
-    reading gets that of the next row that has one, a mean that covers it. Rows with a damaged reading or time are left
-    out.
+    A row without position and heading, or with an unreadable one, counts as not valid. A row without an encoder reading
+    gets the next reading, which is a mean over that row, too. Rows with a damaged reading or time are left out.
     """
     return _Reader(table, source).read()
 
 
 class _Reader:
-    """The columns of a table, and what was left out so far."""
+    """The columns of a table, and the runs and parts left out so far."""
 
     def __init__(self, table: pa.Table, source: str) -> None:
         table = _named(_with_heading(table, source), source)
@@ -110,7 +107,7 @@ class _Reader:
         return ReadRuns(tuple(runs), tuple(self._refused), tuple(self._notes))
 
     def _runs(self, name: str, rows: np.ndarray) -> list[RunLog]:
-        """The run in `rows`, several if its clock restarts, fewer where it cannot be read."""
+        """The run in `rows`, as several runs if its clock restarts, without any that cannot be read."""
         runs = list[RunLog]()
         try:
             rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
@@ -135,7 +132,7 @@ class _Reader:
         return runs
 
     def _has_both(self, rows: np.ndarray) -> bool:
-        """True for rows with encoder readings and poses: a drive, rather than readings of one sensor."""
+        """True if the rows have both encoder readings and poses: a drive, not the readings of one sensor."""
         read = np.isfinite(self._values[rows])
         return bool(min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1)
 
@@ -163,7 +160,7 @@ class _Reader:
         )
 
     def _left_out(self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str) -> np.ndarray:
-        """Mask (n,) of the rows that are `damaged` (n, 8) in a column, with a note; LogError if most of them are."""
+        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`; notes them; LogError if most rows are."""
         bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
             k = int(np.argmax(bad))
@@ -172,13 +169,13 @@ class _Reader:
         return bad
 
     def _note(self, name: str, count: int, total: int, what: str, reason: str) -> None:
-        """Note that rows or poses are left out; raises LogError if these are most of them."""
+        """Note that `count` rows or poses are left out; raises LogError if that is most of the `total`."""
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
         self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
 
     def _by_time(self, rows: np.ndarray) -> np.ndarray:
-        """The rows by time: poses may be logged after later encoder readings. Rows out of their sensor's order stay."""
+        """The rows sorted by time, as poses may be logged late; rows that break their sensor's order stay in place."""
         known, time = np.isfinite(self._values[rows, 1:_VALID]), self._values[rows, 0]
         place = time.copy()
         for sensor in np.unique(known, axis=0):
@@ -189,20 +186,23 @@ class _Reader:
         return rows[np.argsort(place, kind="stable")]
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
-        """The rows with those of one time as one, if no column has two readings: encoders, gyro and pose apart."""
+        """The rows, with rows of equal time merged unless a column has two readings there.
+
+        Encoders, gyro and pose may be logged in separate rows.
+        """
         first = np.append(True, np.diff(self._values[rows, 0]) != 0)[: len(rows)]
         if first.all():
             return rows
         starts, group = np.flatnonzero(first), np.cumsum(first) - 1
         values, damaged = self._values[rows], self._damaged[rows].any(axis=1)
-        values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan  # that of a row without pose says nothing
+        values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan  # `valid` means nothing without a pose
         readings = np.add.reduceat(np.isfinite(values[:, 1:]), starts)
         joins = (readings <= 1).all(axis=1) & ~np.logical_or.reduceat(damaged, starts)
         self._values[rows[starts[joins]]] = np.fmax.reduceat(values, starts)[joins]
         return rows[first | ~joins[group]]
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
-        """The rows whose times ascend, with a note on the others."""
+        """The rows whose times ascend; notes the rows left out."""
         time = self._values[rows, 0]
         ascending = in_order(time)
         if len(ascending) < len(rows):
@@ -213,9 +213,9 @@ class _Reader:
         return rows[ascending]
 
     def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Sprocket speeds (n, 2), and the rows (n,) from the first to the last reading; others take the next one.
+        """Sprocket speeds (n, 2) and the rows (n,) from first to last reading; a row without one takes the next.
 
-        Rows up to _GAP before the first reading are covered by it.
+        Rows up to _GAP before the first reading take that reading.
         """
         time, omega = self._values[rows, 0], self._values[rows][:, _OMEGA]
         read = np.flatnonzero(np.isfinite(omega).all(axis=1))
@@ -228,7 +228,7 @@ class _Reader:
         return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
 
     def _beyond(self, rows: np.ndarray) -> Array | None:
-        """Times and poses (B, 4) of rows before and after the encoders' readings; they show how clocks differ."""
+        """Times and poses (B, 4) in rows before and after the encoders' readings; they show how clocks differ."""
         poses = self._values[rows][:, [0, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
@@ -236,20 +236,20 @@ class _Reader:
         return poses if len(poses) else None
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Poses (n, 3), and which of them were measured."""
+        """Poses (n, 3), and a mask (n,) of those that were measured."""
         pose, stated, damaged = self._values[rows][:, _POSE], self._values[rows, _VALID], self._damaged[rows]
         measured = np.ones(len(rows), bool)
         if (np.isfinite(stated) | damaged[:, _VALID]).any():
             measured = stated == 1
-            damaged[:, _POSE] &= measured[:, None]  # what is said not to be valid may hold anything
+            damaged[:, _POSE] &= measured[:, None]  # a pose marked as not valid may contain anything
         bad = self._left_out(name, rows, damaged, [*_POSE, _VALID], "pose")
         pose[np.isnan(pose[:, :2]).any(axis=1), :2] = np.nan
         return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
     def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
-        """Yaw rates (n,), NaN where not measured, None if nowhere; empty cells take the next reading, as encoders do.
+        """Yaw rates (n,), NaN where not measured; None without any. Empty cells take the next reading, as encoders do.
 
-        `heading` (n,) [rad] is NaN where not measured. Raises LogError if it shows that the gyro has another unit.
+        `heading` (n,) [rad] is NaN where not measured. Raises LogError if it shows that the gyro's unit is wrong.
         """
         time, rate = self._values[rows, 0], self._values[rows, _GYRO]
         self._left_out(name, rows, self._damaged[rows], [_GYRO], "gyro reading")
@@ -274,10 +274,10 @@ class _Reader:
 
 
 def _with_heading(table: pa.Table, source: str) -> pa.Table:
-    """The table with phi from the columns of a quaternion, if it has these instead; LogError if z or w is missing."""
+    """The table, with phi computed if it has a quaternion's columns instead; LogError if z or w is missing."""
     matches = [match for name in table.column_names if (match := _QUATERNION.search(name))]
     parts = {match["part"].lower(): match.string for match in matches}
-    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # or of several things
+    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # or several quaternions
         return table
     missing = [part for part in "zw" if part not in parts]
     if missing:
@@ -292,14 +292,14 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
 
 
 def _named(table: pa.Table, source: str) -> pa.Table:
-    """The table with a column `run`: without one, it is one run that is called like its file."""
+    """The table with a column `run`; one is added if missing, with the file's name, for a single run."""
     if "run" in table.column_names:
         return table
     return table.add_column(0, "run", pa.repeat(Path(source).stem, len(table)))
 
 
 def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
-    """Rows of the blocks of columns that the run has: the others are null in its rows."""
+    """The rows of each block of columns, without blocks that are null in all of them."""
     return {
         field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
     }

@@ -1,1 +1,1 @@
-"""From poses over time to the body twist."""
+"""Estimates of the body twist from poses over time."""

@@ -1,9 +1,9 @@
-"""The arc of constant twist fitted to all poses of a steady run, or directly to all ranges of its scans.
+"""The arc of constant twist, fitted to all poses of a steady run or directly to all ranges of its scans.
 
-Poses of single scans lose information: where the plate is seen nearly edge-on or broadside, a scan hardly constrains
-one of the three coordinates, and the pose does not show that. The other scans determine the six parameters of the arc
-so well that each scan only corrects them in the directions that it measures: the sum of the likelihoods of all scans
-(`trackslip.localization.likelihood`) is maximised over the arc by the Levenberg-Marquardt method.
+A pose from a single scan loses information: where the plate is seen nearly edge-on or broadside, the scan hardly
+constrains one of the three coordinates, and the pose does not show that. The other scans determine the arc's six
+parameters so well that each scan only corrects them in the directions that it measures: the sum of all scans'
+log-likelihoods (`trackslip.localization.likelihood`) is maximised over the arc by the Levenberg-Marquardt method.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
-_SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
+_SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # units in which residuals are weighted [m, m, rad]
 _HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
-_OF_MEDIAN = 7  # poses whose medians are compared: three wild ones among them do not matter
-_LEAST_JUMP = np.array([0.05, np.radians(3.0)])  # smaller ones hardly change the twist [m, rad]
-_JUMP = 4.0  # difference of two such medians that is no chance [standard deviations of a pose]
-_TO_DEVIATION = np.array([0.8493, 1.4826])  # standard deviation over the median size of two coordinates, of one
-_UNEVEN = 0.1  # share of the motion between them by which slip may vary [-]
+_OF_MEDIAN = 7  # number of poses whose medians are compared: three wild ones among them do not matter
+_LEAST_JUMP = np.array([0.05, np.radians(3.0)])  # smaller jumps hardly change the twist [m, rad]
+_JUMP = 4.0  # difference of two such medians that chance does not explain [standard deviations of a pose]
+_TO_DEVIATION = np.array([0.8493, 1.4826])  # standard deviation over median size, for two coordinates and for one
+_UNEVEN = 0.1  # share of the motion between these medians that varying slip may explain [-]
 _ITERATIONS = 50
 _CONVERGED = 1e-10
 
@@ -32,10 +32,10 @@ _CONVERGED = 1e-10
 def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """Least-squares fit of six parameters, a pose and a twist with lateral speed, to all valid poses.
 
-    All poses have equal weight: their covariances, optimistic where the plate is seen nearly edge-on, would make the
-    fit worse. Huber's loss limits outliers, as poses that are wild for a few rows. The covariance is that of an
+    All poses have equal weight: weights from their covariances, which are too small where the plate is seen nearly
+    edge-on, would make the fit worse. Huber's loss limits the effect of outliers. The covariance is that of an
     M-estimator with scores correlated in time. Raises LogError if there are fewer than MIN_ARC_POSES valid poses, if
-    they jump for good, as of a relocalisation, or if their numbers are too large to compute with.
+    they jump and stay there, as after a relocalisation, or if their numbers are too large to compute with.
     """
     try:
         with np.errstate(all="ignore"):
@@ -62,7 +62,7 @@ def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
 
 def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
-    """Raise LogError where medians of poses (T, 3) step away from their arc (T, 3) and stay there."""
+    """Raise LogError if medians of the poses (T, 3) step away from the arc `on_arc` (T, 3) and stay there."""
     fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))  # held poses lag behind, then catch up
     count = fresh.sum() // _OF_MEDIAN
     if count < 2:  # nothing to step from
@@ -83,15 +83,15 @@ def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
 
 
 def _sizes(change: Array) -> Array:
-    """Distances and turns (2, T) of changes of poses (T, 3), neither negative."""
+    """Distances and absolute turns (2, T) in changes of pose (T, 3)."""
     return np.stack([np.hypot(change[:, 0], change[:, 1]), np.abs(change[:, 2])])
 
 
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
-    """The arc that fits poses (T, 3) at times (T,) around 0 best.
+    """The best-fitting arc through poses (T, 3) at times (T,), whose mean is 0.
 
-    Returns x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted squares; the scores (T, 6) of
-    the rows; the number of residuals.
+    Returns x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted sum of squares; the rows'
+    scores (T, 6); the number of residuals.
     """
     parameters = _start(time, pose)
     for _ in range(_ITERATIONS):
@@ -111,9 +111,9 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
 
 
 def _start(time: Array, pose: Array) -> Array:
-    """x, y, phi in the middle of the run, and v, u, w (6,), from chords projected on the heading.
+    """Start values (6,): x, y, phi in the middle of the run, and v, u, w, from chords projected onto the heading.
 
-    Medians, as a few poses may be wild, and a wild heading may have added a turn to those after it.
+    They are medians, as a few poses may be wild, and a wild heading may have added a turn to later headings.
     """
     stride = max(1, len(time) // 30)
     coarse, elapsed = pose[::stride], np.diff(time[::stride])
@@ -125,15 +125,15 @@ def _start(time: Array, pose: Array) -> Array:
 
 
 def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:
-    """Poses (T, 3) at times (T,) on the arc of x, y, phi, v, u, w (6,), and their Jacobian (T, 3, 6)."""
+    """Poses (T, 3) at times (T,) on the arc with x, y, phi, v, u, w (6,), and the poses' Jacobian (T, 3, 6)."""
     pose, by_start, by_motion = se2.drive(parameters[:3], time[:, None] * parameters[3:])
     return pose, np.concatenate([by_start, time[:, None, None] * by_motion], axis=-1)
 
 
 _HUBER = 3.0  # residual of a range above which its loss is linear [standard deviations]
-_MISFIT = 3.0  # rms residual on the initial arc of returns that are not from the plate [standard deviations]
-_COSTLY = 4.0  # cost per measurement of a scan on that arc that noise does not explain
-_CHANCE = 1.3  # ratio of the scatter of the scores to its expectation that may be chance: it varies by a tenth
+_MISFIT = 3.0  # rms residual on the initial arc above which returns are not from the plate [standard deviations]
+_COSTLY = 4.0  # a scan's cost per measurement on that arc, above which noise does not explain it
+_CHANCE = 1.3  # ratio of the scores' scatter to its expectation up to which chance explains it: it varies by a tenth
 _ITERATIONS = 30
 _CONVERGED = 1e-3  # largest step [standard errors]
 
@@ -141,9 +141,9 @@ _CONVERGED = 1e-3  # largest step [standard errors]
 def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """Maximum-likelihood pose and twist with lateral speed, given all ranges in the window.
 
-    Starts from the arc through the poses and excludes scans that do not fit it. The covariance is that of the
-    likelihood, inflated if the scores of the scans scatter more or are more correlated in time than it predicts: ranges
-    may be noisier than stated, and the edges of the silhouette are off by part of a beam in several successive scans.
+    Starts from the arc through the poses and excludes scans that do not fit it. The covariance follows from the
+    likelihood, inflated if the scans' scores scatter more or are more correlated in time than it predicts: ranges may
+    be noisier than stated, and the silhouette's edges are off by a fraction of a beam in several successive scans.
     Raises LogError if the run has no ranges or fewer than MIN_ARC_POSES valid poses.
     """
     if log.scans is None:
@@ -187,9 +187,9 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
 
 def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
-    """Derivatives of the costs of scans by the parameters of the arc, (T, 6), and the Hessian of their sum (6, 6).
+    """Derivatives (T, 6) of the scans' costs by the arc's parameters, and the Hessian (6, 6) of the total cost.
 
-    `jacobian` (T, 3, 6) are the derivatives of the poses.
+    `jacobian` (T, 3, 6) has the derivatives of the poses.
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)

@@ -1,4 +1,4 @@
-"""The steady stretches of a run, found by its sprocket speeds, clock and poses; its motion must be steady, too."""
+"""The steady stretches of a run, found from its sprocket speeds, clock and poses; the motion must be steady, too."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from trackslip.motion.steady_twist import within
 
 SETTLE = 1.5  # default time from steady sprockets to a steady robot [s]
 _BLOCK = 0.5  # time over which sprocket speeds are averaged for comparison [s]
-_DRIFT = 0.05  # maximum change of a steady sprocket's mean speed, relative to the faster sprocket
-_SLOW = 0.2  # sprocket speed below which the maximum change is absolute, relative to the run's fastest
-_NOISE = 4.0  # change of mean speeds that the encoder's noise explains [standard deviations]
+_DRIFT = 0.05  # largest change in a steady sprocket's mean speed, relative to the faster sprocket
+_SLOW = 0.2  # sprocket speed, relative to the run's fastest, below which the largest change is constant
+_NOISE = 4.0  # largest change in mean speeds that encoder noise explains [standard deviations]
 MARGIN = 0.5
-"""Time excluded at the end of a steady stretch, and at least at its start, because of the filters' transients [s]."""
-_SHORTEST = 0.5  # what has to be left of a stretch [s]
-_GAP = 5.0  # time step that is a gap in the clock [median time steps]
-_MIN_GAP = 0.3  # [s]
-STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
+"""Time excluded at the end of a steady stretch and, at least, at its start, because of filter transients [s]."""
+_SHORTEST = 0.5  # least duration of a stretch without these margins [s]
+_GAP = 5.0  # time step above which the clock has a gap [median time steps]
+_MIN_GAP = 0.3  # the same, absolute [s]
+STANDING = 1e-3  # speed up to which a sprocket is at rest: one turn takes more than an hour and a half [rad/s]
 _RESTING = 0.01  # the same, relative to the run's fastest
-_MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half, to compare them
-_SIGNIFICANT = 6.0  # significant difference between the halves [standard errors]
-_CHANGE = 0.05  # relevant relative change of the twist
-_TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of turns nearly in place
-_LISTED = 3  # gaps that are described where no stretch is long enough
-_LOAD_CHANGE = 0.1  # change of the traction per unit load within a piece [-]
-_SHORTEST_PIECE = 1.5  # duration of a piece [s]
+_MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half of a stretch, to compare the halves
+_SIGNIFICANT = 6.0  # least significant difference between the halves [standard errors]
+_CHANGE = 0.05  # least relative change in the twist that matters
+_TURNING = 0.2  # curvature [1/m] of a nearly straight path, and radius [m] of a turn nearly in place
+_LISTED = 3  # number of gaps that the error describes if no stretch is long enough
+_LOAD_CHANGE = 0.1  # largest change in the traction per unit load within a piece [-]
+_SHORTEST_PIECE = 1.5  # least duration of a piece [s]
 
 
 @dataclass(frozen=True)
 class SteadyPart:
-    """A stretch of constant sprocket speeds without breaks in poses and clock."""
+    """A stretch with constant sprocket speeds and no gap in its clock."""
 
     name: str
-    """Name of the run and, if the run has several stretches, when this one begins."""
+    """Name of the run and, if it has several stretches, the time at which this one begins."""
     log: RunLog
-    """The run from the stretch before to the one after."""
+    """The run from the end of the previous stretch to the start of the next."""
     window: tuple[float, float]
     """Start and end [s]."""
     notes: tuple[str, ...]
-    """Parts excluded from the run besides settling, one line each; the same for all its stretches."""
+    """Parts of the run excluded besides settling, one line each; the same for all stretches of a run."""
 
     @cached_property
     def rows(self) -> np.ndarray:
@@ -61,7 +61,7 @@ class SteadyPart:
 
     @cached_property
     def load(self) -> Array | None:
-        """Mean tractions per unit load in the window (2,) [-]; None if the run lacks them."""
+        """Mean tractions per unit load (2,) in the window [-]; None if the run doesn't have them."""
         if self.log.load is None:
             return None
         known = self.log.load[self.rows]
@@ -70,21 +70,21 @@ class SteadyPart:
 
 
 def turning_stretches(log: RunLog) -> int:
-    """Number of stretches of constant speeds that are long enough and in which the sprockets turn."""
+    """Number of sufficiently long stretches with constant sprocket speeds in which the sprockets turn."""
     pieces, _ = constant_stretches(log.time, log.omega, np.zeros(0, int), SETTLE + MARGIN + _SHORTEST)
     return sum(_turns(log.omega, *piece) for piece in pieces)
 
 
 def steady_part(log: RunLog, settle: float = SETTLE) -> SteadyPart:
-    """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""
+    """The longest steady stretch of a run, with the run's name; raises LogError like `steady_parts`."""
     longest = max(steady_parts(log, settle), key=lambda part: part.window[1] - part.window[0])
     return replace(longest, name=log.run)
 
 
 def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
-    """All steady stretches of a run in which its sprockets turn, each less `settle` [s] at its start.
+    """All steady stretches of a run in which its sprockets turn, each without its first `settle` [s].
 
-    Raises LogError if the run is at rest, has no headings or no steady stretch that is long enough.
+    Raises LogError if the run is at rest, or has no headings or no sufficiently long steady stretch.
     """
     _require_headings(log)
     step = np.diff(log.time)
@@ -120,7 +120,7 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
 def require_steady_motion(part: SteadyPart) -> None:
     """Raise LogError if the poses of a steady part jump, or the twist differs between its halves.
 
-    For example, the robot drives onto other ground or against an obstacle.
+    That happens when, for example, the robot drives onto other ground or against an obstacle.
     """
     begin, end = part.window
     arc(part.log, part.window)  # refuses jumps
@@ -142,7 +142,7 @@ def require_steady_motion(part: SteadyPart) -> None:
 
 
 def _time_of_poses(log: RunLog, count: int) -> float:
-    """Usual time from the first to the last of some poses with heading [s]; 0 for a run without."""
+    """Usual duration of `count` successive poses with headings [s]; 0 for a run without headings."""
     headed = log.time[log.has_heading]
     return (count - 1) * float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0
 
@@ -155,16 +155,16 @@ def _require_headings(log: RunLog) -> None:
 
 
 def _turns(omega: Array, first: int, last: int) -> bool:
-    """True if a sprocket turns in a stretch by more than its encoder's noise."""
+    """True if a sprocket turns faster in a stretch than encoder noise explains."""
     of_stretch = omega[first : last + 1]
     rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
     return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
 
 
 def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
-    """The stretch cut evenly into pieces, under each of which the load changes little; whole if that is not known.
+    """The stretch cut evenly into pieces in which the load changes little; uncut if the load is not known.
 
-    On a slope, the load turns with the robot and its twist varies with it: no arc fits the whole stretch.
+    On a slope, the load's direction turns relative to the robot and the twist varies with it: no arc fits all of it.
     """
     if part.log.load is None:
         return (part,)
@@ -187,10 +187,10 @@ def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
 def constant_stretches(
     time: Array, omega: Array, breaks: np.ndarray, least: float
 ) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """First and last rows of all stretches that last at least `least` [s], in order; and of the longest of all.
+    """First and last rows of all stretches of at least `least` [s], in order, and of the longest of any duration.
 
-    Stretches do not overlap, nor extend across `breaks`, the rows after which a new section begins. The longest of a
-    section is taken first, then the longest of what is left.
+    Stretches neither overlap nor extend across `breaks`, the rows after which a new section begins. In each section,
+    the longest stretch is chosen first, then the longest in the remaining rows.
     """
     size = max(1, round(min(_BLOCK / float(np.median(np.diff(time))), len(time))))
     jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
@@ -219,7 +219,7 @@ def constant_stretches(
 
 
 def _block_means(values: Array, size: int) -> Array:
-    """Means (blocks, 2) of blocks of `size` rows out of (T, 2); the last block includes the remainder."""
+    """Means (blocks, 2) of values (T, 2) over blocks of `size` rows; the last block includes the remainder."""
     blocks = max(1, len(values) // size)
     starts = np.arange(blocks) * size
     counts = np.diff(np.append(starts, len(values)))
@@ -229,8 +229,8 @@ def _block_means(values: Array, size: int) -> Array:
 def _furthest(mean: Array, floor: float, noise: float) -> np.ndarray:
     """For each block, the last block (n,) up to which neither column of `mean` (n, 2) varies too much.
 
-    The variation allowed is a share of the faster sprocket's speed, at least `floor`, and that of the `noise`. It grows
-    by less than the variation, so that no later block goes less far.
+    The variation allowed is a share of the faster sprocket's speed, or `floor` if that is larger, plus the `noise`. It
+    grows more slowly than the variation does, so a later start never ends earlier.
     """
     furthest, end = np.empty(len(mean), int), 0
     for first in range(len(mean)):
