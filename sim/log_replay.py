@@ -80,7 +80,7 @@ def replay(
 ) -> list[RunLog]:
     """Let simulated robots repeat logged drives.
 
-    A replay begins with the twist of the poses in the first 0.3 s, or at rest if the sprockets are at rest then.
+    A replay begins with the twist determined from poses in the first 0.3 s, or at rest if the sprockets rest then.
 
     Args:
         log: a drive, or several, each of which is replayed from its own start.
@@ -93,7 +93,7 @@ def replay(
         threads: number of worker threads, 0 for one per processor.
 
     Returns:
-        For each log, one with the same rows: simulated sensor poses, which begin at the first measured pose, measured
+        For each log, a log with the same rows: simulated sensor poses, which begin at the first measured pose, measured
         sprocket speeds, and the robot's true pose and twist.
 
     Raises:
@@ -122,7 +122,7 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
-    """The log with the poses up to the first lasting jump, without outliers; with all if identification refuses it."""
+    """The log with poses up to the first lasting jump and without outliers; unchanged if identification refuses it."""
     try:
         return without_jumps([log], geometry)[0][0]
     except (LogError, IndexError):
@@ -197,7 +197,7 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
-    """Twist (3,) from the poses with headings in the first 0.3 s; from the sprockets without slip if too few have one.
+    """Twist (3,) from poses with headings in the first 0.3 s, or from the sprockets without slip if these are too few.
 
     If the sprockets are at rest during this time, so is the robot.
     """

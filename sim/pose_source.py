@@ -117,7 +117,7 @@ class ScannedPose(TruePose):
         return self.logged(clusters, len(pose))
 
     def logged(self, clusters: Sequence[Cluster], rows: int) -> list[ScanLog]:
-        """Parts identified as plates (`clusters`) in the robots' first scans, with all ranges if these were kept."""
+        """Scans for the robots' logs, with the parts identified as plates, `clusters`, and all ranges if kept."""
         empty, plate = self.feed.scan(np.empty((0, len(self.feed.bearings)))), self._fleet.robot.plate
         full = self._full(rows) if self.scans else [None] * len(clusters)
         return [ScanLog(empty, plate, *own) for own in zip(clusters, full, strict=True)]
@@ -128,7 +128,7 @@ class ScannedPose(TruePose):
 
 
 class Localization:
-    """Estimates poses one row at a time, as closed loops need it."""
+    """Estimates poses row by row, as closed loops require."""
 
     def __init__(self, record: RunRecorder, source: TruePose) -> None:
         self._record, self._source = record, source

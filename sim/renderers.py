@@ -147,7 +147,7 @@ class CourseRenderer(TaskRenderer):
         self._travel = np.zeros(task.world.contact.belt.shape)  # belt travel in this episode (N, T) [m]
 
     def begin(self, rows: Sequence[int]) -> None:
-        """Draw the belts of the robots `rows` from zero travel again."""
+        """Reset the drawn belts of the robots `rows`."""
         self._travel[list(rows)] = 0.0
 
     def follow(self) -> None:

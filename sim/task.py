@@ -49,9 +49,9 @@ class OwnTerms(Checked):
     """Options of a task for the user's own terms."""
 
     own_rewards: dict[str, float] = field(default_factory=dict)
-    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.task`."""
+    """Weights of the user's own reward terms, by function MODULE:NAME; see `sim.task`."""
     own_observations: dict[str, float] = field(default_factory=dict)
-    """Scales of own elements at the end of the observation, by function."""
+    """Scales of the user's own elements at the end of the observation, by function."""
     privileged: dict[str, float] = field(default_factory=dict)
     """Scales of elements that only a critic sees, by function; they are in info["privileged"]."""
 
@@ -88,7 +88,7 @@ class Task(Restorable, ABC):
     def __init__(
         self, config: Any, size: int, period: float, observed: tuple[Element, ...], commanded: tuple[Element, ...]
     ) -> None:
-        """Set up a task with the observed elements that it has by default; see the attributes."""
+        """Set up a task that observes the elements `observed` and the user's own; see the attributes."""
         self.config = config  # the options, with `reward` and `OwnTerms`
         self.size = size  # number of robots
         self.period = period  # control period [s]

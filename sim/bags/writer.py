@@ -1,4 +1,4 @@
-"""Runs, and commands to a robot, as ROS 2 bags."""
+"""Writing runs, and commands to a robot, as ROS 2 bags."""
 
 from __future__ import annotations
 

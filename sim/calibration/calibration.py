@@ -1,7 +1,7 @@
 """Calibration: parameters of the simulated robot fitted to what a robot did, with priors and a robust loss.
 
 MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to trajectories of its sensors. Here, candidates also differ in
-ground, drive and clock, the errors are those in motions over a few seconds, and single errors may be large.
+ground, drive and clock, errors refer to motions over a few seconds, and single errors may be large.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ class _Problem:
     def without(self, end: _End, label: np.ndarray) -> Array:
         """Changes (G, p) in the parameters if the errors with one label, 0 to G - 1, are left out.
 
-        They are from one step of Newton's method. Errors with negative labels (n,) are never left out.
+        The changes come from one step of Newton's method. Errors with negative labels (n,) are never left out.
         """
         hessian, gradient, rows = *self._normal(end), label >= 0
         own = np.zeros((label.max() + 1, *hessian.shape[1:]))

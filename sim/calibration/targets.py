@@ -271,7 +271,7 @@ class _Pairs:
 
     @classmethod
     def of(cls, windows: Sequence[RunLog], geometry: RobotGeometry) -> _Pairs:
-        """The pairs in windows, about four per horizon; raises LogError if there are none."""
+        """The pairs of poses in windows, about four per horizon; raises LogError if there are none."""
         headed = [(k, log, rows) for k, log in enumerate(windows) if len(rows := np.flatnonzero(log.has_heading)) > 1]
         if not headed:
             raise LogError("no poses with headings (phi): a calibration compares positions and headings")
@@ -294,9 +294,9 @@ class _Pairs:
 
 
 def _windows(log: RunLog) -> list[RunLog]:
-    """Parts of about 6.5 s of a log, between its first and its last valid pose.
+    """Cut a log into parts of about 6.5 s, between its first and its last valid pose.
 
-    If this time is long enough for another part, its first 3 s are only replayed.
+    If these poses are at least 9.5 s apart, the first 3 s are only replayed.
     """
     first, last = np.flatnonzero(log.is_valid)[[0, -1]].tolist()
     if log.time[last] - log.time[first] >= _LEAD + _WINDOW:

@@ -52,7 +52,7 @@ class Randomization(Checked):
     patch_size: Range = checked((0.3, 1.0), require_range, 0.01, 100.0)
     """Side length of the patches [m]."""
     patch_friction: Range = checked((0.5, 1.0), require_range, 0.01, MAX_FRICTION / 10)
-    """Ratio of the patches' friction to the ground's; a drawn `friction_ratio` also scales that across [-]."""
+    """Ratio of the patches' friction to the ground's; that across is also scaled by a drawn `friction_ratio` [-]."""
     shear: Range | None = checked(None, _require_drawn, 0.0, MAX_SHEAR)
     """Shear modulus of the ground, patches included; None for the ground's own [m]."""
     lag: Range | None = checked(None, _require_drawn, 0.001, 1.0)

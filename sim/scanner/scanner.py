@@ -37,7 +37,7 @@ def require_share(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class LaserScanner(Checked):
-    """A line scanner modelled on the SICK LMS 200, because the paper doesn't name its scanner."""
+    """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
 
     field_of_view: float = checked(float(np.pi), require_positive)
     """Angle between the first and the last beam [rad]."""

@@ -101,7 +101,7 @@ class Course(Checked):
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
-        """Start platform, pieces and goal platform, in their places."""
+        """Start platform, pieces and goal platform, put on the course."""
         placed = [Placed((), -self.start_length, 0.0)]
         kinds: Counter[str] = Counter()
         for piece in (Flat(self.start_length), *self.pieces, Flat(self.goal_length)):

@@ -54,7 +54,7 @@ class Site:
     x: float  # beginning along the course [m]
     z: float  # height there [m]
     width: float  # width of the course [m]
-    rng: np.random.Generator  # random numbers of this piece
+    rng: np.random.Generator  # generator for this piece
 
 
 @dataclass(frozen=True)

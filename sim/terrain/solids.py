@@ -20,7 +20,7 @@ SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
 LINES = "course/lines"
-"""Material of all geoms of a course."""
+"""Name of the material of all geoms in a course."""
 _NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, which condim 3 ignores [m]
 
 

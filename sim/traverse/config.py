@@ -32,7 +32,7 @@ _AXES = ("forward", "left", "up")
 SAMPLE = 0.02
 """Time between changes of the belts' speeds [s]."""
 MASSES = 0.2, 5.0
-"""Limits on the factor on the mass of a chassis [-]."""
+"""Smallest and largest factor on the mass of a chassis [-]."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
@@ -117,8 +117,8 @@ class CrossingReward(Checked):
     end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
                         being stuck; 0 if time runs out, which truncates the episode
 
-    Failing costs less than standing still from then on, if rewards are discounted by up to 0.97 per step: a robot that
-    tries and fails earns more than one that waits.
+    Failing costs less than standing still from then on, even if rewards are discounted by a factor of 0.97 per step: a
+    robot that tries and fails earns more than one that waits.
     """
 
     TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
@@ -165,7 +165,7 @@ class TraverseConfig(OwnTerms):
     """A course, the name of one, "random", one of `FTR_COURSES`, or a .toml file; if there are several, each episode
     draws one."""
     difficulty: tuple[float, float] = checked((0.0, 1.0), require_range, 0.0, 1.0)
-    """Range, within 0 to 1, from which the difficulty of random courses is drawn [-]."""
+    """Range, within 0 to 1, of the difficulty of courses that are drawn anew for each episode [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
     kinds: tuple[str, ...] = OBSTACLES

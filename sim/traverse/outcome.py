@@ -27,7 +27,7 @@ class Outcome(IntEnum):
     DRIVING = 0
     """The run goes on."""
     TIME = 1
-    """The run took longer than `Limits.time`."""
+    """The time limit has passed."""
     STUCK = 2
     """The belts ran, but the robot made no progress."""
     REACHED = 3

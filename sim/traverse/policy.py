@@ -71,7 +71,7 @@ def reflex_angles(ground: Array, pitch: Array, hinge_height: Array, geometry: Fl
 
 
 def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
-    """Slopes (N,) of the ground heights (N, F, S) from around the rear flippers to around the front flippers [rad]."""
+    """Slopes (N,) of ground with heights (N, F, S), from behind the rear flippers to ahead of the front ones [rad]."""
     front, height = geometry.front, ground.mean(axis=-1)
     if front.all() or not front.any():
         return np.zeros(len(ground))

@@ -48,7 +48,7 @@ class Actions:
         if config.flippers == "pairs":
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
-        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
+        self._member = np.array([each.index(name) for name in names], int)  # of the action that moves each flipper
         self._scale, kind = (world.top_speed, _QUARTER), "set point"
         if config.action == "correction":
             self._scale, kind = _CORRECTION, "correction"
@@ -124,7 +124,7 @@ class Crossing(Task):
         """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
         The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
-        random course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, a factor on the mass of
+        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, a factor on the mass of
         the chassis [-]. Raises InvalidValueError for unknown options and values out of range.
         """
         options = options_of("options", options, _OPTIONS)
