@@ -1,4 +1,4 @@
-"""Replay: the robots of a simulated fleet drive as logs say that a robot drove, one robot a log."""
+"""Replay: simulated robots repeat the drives recorded in logs, one robot per log."""
 
 from __future__ import annotations
 
@@ -25,38 +25,38 @@ from trackslip.se2 import Mounting
 Inputs = Literal["encoders", "commands"]
 """What drives the robots: measured sprocket speeds, or commands to the drive."""
 RUN_UP = 0.5
-"""Time driven before a log begins, at its first measured sprocket speeds [s]."""
-_FIRST = 0.3  # time over which poses give the twist at the start [s]
-_BEYOND = 1e4  # [s]
+"""Time for which a robot drives at a log's first measured sprocket speeds before the log begins [s]."""
+_FIRST = 0.3  # time over which poses determine the twist at the start [s]
+_BEYOND = 1e4  # time for which a log's last sprocket speeds continue after its end [s]
 _ROUNDING = 1e-9  # [s]
 MAX_SPEED = 9.9
-"""Speed of a belt that can be replayed [m/s]."""
-_MARGIN = 1.01  # top speed of a drive that follows every measured speed, over the largest [-]
+"""Belt speed below which drives can be replayed [m/s]."""
+_MARGIN = 1.01  # top speed of a drive that follows every measured speed, over the largest measured speed [-]
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Simulated motion of N robots, each by the encoder clock of its log."""
+    """Simulated motion of N robots, each timed by the encoder clock of its log."""
 
     begin: Array  # (N,) start of the run-up [s]
     period: float  # time between states [s]
-    pose: Array  # (P + 1, N, 3) of the robots, from the origin [m, m, rad]
+    pose: Array  # (P + 1, N, 3) poses, starting at the origin [m, m, rad]
     twist: Array  # (P + 1, N, 3) forwards, to the left, yaw rate [m/s, rad/s]
 
     def at(self, robot: Any, time: Array) -> Array:
-        """Poses (n, 3) of robots (n,) at times (n,), at the ends of the replay if these are beyond."""
+        """Poses (n, 3) of robots (n,) at times (n,), which are clipped to those of the replay."""
         return self._at(self.pose, robot, time)
 
     def sensor_at(self, robot: Any, sensor: Mounting, time: Array) -> Array:
-        """Poses (n, 3) of the sensors of robots (n,) at times (n,)."""
+        """Poses (n, 3) of the sensors on robots (n,) at times (n,)."""
         return se2.compose(self.at(robot, time), sensor.pose)
 
     def log(self, robot: int, of: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
-        """The motion of a robot in the rows of its log `of`, with metadata `about`; other arguments as for `replay`."""
+        """The motion of a robot at the rows of its log `of`, with metadata `about`; other arguments as for `replay`."""
         known = np.flatnonzero(of.has_heading)
         row, first = (int(known[0]), of.pose[known[0]]) if len(known) else (0, np.zeros(3))
         seen = self.sensor_at(robot, sensor, of.time + clock)
-        frame = se2.compose(first, se2.inverse(seen[row]))  # of the simulated world, in that of the log
+        frame = se2.compose(first, se2.inverse(seen[row]))  # pose of the simulated world in the log's world
         truth = Truth(se2.compose(frame, self.at(robot, of.time)), self._at(self.twist, robot, of.time))
         pose = se2.compose(frame, seen)
         return RunLog(of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about)
@@ -78,26 +78,26 @@ def replay(
     clock: float = 0.0,
     threads: int = 0,
 ) -> list[RunLog]:
-    """Drive a robot as it drove when it was logged.
+    """Let simulated robots repeat logged drives.
 
-    It begins with the motion in the poses of the first 0.3 s, or at rest if the sprockets rest then.
+    A replay begins with the twist determined from poses in the first 0.3 s, or at rest if the sprockets rest then.
 
     Args:
         log: a drive, or several, each of which is replayed from its own start.
         robot: the robot.
-        ground: the ground; by default that of the robot's file.
+        ground: the ground; by default the one in the robot's file.
         inputs: "encoders" for the measured sprocket speeds, means since the row before, or "commands" for the logged
-            commands, which hold until the next one.
-        sensor: place of the sensor of the poses on the robot; by default its middle.
+            commands, each of which holds until the next.
+        sensor: position and yaw of the pose sensor on the robot; by default those of the robot's frame, all zero.
         clock: encoder clock minus pose clock [s].
         threads: number of worker threads, 0 for one per processor.
 
     Returns:
-        One log each, of the same rows: simulated poses of the sensor, which begin at the first measured one, measured
+        For each log, a log with the same rows: simulated sensor poses, which begin at the first measured pose, measured
         sprocket speeds, and the robot's true pose and twist.
 
     Raises:
-        LogError: for a log without commands, if these are asked for, and for belts faster than 9.9 m/s.
+        LogError: for a log without commands if `inputs` is "commands", and for belts faster than 9.9 m/s.
         InvalidValueError: for arguments out of range.
     """
     logs = [log] if isinstance(log, RunLog) else list(log)
@@ -110,9 +110,9 @@ def replay(
 
 
 def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[RunLog]]:
-    """Each log once for each part between lasting jumps of its poses, those of the part that identification uses valid.
+    """Copies of each log, one for each part between lasting jumps in its poses.
 
-    Raises LogError for logs that identification refuses.
+    Only the part's poses that identification uses are valid. Raises LogError for logs that identification refuses.
     """
     look = first_look(drives_of(logs)[0], geometry)
     return [
@@ -122,7 +122,7 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
-    """The log with its poses up to the first lasting jump, without wild ones; all of them where that is unclear."""
+    """The log with poses up to the first lasting jump and without outliers; unchanged if identification refuses it."""
     try:
         return without_jumps([log], geometry)[0][0]
     except (LogError, IndexError):
@@ -130,7 +130,7 @@ def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
 
 
 class Replayer:
-    """Inputs of N logs, for replays by different robots on different grounds."""
+    """Inputs from N logs, for replays by different robots on different grounds."""
 
     def __init__(self, logs: Sequence[RunLog], inputs: Inputs = "encoders") -> None:
         """`inputs` as for `replay`."""
@@ -172,7 +172,7 @@ class Replayer:
                 fleet.advance(period)
             else:
                 fleet.follow(measured[k : k + 1])
-            if k + 1 == round(RUN_UP / period):  # a robot that slides has slowed down
+            if k + 1 == round(RUN_UP / period):  # a sliding robot has slowed down during the run-up
                 fleet.launch(twist)
             poses[k + 1], twists[k + 1] = fleet.pose(), fleet.twist()
         return Replay(self.begin, period, poses, twists)
@@ -188,7 +188,7 @@ class Replayer:
 
 
 def _turned(log: RunLog) -> list[tuple[Array, Array]]:
-    """Times and angles of each sprocket, which turn on at their first and last speeds before and after the log."""
+    """Times and angles of each sprocket, which turns at its first speed before the log and at its last after it."""
     means = interval_means(log.time, log.omega)
     time = np.concatenate([[log.time[0] - 2 * RUN_UP], log.time, [log.time[-1] + _BEYOND]])
     speeds = np.concatenate([log.omega[:1], means, means[-1:]])
@@ -197,9 +197,9 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
-    """Twist (3,) in the first 0.3 s of poses with headings; that of the sprockets without slip if these are few.
+    """Twist (3,) from poses with headings in the first 0.3 s, or from the sprockets without slip if these are too few.
 
-    A robot whose sprockets rest then is at rest, too.
+    If the sprockets are at rest during this time, so is the robot.
     """
     if not log.omega[log.time - log.time[0] <= _FIRST].any():
         return np.zeros(3)

@@ -1,4 +1,4 @@
-"""Open- and closed-loop runs of a fleet -> RunLogs, and the pilots that steer it."""
+"""Open- and closed-loop runs of a fleet, recorded as RunLogs, and the pilots that steer the fleet."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PERIOD = LaserScanner().period
 
 @dataclass(frozen=True)
 class Pilot:
-    """The controller of R robots of a fleet, and their slip compensation."""
+    """The controller of R robots in a fleet, and their slip compensation."""
 
     controller: Controller
     robots: Sequence[int]
@@ -48,7 +48,7 @@ class Pilot:
         return self.compensation if isinstance(self.compensation, SensesLoad) else None
 
     def begin(self, record: RunRecorder) -> None:
-        """Begin new runs at the robots' current poses, recorded by `record`."""
+        """Begin new runs at the robots' current poses, to be recorded in `record`."""
         with self._failing(record, 0.0):
             self.controller.reset()
         self.compensation.reset(record.fleet.pose()[self.robots])
@@ -56,7 +56,7 @@ class Pilot:
             record.sense_loads()
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
-        """Slip law in row k, after the compensation has observed the motion so far."""
+        """Slip law for row k, after the compensation has observed the motion so far."""
         if k > 0:
             self.compensation.observe(record.omega[k, self.robots], record.period, record.estimated(k, self.robots))
         if self._loaded is not None:
@@ -66,11 +66,11 @@ class Pilot:
         return law
 
     def twist(self, record: RunRecorder, k: int, law: SlipLaw, reference: Reference) -> Array:
-        """Twists (R, 2) that the controller wants in row k; raises RunFailedError when it fails."""
+        """Twists (R, 2) that the controller wants in row k; raises RunFailedError if the controller fails."""
         pose: Array = record.pose[k, self.robots]
         omega, time = record.omega[k, self.robots], float(record.time[k])
         geometry = record.fleet.robot.geometry
-        # which way the robots move, and where they will be when the command takes effect
+        # the direction in which the robots move, and where they will be when the command takes effect
         if self._loaded is not None:
             pose[:, 2] += self._loaded.crab_angle(law.twist(omega, geometry))
         if self.preview > 0:
@@ -88,7 +88,7 @@ class Pilot:
         try:
             yield
         except (Exception, SystemExit) as error:
-            frames = traceback.extract_tb(error.__traceback__)[2:]  # without this one and the call itself
+            frames = traceback.extract_tb(error.__traceback__)[2:]  # without this frame and the call itself
             where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
             what = f"its controller fails at {time:g} s ({type(error).__name__}: {error}){where}"
             raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
@@ -111,16 +111,16 @@ def open_loop(
         fleet: N robots.
         omega: sprocket speeds (N, 2) or (2,) [rad/s], or (T, N, 2), one for each row; above the top speed, both tracks
             are scaled by the same factor.
-        duration: of each run [s].
+        duration: duration of each run [s].
         feed: the scanner in front of the fleet; by default there is none.
-        locator: finds the poses in the scans, in blocks; by default the log contains the true poses.
+        locator: finds the poses in blocks of scans; by default the log contains the true poses.
         descriptions: name and metadata of each run.
         progress: see Progress.
         watch: measures the time spent in the stages "physics", "scans" and "localization".
         period: time between rows of a run without a scanner [s].
 
     Raises:
-        RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
+        RunFailedError: if a robot tips over; the error's `logs` contain the rows recorded until then.
         InvalidValueError: for arguments out of range.
     """
     watch = watch or Stopwatch()
@@ -148,16 +148,16 @@ def closed_loop(
 
     Args:
         fleet: N robots.
-        pilots: together they control every robot; or one controller of all robots, without slip compensation.
+        pilots: pilots that together control every robot; or one controller for all robots, without slip compensation.
         reference: the trajectory to follow.
         feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
-        locator: finds the poses in the scans; by default the controllers are given the true poses.
+        locator: finds the poses in the scans; by default controllers get the true poses.
         descriptions: see `open_loop`.
         progress: see `open_loop`.
 
     Raises:
         InvalidValueError: unless every robot has exactly one pilot.
-        RunFailedError: when a robot tips over or a controller fails; its `logs` contain what was recorded until then.
+        RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the rows until then.
     """
     if not isinstance(pilots, Sequence):
         pilots = [Pilot(pilots, range(fleet.size))]
@@ -190,7 +190,7 @@ def _drive(
     progress: Progress,
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
-    """Drive, scan, localize, steer and record, row by row; `steer` gives a row's sprocket speeds (N, 2) [rad/s]."""
+    """Drive, scan, localize, steer and record, row by row; `steer` returns a row's sprocket speeds (N, 2) [rad/s]."""
     fleet, watch = record.fleet, watch or Stopwatch()
     try:
         for k in range(len(record.time)):

@@ -1,4 +1,4 @@
-"""MuJoCo's renderer and viewer, with one-line errors where a machine cannot draw."""
+"""MuJoCo's renderer and viewer, with one-line errors if a machine can't draw."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def has_display() -> bool:
 
 
 def prefer_egl() -> None:
-    """Import MuJoCo; without a display it renders by EGL, unless MUJOCO_GL names another OpenGL.
+    """Import MuJoCo; without a display it renders with EGL, unless MUJOCO_GL names another OpenGL library.
 
-    Raises TrackslipError if that is not installed. Has no effect once MuJoCo has been imported.
+    Raises TrackslipError if the chosen library doesn't work. Has no effect once MuJoCo has been imported.
     """
     if not has_display():
         os.environ.setdefault("MUJOCO_GL", "egl")
@@ -35,7 +35,7 @@ def prefer_egl() -> None:
 
 
 def place(data: Any, qpos: np.ndarray) -> None:
-    """Put what is drawn at positions (nq,) of all joints."""
+    """Prepare `data` for drawing with the joint positions `qpos` (nq,)."""
     import mujoco
 
     data.qpos[:] = qpos
@@ -44,10 +44,10 @@ def place(data: Any, qpos: np.ndarray) -> None:
 
 
 class Pictures:
-    """Pictures (height, width, 3) of a model, by one `mujoco.Renderer`."""
+    """Pictures (height, width, 3) of a model, drawn by one `mujoco.Renderer`."""
 
     def __init__(self, model: Any, width: int, height: int) -> None:
-        """Raises TrackslipError if the OpenGL chosen by MUJOCO_GL at MuJoCo's import doesn't work."""
+        """Raise TrackslipError if the OpenGL library that MUJOCO_GL chose at MuJoCo's import doesn't work."""
         import mujoco
 
         try:
@@ -59,7 +59,7 @@ class Pictures:
         self.close = self._renderer.close
 
     def take(self, data: Any, camera: Any, draw: Callable[[Any], None]) -> np.ndarray:
-        """Picture (height, width, 3) uint8 of the model with what `draw` appends to its scene."""
+        """Picture (height, width, 3) uint8 of the model and of the geoms that `draw` appends to its scene."""
         self._renderer.update_scene(data, camera=camera)
         draw(self._renderer.scene)
         return np.array(self._renderer.render())
@@ -69,7 +69,7 @@ class Window:
     """MuJoCo's viewer, which renders in its own threads."""
 
     def __init__(self, data: Any) -> None:
-        """Open the viewer on data and its model; raises TrackslipError without a display."""
+        """Open the viewer on `data` and its model; raises TrackslipError without a display."""
         if not has_display():
             raise TrackslipError("rendering: a window needs a display, and there is none; pictures need none")
         try:
@@ -87,7 +87,7 @@ class Window:
         atexit.register(self.close)
 
     def close(self) -> None:
-        """Close the window and wait for its threads, which could crash the interpreter at exit."""
+        """Close the window and wait for its threads, which could otherwise crash the interpreter at exit."""
         atexit.unregister(self.close)
         self.viewer.close()
         for thread in self._threads:

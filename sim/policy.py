@@ -1,6 +1,6 @@
 """Trained policies: small NumPy networks from observations to actions, their files, and a controller that uses one.
 
-A policy of path tracking corrects the reference's twist: action = twist now + authority * network(features), clipped to
+A path-tracking policy corrects the reference's twist: action = twist now + authority * network(features), clipped to
 [-1, 1]. The features are the observation with its errors compressed by arsinh, which resolves both millimetres and
 decimetres.
 """
@@ -26,8 +26,8 @@ from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
-_PRODUCTS = 100_000  # of rows and weights at a time, which fit into a processor's cache
-ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
+_PRODUCTS = 100_000  # number of products of rows and weights at a time, which fit into a processor's cache
+ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # parts of an observation
 FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
 _OPSET = 18
 _FEATURES = """
@@ -46,7 +46,7 @@ _CORRECTED = """
 
 @dataclass(frozen=True)
 class Network:
-    """Layers with tanh, except the last, which is linear. Rows are bitwise independent."""
+    """Layers with tanh, except for the last layer, which is linear. Rows are bitwise independent."""
 
     weights: tuple[Array, ...]  # (in, out) each
     biases: tuple[Array, ...]  # (out,) each
@@ -59,7 +59,7 @@ class Network:
         require(fit and finite, "layers", shapes, "one or more of finite numbers, that fit each other")
 
     def __call__(self, x: Array) -> Array:
-        """Outputs (N, m) of inputs (N, n)."""
+        """Outputs (N, m) for inputs (N, n)."""
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             # a matrix product would round differently for different N; blocks of rows bound the memory
             rows = max(1, _PRODUCTS // weight.size)
@@ -77,14 +77,14 @@ class Network:
 
 @dataclass(frozen=True)
 class Policy:
-    """The result of a training, of robots that cross courses."""
+    """A trained policy for robots that cross courses."""
 
     FORMAT: ClassVar[str] = "trackslip crossing policy 1"
 
     network: Network
-    """From observations to actions in [-1, 1]."""
+    """Network from observations to actions in [-1, 1]."""
     options: dict[str, Any]
-    """Options of the environment, on which observations and actions depend."""
+    """Options of the environment on which observations and actions depend."""
 
     def action(self, observation: ArrayLike) -> Array:
         """Actions (N, A) in [-1, 1] for observations (N, n)."""
@@ -100,7 +100,7 @@ class Policy:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a file written by `save`, or policy.npz in a folder, without pickle; raises LogError for any other."""
+        """Read a file written by `save`, or policy.npz in a folder, without pickle; raises LogError for other files."""
         file = policy_file(path)
         try:
             with regular_file(file).open("rb") as opened, np.load(opened) as stored:
@@ -119,12 +119,12 @@ class Policy:
 
 @dataclass(frozen=True)
 class TrackingPolicy(Policy):
-    """The result of a training, of robots that follow paths; its network has features and corrections in [-1, 1]."""
+    """A trained policy for robots that follow paths; its network maps features to corrections in [-1, 1]."""
 
     FORMAT: ClassVar[str] = "trackslip policy 1"
 
     authority: tuple[float, float]
-    """Largest correction of (v, w), in units of the environment's `twist_scale` [-]."""
+    """Largest correction to (v, w), in units of the environment's `twist_scale` [-]."""
 
     def __post_init__(self) -> None:
         valid = len(self.authority) == 2 and np.isfinite(self.authority).all()
@@ -137,12 +137,12 @@ class TrackingPolicy(Policy):
 
 
 def policy_file(path: Path) -> Path:
-    """The file of a policy, given by its path or by the folder that `trackslip train` wrote."""
+    """A policy's file, given its path or the folder that `trackslip train` wrote."""
     return path / "policy.npz" if path.is_dir() else path
 
 
 def features(observation: Array) -> Array:
-    """Inputs (..., n) of the network for observations (..., n)."""
+    """Network inputs (..., n) for observations (..., n)."""
     seen = np.array(observation, float)
     seen[..., ERRORS] = np.arcsinh(seen[..., ERRORS] / FINE)
     return seen
@@ -157,7 +157,7 @@ class PolicyController:
     """A policy as a controller, which builds the environment's observations from poses."""
 
     def __init__(self, policy: TrackingPolicy, top_speed: float) -> None:
-        """`top_speed`: of the sprockets [rad/s]. Raises InvalidValueError for a policy of another environment."""
+        """`top_speed` is that of the sprockets [rad/s]. Raises InvalidValueError for another environment's policy."""
         config = from_options(EnvConfig, policy.options)
         require(not config.loads, "loads of the policy", config.loads, "false: controllers sense no loads")
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
@@ -172,7 +172,7 @@ class PolicyController:
         self._action: Array = np.zeros(2)
 
     def sense(self, omega: Array) -> None:
-        """Set the measured sprocket speeds (N, 2), mean over the last period [rad/s]."""
+        """Set the measured sprocket speeds (N, 2), means over the last period [rad/s]."""
         self._omega = omega
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
@@ -188,7 +188,7 @@ class PolicyController:
 def write_onnx(path: Path, policy: Policy, observed: Sequence[Element], commanded: Sequence[Element]) -> None:
     """Write a policy as a graph from `observation` (N, n) to `action` (N, A), both float32.
 
-    The model's metadata have, as JSON, the names, units, scales and bounds of both, and the environment's options.
+    As JSON, the model's metadata contain the names, units, scales and bounds of both, and the environment's options.
     Raises TrackslipError if the package onnx is missing.
     """
     try:

@@ -1,4 +1,4 @@
-"""Estimated poses of a fleet: the truth, the truth with noise, or the scanner, row by row or in blocks of scans."""
+"""Estimated poses of a fleet from the truth, the truth plus noise, or the scanner, row by row or in blocks of scans."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from trackslip.logs.runlog import RunLog, ScanLog
 
 Index = NDArray[np.int_]
 
-_AT_ONCE, _MOST_AT_ONCE = 2500, 400  # scans in a block: of all robots, and of each
+_AT_ONCE, _MOST_AT_ONCE = 2500, 400  # most scans in a block: of all robots together, and of each robot
 
 
 class TruePose(Restorable):
-    """True poses of N robots; the base of the other sources."""
+    """True poses of N robots; the base class of the other sources."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
@@ -31,21 +31,21 @@ class TruePose(Restorable):
         self._valid = np.ones(fleet.size, bool)
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Begin new runs of the robots `rows` (R,), with noise seeds (R,) and lengths (R,) [rows]."""
+        """Begin new runs of the robots `rows` (R,), with noise `seeds` (R,) and numbers `last` (R,) of the last row."""
 
     def start(self, rows: Index) -> Array:
         """Estimated poses (R, 3) of the robots `rows` (R,) at the start of their runs."""
         return self._fleet.pose()[rows]
 
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
-        """Estimated poses of the N robots in the rows `k` (N,) since their runs began.
+        """Estimated poses of the N robots in rows `k` (N,), counted from the start of their runs.
 
-        `omega` (N, 2) are the mean sprocket speeds in the last `duration` [rad/s, s], `true` (N, 3) the true poses.
+        `omega` (N, 2) are the mean sprocket speeds over the last `duration` [rad/s, s], `true` (N, 3) the true poses.
         """
         return PoseEstimate(true, self._covariance, self._valid)
 
     def scan_logs(self, pose: Array) -> list[ScanLog] | None:
-        """The scans of T rows with estimated poses (T, N, 3), for the N robots' logs; None unless all were kept."""
+        """Scans for the N robots' logs, from T rows with estimated poses (T, N, 3); None unless all were kept."""
         return None
 
 
@@ -55,7 +55,7 @@ class NoisyPose(TruePose):
     STATE = ("_noise",)
 
     def __init__(self, fleet: Fleet, deviation: Sequence[float]) -> None:
-        """With the standard `deviation` (3,) of x, y and heading [m, m, rad]."""
+        """`deviation` (3,) is the standard deviation of x, y and heading [m, m, rad]."""
         super().__init__(fleet)
         self._deviation = np.array(deviation)
         self._covariance[:] = np.diag(self._deviation**2)
@@ -80,7 +80,7 @@ class NoisyPose(TruePose):
 
 
 class ScannedPose(TruePose):
-    """The pose of the plate in the scans of the laser range finder, tracked from the known start."""
+    """Poses of the plates in scans of the laser range finder, tracked from the known start."""
 
     STATE = ("feed", "tracker")
 
@@ -108,7 +108,7 @@ class ScannedPose(TruePose):
         return ranges
 
     def scan_logs(self, pose: Array) -> list[ScanLog] | None:
-        """All scans, with the part that was taken for the plate."""
+        """All scans, with the parts that were identified as the plate."""
         if not self.scans or not len(pose):
             return None
         scans = [self.feed.scan(full.astype(float)) for full in self._full(len(pose))]
@@ -117,18 +117,18 @@ class ScannedPose(TruePose):
         return self.logged(clusters, len(pose))
 
     def logged(self, clusters: Sequence[Cluster], rows: int) -> list[ScanLog]:
-        """The parts of the robots' first scans that were taken for their plates, with all ranges if these were kept."""
+        """Scans for the robots' logs, with the parts identified as plates, `clusters`, and all ranges if kept."""
         empty, plate = self.feed.scan(np.empty((0, len(self.feed.bearings)))), self._fleet.robot.plate
         full = self._full(rows) if self.scans else [None] * len(clusters)
         return [ScanLog(empty, plate, *own) for own in zip(clusters, full, strict=True)]
 
     def _full(self, rows: int) -> list[np.ndarray]:
-        """Ranges (rows, B) of each robot's first scans."""
+        """Ranges (rows, B) in each robot's first `rows` scans."""
         return list(np.stack(self.scans[:rows], axis=1))
 
 
 class Localization:
-    """Estimated poses in every row of a record, as closed loops need them."""
+    """Estimates poses row by row, as closed loops require."""
 
     def __init__(self, record: RunRecorder, source: TruePose) -> None:
         self._record, self._source = record, source
@@ -140,16 +140,16 @@ class Localization:
         record.estimate(k, self._source.estimate(k, record.omega[k], record.fleet.pose(), duration))
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """A log per run of the complete rows; `failure` says why the runs stopped early."""
+        """One log per run, with its complete rows; `failure` is the reason why the runs stopped early."""
         pose = self._record.pose[: self._record.complete]
         return self._record.logs(self._source.scan_logs(pose), failure)
 
 
 class ScanBlocks(Localization):
-    """Localization of scans in blocks, which is faster, for open loops."""
+    """Localization in blocks of scans, which is faster, for open loops."""
 
     def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
-        """`watch` gets the times of the stages "scans" and "localization"."""
+        """`watch` measures the time spent in the stages "scans" and "localization"."""
         super().__init__(record, source)
         self._scanned = source
         self._watch, self._follower = watch, Follower(locator, source.tracker)
@@ -157,11 +157,11 @@ class ScanBlocks(Localization):
         block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
         self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))  # the first `_waiting` wait
         self._waiting = 0
-        self._located = 0  # rows of the record
+        self._located = 0  # number of rows that have been localized
         self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
 
     def estimate(self, k: int) -> None:
-        """Take the scans of row k, and localize the pending ones once they fill a block."""
+        """Take the scans for row k, and localize all waiting scans once they fill a block."""
         with self._watch.stage("scans"):
             self._ranges[:, self._waiting] = self._scanned.scan()
         self._waiting += 1
@@ -169,7 +169,7 @@ class ScanBlocks(Localization):
             self._locate()
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """See Localization; with the plate in the scans."""
+        """See Localization; the logs include the parts of the scans that show the plate."""
         if self._waiting:
             self._locate()
         if not self._record.complete:

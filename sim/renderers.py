@@ -1,4 +1,4 @@
-"""Drawing of the robots of a task: with their paths and trails, or on their courses; pictures of each, and a window."""
+"""Drawing a task's robots, with their paths and trails or on their courses: pictures of each robot, and a window."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from sim.traverse.task import Crossing
 from trackslip.kinematics import Array
 
 _SPACING = 0.03  # smallest length of a segment of a drawn line [m]
-# of a drawn line: height above the ground and half width [m], colour
+# height above the ground and half width [m], and colour of a drawn line
 _PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
 
 
 class TaskRenderer(ABC):
-    """Draws the robots of a task: pictures of each, and robot 0 in a window."""
+    """Draws a task's robots: pictures of each robot, and robot 0 in a window."""
 
     def __init__(self, looks: RobotLooks) -> None:
         self.looks, self.data = looks, mujoco.MjData(looks.model)  # in the state of the robot being drawn
@@ -56,7 +56,7 @@ class TaskRenderer(ABC):
         """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
         self.pose(row)
         if self._pictures is None:
-            quality = self.looks.model.vis.quality  # what a processor draws in 60 ms
+            quality = self.looks.model.vis.quality  # low enough for a processor to draw in 60 ms
             quality.offsamples = quality.shadowsize = 0
             self._pictures = Pictures(self.looks.model, 640, 480)
         return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
@@ -82,7 +82,7 @@ class TaskRenderer(ABC):
 
 
 class PathRenderer(TaskRenderer):
-    """Draws a robot with its visuals, its reference path (blue) and its trail (orange)."""
+    """Draws a robot, its reference path (blue) and its trail (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
         super().__init__(robot_looks(tracking.config.parameters))
@@ -96,7 +96,7 @@ class PathRenderer(TaskRenderer):
             self._trails[row] = [pose[row, :2]]
 
     def follow(self) -> None:
-        """Extend the trails to the present positions."""
+        """Extend the trails to the robots' present positions."""
         for trail, position in zip(self._trails, self._tracking.fleet.pose()[:, :2], strict=True):
             trail.append(position)
 
@@ -129,7 +129,7 @@ class PathRenderer(TaskRenderer):
 
 
 def _thinned(points: Array | list[Array]) -> Iterator[Array]:
-    """Points (2,) of a line (T, 2) that are at least _SPACING apart."""
+    """Points (2,) from a line (T, 2) that are more than _SPACING apart."""
     last = points[0]
     yield last
     for point in points[1:]:
@@ -139,15 +139,15 @@ def _thinned(points: Array | list[Array]) -> Iterator[Array]:
 
 
 class CourseRenderer(TaskRenderer):
-    """Draws a robot with its looks on its course."""
+    """Draws a robot on its course."""
 
     def __init__(self, task: Crossing) -> None:
         super().__init__(RobotLooks.of(build_tracked(task.world.tracked.robot, task.world.slots, looks=True)))
         self._task = task
-        self._travel = np.zeros(task.world.contact.belt.shape)  # of the belts in this episode (N, T) [m]
+        self._travel = np.zeros(task.world.contact.belt.shape)  # belt travel in this episode (N, T) [m]
 
     def begin(self, rows: Sequence[int]) -> None:
-        """Draw belts from their start again."""
+        """Reset the drawn belts of the robots `rows`."""
         self._travel[list(rows)] = 0.0
 
     def follow(self) -> None:

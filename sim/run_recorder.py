@@ -20,24 +20,24 @@ from trackslip.localization.scan import PoseEstimate
 from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 FAILURE = "failure"
-"""Key of a log's metadata: why the run stopped early."""
-_UPRIGHT = float(np.cos(0.5))  # cosine of the lean from which a robot lies on its side
+"""Key in a log's metadata for the reason why the run stopped early."""
+_UPRIGHT = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contact forces and sliding at K points of N robots, one physics step ago."""
+    """Contact forces and sliding at K points on each of N robots, one physics step ago."""
 
     load: Array  # (N, K) normal force [N]
     force: Array  # (N, K, 2) tangential force on the robot, along and across the pad [N]
-    velocity: Array  # (N, K, 2) of the robot's points relative to the ground, likewise [m/s]
+    velocity: Array  # (N, K, 2) velocity of the points relative to the ground, along and across the pad [m/s]
     rising: Array  # (N, K) vertical speed, positive upwards [m/s]
     belt: Array  # (N, K) speed of the belt relative to the robot, along the pad [m/s]
     position: Array  # (N, K, 2) in the robot's frame [m]
 
 
 def read_contacts(fleet: Fleet) -> Contacts:
-    """Contacts of a fleet whose robot was loaded with contact sensors."""
+    """The contacts of a fleet whose robot was loaded with contact sensors."""
     sensed = _of_points(fleet, fleet.batch.bind("sensordata"))
     return Contacts(
         load=sensed[..., 0].copy(),
@@ -50,7 +50,7 @@ def read_contacts(fleet: Fleet) -> Contacts:
 
 
 def pad_forces(fleet: Fleet) -> Array:
-    """Mean forces (N, P, 3) of the ground on the pads over the last `advance`: forward, to the left, up [N].
+    """Forces (N, P, 3) of the ground on the pads, means over the last `advance`: forward, to the left, up [N].
 
     The fleet's robot must have been loaded with contact sensors.
     """
@@ -62,14 +62,14 @@ def pad_forces(fleet: Fleet) -> Array:
 
 
 def _of_points(fleet: Fleet, sensed: Array) -> Array:
-    """What the contact sensors say of each point (N, K, CONTACT_WIDTH), from all sensors' data (N, S)."""
+    """The contact sensors' data for each point (N, K, CONTACT_WIDTH), from the data of all sensors (N, S)."""
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
 
 
 @dataclass(frozen=True)
 class Description:
-    """The name of a run, and its metadata."""
+    """The name and the metadata of a run."""
 
     run: str
     metadata: Mapping[str, Any] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Description:
 class RunRecorder:
     """Row-by-row recording of N runs.
 
-    A row is complete once its command is set; logs contain the complete rows.
+    A row is complete once its command has been recorded; logs contain only complete rows.
     """
 
     def __init__(self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description] | None) -> None:
@@ -89,7 +89,7 @@ class RunRecorder:
         require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
         self.fleet, self.period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
-        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
+        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # whether the ground shears under load
         self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
         self.complete = 0  # number of rows that have been recorded in full
@@ -97,7 +97,7 @@ class RunRecorder:
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
-        """Required tractions per unit load, along the robots and to the left (T, N, 2) [-]; 0 unless sensed."""
+        """Tractions (T, N, 2) that the robots need per load, forward and to the left [-]; 0 unless sensed."""
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -106,7 +106,7 @@ class RunRecorder:
         self._truth: list[dict[str, Array]] = []  # of each row, (N, ...) each
 
     def measure(self, k: int) -> None:
-        """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
+        """Record encoders and truth in row k; raises RunFailedError if a robot has tipped over."""
         fleet = self.fleet
         self._require_upright(k)
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
@@ -114,7 +114,7 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}  # twists follow from these
+        row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}  # for twists and lean
         row |= {"traction": fleet.mean_traction, "torque": drive.torque}
         row |= {"energy": drive.energy, "saturated_time": drive.saturated_time}
         if self._in_detail:
@@ -168,9 +168,9 @@ class RunRecorder:
                 self._icr[k, robots, column] = getattr(law, name)
 
     def logs(self, scans: Sequence[ScanLog | None] | None = None, failure: str | None = None) -> list[RunLog]:
-        """A log per run, of its complete rows, with its `scans`; none if there are fewer than two rows.
+        """One log per run, with the run's complete rows and `scans`; no logs if there are fewer than two rows.
 
-        `failure` says why the runs stopped early.
+        `failure` is the reason why the runs stopped early.
         """
         if self.complete < 2:
             return []
@@ -178,7 +178,7 @@ class RunRecorder:
         truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
         states = States(truth.pop("qpos"), truth.pop("qvel"))
         truth |= {"twist": states.twist, "lean": states.lean(self.fleet.robot.lrf_height)}
-        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # since the row before
+        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # means since the row before
             sums = truth.pop(total)
             truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period
         truths = [Truth(**{name: values[:, i] for name, values in truth.items()}) for i in range(self.fleet.size)]

@@ -21,12 +21,12 @@ except ImportError as error:
 
 
 class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """Stable-Baselines3's interface to a vector environment, which resets in the same step."""
+    """Stable-Baselines3's interface to a vector environment; a robot is reset in the step that ends its episode."""
 
     kind: ClassVar[type[TaskVectorEnv]]
 
     def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """Build the simulator of N robots; see the vector environment."""
+        """Build the simulator for N robots; see the vector environment."""
         self.env = env = self.kind(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
         self.render_mode = env.render_mode
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
@@ -47,7 +47,7 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Simulate one control period; returns observations (N, n), rewards (N,), ends of episodes (N,) and infos."""
+        """Simulate one control period; returns observations (N, n), rewards (N,), episode ends (N,) and infos."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
         final, observations = info.pop("final_info", None), info.pop("final_obs", None)
@@ -99,10 +99,10 @@ class TraverseVecEnv(TaskVecEnv):
 
 
 class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
-    """Actions are corrections of the reference's twist, observations are a policy's features: see `sim.policy`."""
+    """Actions are corrections to the reference's twist, observations are a policy's features; see `sim.policy`."""
 
     def __init__(self, robots: PathTrackingVecEnv, authority: tuple[float, float]) -> None:
-        """`authority`: largest correction of (v, w), in units of the environment's `twist_scale` [-]."""
+        """`authority` is the largest correction to (v, w), in units of the environment's `twist_scale` [-]."""
         box: Any = robots.observation_space
         low, high = features(box.low).astype(np.float32), features(box.high).astype(np.float32)
         super().__init__(robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space)
@@ -119,7 +119,7 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
         self._robots.step_async(corrected(self._seen, actions, self._authority))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Simulate one control period; returns features (N, n), rewards (N,), ends of episodes (N,) and infos."""
+        """Simulate one control period; returns features (N, n), rewards (N,), episode ends (N,) and infos."""
         self._seen, reward, ended, infos = self._robots.step_wait()
         for row in np.flatnonzero(ended):
             infos[row]["terminal_observation"] = features(infos[row]["terminal_observation"]).astype(np.float32)
@@ -127,5 +127,5 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
 
 
 def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:
-    """Infos (N, ...) as one dictionary per robot."""
+    """Split infos (N, ...) into one dictionary per robot."""
     return [{name: values[row] for name, values in info.items() if not name.startswith("_")} for row in range(n)]

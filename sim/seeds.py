@@ -1,4 +1,4 @@
-"""Random numbers that depend on the root seed and on what a run is, not on its position in a list."""
+"""Random numbers that depend on the root seed and on what a run is, not on the run's position in a list."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What a learning task offers to environments: its interface, its spaces, and the user's own terms.
+"""Learning tasks as environments use them: their interface, their spaces, and the user's own terms.
 
 Own terms of rewards and observations are functions of a task, given as "MODULE:NAME", with weights or scales. They take
 the task (`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossing`) after a step and return an array
-(N,), one value for each robot:
+(N,) with one value for each robot:
 
     def effort(task):
         return np.abs(task.fleet.drive.torque).sum(axis=1)
@@ -27,33 +27,33 @@ Floats = NDArray[np.float32]
 MAX_WEIGHT = 1e6
 """Largest weight in a reward."""
 BOUND = 10.0
-"""Largest magnitude of an own element of an observation, in its scale."""
+"""Largest magnitude of a user's own element of an observation, in units of its scale."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """An element of observations or actions, which is a quantity divided by its scale, and clipped."""
+    """An element of observations or actions: a quantity divided by its scale, and clipped."""
 
     name: str
     """The quantity."""
     unit: str
-    """Its unit, "-" for none."""
+    """Unit of the quantity, "-" for none."""
     scale: float
-    """The quantity's value at which the element is 1, in its unit."""
+    """Value of the quantity for which the element is 1, in `unit`."""
     bound: float = 1.0
     """Largest magnitude of the element."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OwnTerms(Checked):
-    """Options of a task: its own terms."""
+    """Options of a task for the user's own terms."""
 
     own_rewards: dict[str, float] = field(default_factory=dict)
-    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.task`."""
+    """Weights of the user's own reward terms, by function MODULE:NAME; see `sim.task`."""
     own_observations: dict[str, float] = field(default_factory=dict)
-    """Scales of own elements at the end of the observation, by function."""
+    """Scales of the user's own elements at the end of the observation, by function."""
     privileged: dict[str, float] = field(default_factory=dict)
-    """Scales of what only critics shall see, by function: info["privileged"]."""
+    """Scales of elements that only a critic sees, by function; they are in info["privileged"]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,7 +67,7 @@ class OwnTerms(Checked):
 
 
 def function(name: str) -> Callable[[Any], Any]:
-    """The function MODULE:NAME; raises InvalidValueError if there is none."""
+    """The function MODULE:NAME; raises InvalidValueError if it doesn't exist."""
     module, _, attribute = name.partition(":")
     try:
         chosen = getattr(importlib.import_module(module), attribute)
@@ -78,9 +78,9 @@ def function(name: str) -> Callable[[Any], Any]:
 
 
 class Task(Restorable, ABC):
-    """A task of N robots, one row each, independent of the interface that offers it. Rows are bitwise independent.
+    """A task for N robots, one row each, independent of the environment's interface. Rows are bitwise independent.
 
-    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
+    Users step the task, and episodes end one by one, so that a task can't run in `sim.loop`.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")
@@ -88,7 +88,7 @@ class Task(Restorable, ABC):
     def __init__(
         self, config: Any, size: int, period: float, observed: tuple[Element, ...], commanded: tuple[Element, ...]
     ) -> None:
-        """A task with the usual elements of an observation; see the attributes."""
+        """Set up a task that observes the elements `observed` and the user's own; see the attributes."""
         self.config = config  # the options, with `reward` and `OwnTerms`
         self.size = size  # number of robots
         self.period = period  # control period [s]
@@ -101,8 +101,8 @@ class Task(Restorable, ABC):
         self._terms: Array = np.zeros((len(self._rewards), size))
         self._action: Array = np.zeros((size, len(commanded)))
         self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
-        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of the episodes that have ended
-        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of the episodes that were cut off
+        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have terminated
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have been cut off
 
     @abstractmethod
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
@@ -121,29 +121,29 @@ class Task(Restorable, ABC):
 
     @abstractmethod
     def _observed(self) -> Floats:
-        """The usual elements of the observation."""
+        """Observations without the user's own elements."""
 
     @abstractmethod
     def _quantities(self) -> dict[str, NDArray[Any]]:
-        """What `info` has besides rewards and what only critics shall see."""
+        """The quantities in `info` other than rewards and privileged elements."""
 
     def observation(self) -> Floats:
         """Observations (N, n), float32."""
         return np.concatenate([self._observed(), self._scaled(self.config.own_observations)], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
+        """Further quantities (N, ...) by name, which may be the task's own arrays; the keys are always the same."""
         privileged = self.config.privileged
         rewards = dict(zip(self._rewards, self._terms, strict=True))
         return self._quantities() | rewards | ({"privileged": self._scaled(privileged)} if privileged else {})
 
     def _clear(self, rows: NDArray[np.int_], *states: NDArray[Any]) -> None:
-        """Set the state of the robots `rows` (R,) to zero, and more `states` (N, ...)."""
+        """Set to zero the state of the robots `rows` (R,), including their rows in further `states` (N, ...)."""
         for state in (self._action, self.reward, self.terminated, self.truncated, *self._terms, *states):
             state[rows] = 0
 
     def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
-        """Actions (N, A) in [-1, 1], which become the last ones, and their change."""
+        """Actions (N, A) clipped to [-1, 1], which are stored as the last actions, and their change."""
         shape = self._action.shape
         try:
             action = np.asarray(actions, float)
@@ -157,18 +157,18 @@ class Task(Restorable, ABC):
         return self._action, self._action - before
 
     def _earn(self, terms: Iterable[Array], running: NDArray[np.bool_] | bool = True) -> None:
-        """Set the reward from its usual terms (N,) and its own, which are those of the robots that are `running`."""
+        """Set the reward from `terms` (N,) and the user's own terms, which are 0 for robots that aren't `running`."""
         own = [np.where(running, weight * self._values(name), 0.0) for name, weight in self.config.own_rewards.items()]
         self._terms = np.array([*terms, *own])
         self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
 
     def _scaled(self, scales: Mapping[str, float]) -> Floats:
-        """Own elements (N, k), bounded."""
+        """The user's own elements (N, k), scaled and clipped."""
         columns = [np.clip(self._values(name) / scale, -BOUND, BOUND) for name, scale in scales.items()]
         return np.column_stack([np.empty((self.size, 0)), *columns]).astype(np.float32)
 
     def _values(self, name: str) -> Array:
-        """Values (N,) of a function; raises InvalidValueError unless they are finite numbers, one for each robot."""
+        """Values (N,) from a function; raises InvalidValueError unless it returns one finite number for each robot."""
         given = np.asarray(self._functions[name](self), float)
         require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
         require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")

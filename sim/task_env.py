@@ -1,4 +1,4 @@
-"""Learning tasks as gymnasium environments: of one robot, and of N robots in one batch."""
+"""Learning tasks as gymnasium environments: for one robot, and for N robots in one batch."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _MOST, _MOST_THREADS = 100_000, 1024
 
 
 class TaskInterface(Restorable):
-    """An environment that describes its task, and can be returned to earlier states."""
+    """An environment that describes its task, and that can return to earlier states."""
 
     configuration: Any
     """Dataclass of the task's options."""
     kind: Any
     """The task's class, which takes the options and the numbers of robots and threads."""
     drawing: Any
-    """The class that draws it."""
+    """The class that draws the task."""
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"]}  # noqa: RUF012
-    """See gymnasium; with the frames per second, once the control period is known."""
+    """See gymnasium; the frames per second are added once the control period is known."""
     task: Any
     observed: tuple[Element, ...]
     """Names, units, scales and bounds of the elements (n) of an observation."""
@@ -49,13 +49,13 @@ class TaskInterface(Restorable):
         self._renderer = self.drawing(self.task) if render_mode is not None else None
 
     def get_state(self) -> dict[str, Any]:
-        """A copy of the state: the robots, their episodes and the generators of the next ones; it can be pickled."""
+        """A copy of the state, which can be pickled: robots, their episodes and the generators for later episodes."""
         return {"of": self._of} | super().get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of this environment, or of another that was made with the same options.
+        """Return to a state of this environment, or of another environment made with the same options.
 
-        Raises InvalidValueError for a state of an environment with another task, size, observation or action.
+        Raises InvalidValueError for a state from an environment that differs in task, size, observation or action.
         """
         of = state.get("of")
         require(of == self._of, "state", f"that of {of}", f"that of {self._of}")
@@ -70,7 +70,7 @@ class TaskInterface(Restorable):
 
 
 class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
-    """A task of one robot."""
+    """A task for one robot."""
 
     STATE = ("task", "np_random")
 
@@ -85,9 +85,9 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         self.observation_space, self.action_space = _box(self.observed), _box(self.commanded)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """Begin an episode, drawn from a generator with this seed, or from the current one if it is None.
+        """Begin an episode, drawn from a generator with this seed, or from the present generator if `seed` is None.
 
-        `options` replace drawn values, see the task's `draw`. Raises InvalidValueError for unknown options and values
+        `options` replace drawn values; see the task's `draw`. Raises InvalidValueError for unknown options and values
         out of range.
         """
         super().reset(seed=seed)
@@ -108,7 +108,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         return task.observation()[0], float(task.reward[0]), *ends, _only(task.info())
 
     def render(self) -> Any:
-        """Image (480, 640, 3), or None for "human", which updates the window; raises TrackslipError if it fails."""
+        """Image (480, 640, 3), or None for "human", which updates the window; raises TrackslipError if that fails."""
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make, to render")
         return self._renderer.picture(0) if self.render_mode == "rgb_array" else self._show()
@@ -124,10 +124,10 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
 
 
 class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
-    """A task of N robots.
+    """A task for N robots.
 
-    Row i is bitwise identical to the environment of one robot with the seed of row i in gymnasium's SyncVectorEnv, with
-    the same spaces, autoreset modes and infos.
+    Row i is bitwise identical to row i of gymnasium's SyncVectorEnv with single environments and the same seeds; the
+    spaces, autoreset modes and infos are the same, too.
     """
 
     STATE = ("task", "_generators", "_seeds_used", "_ended", "_begun", "_steps")
@@ -141,10 +141,10 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
-        """Build the simulator of `num_envs` robots on `threads` worker threads, 0 for one per processor.
+        """Build the simulator for `num_envs` robots on `threads` worker threads, 0 for one per processor.
 
-        `render_mode` is None or "rgb_array", `autoreset_mode` gymnasium's, `max_episode_steps` truncates longer
-        episodes, `options` are the configuration's fields. Raises InvalidValueError for options that are unknown or out
+        `render_mode` is None or "rgb_array", `autoreset_mode` one of gymnasium's; `max_episode_steps` truncates longer
+        episodes; `options` are the configuration's fields. Raises InvalidValueError for options that are unknown or out
         of range.
         """
         require(render_mode in (None, "rgb_array"), "render_mode", render_mode, 'None or "rgb_array", for many robots')
@@ -175,10 +175,10 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         """Begin episodes; raises InvalidValueError for unknown options and values out of range.
 
         Args:
-            seed: an integer s seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with one
-                seed per robot, None to keep a robot's generator.
-            options: `reset_mask`, (N,) bool, resets some robots only; the others are those of the single environment,
-                each a value for all robots or a list with one per robot, None to draw a robot's value.
+            seed: an integer s, which seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with
+                one seed per robot, None to keep a robot's generator.
+            options: `reset_mask`, (N,) bool, resets some robots only; other options are those of the single
+                environment, each a value for all robots or a list with one per robot, None to draw a robot's value.
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})
@@ -198,12 +198,12 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
-        """The generators (N) from which the robots' episodes are drawn, as in SyncVectorEnv; None before a reset."""
+        """Generators (N) from which the robots' episodes are drawn, as in SyncVectorEnv; None before a first reset."""
         return tuple(self._generators)
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
-        """The seeds (N) of these generators."""
+        """Seeds (N) of the robots' generators."""
         return tuple(self._seeds_used)
 
     def _seeds(self, seed: Any) -> list[int | None]:
@@ -273,7 +273,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             self._renderer.begin(rows.tolist())
 
     def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
-        """`final_obs` and `final_info` of the robots whose episodes have ended (N,)."""
+        """`final_obs` and `final_info` of the robots whose episodes have `ended` (N,)."""
         observation = np.full(self.num_envs, None, dtype=object)
         for row, values in zip(np.flatnonzero(ended), self.task.observation()[ended], strict=True):
             observation[row] = values
@@ -281,7 +281,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
 
     def _infos(self, whose: NDArray[np.bool_]) -> dict[str, Any]:
-        """Infos with masks `whose` (N,); zero, or None, for the other robots."""
+        """Infos of the robots in the mask `whose` (N,), with this mask; zero, or None, for the other robots."""
         infos: dict[str, Any] = {}
         others = ~whose
         for name, values in self.task.info().items():

@@ -1,1 +1,1 @@
-"""Bags of simulated runs, and of commands to a robot, for ROS 2."""
+"""ROS 2 bags with simulated runs, or with commands to a robot."""

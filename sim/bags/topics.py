@@ -1,7 +1,7 @@
 """The topics that a robot, its localization and a stationary scanner publish during a run, as messages for ROS 2.
 
-Messages are built from columns of numbers, a topic at a time. They describe motion in the plane: poses (M, 3) are x, y
-[m] and yaw [rad], twists (M, 3) forward speed, lateral speed to the left [m/s] and yaw rate [rad/s].
+Messages are built from columns of numbers, one topic at a time. They describe motion in the plane: poses (M, 3) are x,
+y [m] and yaw [rad]; twists (M, 3) are forward speed, lateral speed to the left [m/s] and yaw rate [rad/s].
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from trackslip.logs.runlog import RunLog
 Stamps = NDArray[np.int64]
 """Times (M,) since 1970 [ns]."""
 Fields = Mapping[str, Any]
-"""Values of fields by name: an array with a row for each message, the value that all messages share, or more fields.
+"""Values of fields by name: an array with a row for each message, a value that all messages share, or nested fields.
 
-Fields without a value are zero or empty; an array of messages has one, whose fields are given.
+Fields without a value are zero or empty; an array of messages has a single message, whose fields are given.
 """
 _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
 JOINTS = ["left_sprocket", "right_sprocket"]
 """Names of the sprockets in /joint_states."""
 FIELD = (52.0, 10.0, 0.0)
-"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: a field anywhere."""
+"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: an arbitrary field."""
 START = 1_767_225_600
-"""Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
-_SINCE_1970 = 1e9  # a log that begins later has such times [s]
-_LAST = 2**31 - 1  # of the seconds in a stamp
-# Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
+"""Stamp of t = 0, 2026-01-01, because a stamp of zero means that there is none [s]."""
+_SINCE_1970 = 1e9  # logs that begin later than this have times since 1970 [s]
+_LAST = 2**31 - 1  # largest number of seconds in a stamp
+# Covariance of x, y [m^2] and yaw [rad^2], and of their rates, as common in configurations of diff_drive_controller.
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
 _EXACT = np.zeros((3, 3))
 
 
 @functools.cache
 def definitions() -> Any:
-    """The message types of ROS 2 Jazzy; other releases since Foxy define those written here alike."""
+    """The message types of ROS 2 Jazzy; all releases since Foxy define the types written here identically."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -52,11 +52,11 @@ def definitions() -> Any:
 
 @dataclass(frozen=True)
 class Publication:
-    """A topic to write: its messages, all of one type."""
+    """A topic to write, with messages that are all of one type."""
 
     name: str
-    kind: str  # their type, as in `sensor_msgs/msg/LaserScan`
-    stamps: Stamps  # (M,) of their headers, ascending [ns]
+    kind: str  # type of the messages, such as `sensor_msgs/msg/LaserScan`
+    stamps: Stamps  # (M,) stamps of the messages' headers, ascending [ns]
     fields: Fields
     latched: bool = False  # late subscribers receive the last message, too
 
@@ -91,19 +91,19 @@ def header(stamps: Stamps, frame: str = "") -> Fields:
 
 
 def pose(of: Array, covariance: Array | None = None) -> Fields:
-    """Fields of a geometry_msgs/Pose, or with covariances (3, 3) or (M, 3, 3) of a PoseWithCovariance."""
+    """Fields of a geometry_msgs/Pose, or of a PoseWithCovariance if a covariance (3, 3) or (M, 3, 3) is given."""
     fields = {"position": {"x": of[:, 0], "y": of[:, 1]}, "orientation": _quaternion(of[:, 2])}
     return fields if covariance is None else {"pose": fields, "covariance": _in_space(covariance, len(of))}
 
 
 def twist(of: Array, covariance: Array | None = None) -> Fields:
-    """Fields of a geometry_msgs/Twist, or with covariances (3, 3) or (M, 3, 3) of a TwistWithCovariance."""
+    """Fields of a geometry_msgs/Twist, or of a TwistWithCovariance if a covariance (3, 3) or (M, 3, 3) is given."""
     fields = {"linear": {"x": of[:, 0], "y": of[:, 1]}, "angular": {"z": of[:, 2]}}
     return fields if covariance is None else {"twist": fields, "covariance": _in_space(covariance, len(of))}
 
 
 def transforms(name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False) -> Publication:
-    """A topic of tf2_msgs/TFMessage with one transform each: the pose of the second of `frames` in the first."""
+    """A topic of tf2_msgs/TFMessage with one transform per message: the pose of `frames[1]` in `frames[0]`."""
     moved = {"translation": {"x": of[:, 0], "y": of[:, 1]}, "rotation": _quaternion(of[:, 2])}
     moved_frame = {"header": header(stamps, frames[0]), "child_frame_id": frames[1], "transform": moved}
     return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": moved_frame}, latched)
@@ -114,21 +114,21 @@ def _quaternion(heading: Array) -> Fields:
 
 
 def _in_space(covariance: Array, count: int) -> Array:
-    """Covariances (M, 36) of x, y, z, roll, pitch and yaw, with zeros for what isn't in the plane."""
+    """Covariances (M, 36) of x, y, z, roll, pitch and yaw, with zeros for z, roll and pitch."""
     full = np.zeros((count, 6, 6))
     full[:, _ROW, _COLUMN] = covariance
     return full.reshape(count, 36)
 
 
 class RunTopics:
-    """The topics of a log in groups, which are empty where the log lacks the data."""
+    """The topics of a log in groups; a group is empty if the log doesn't have its data."""
 
     def __init__(self, log: RunLog, geometry: RobotGeometry | None, readings: np.ndarray | None) -> None:
-        """`readings` (T,) marks the encoders' rows, None for all."""
+        """`readings` (T,) marks the rows with encoder readings; None for all."""
         self._log, self._geometry = log, geometry
         self._start = 0 if log.time[0] > _SINCE_1970 else START
         self._read = np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
-        self._odom: Array | None = None  # (T, 3) by dead reckoning without slip
+        self._odom: Array | None = None  # poses (T, 3) from dead reckoning without slip
         if geometry is not None:
             driven = body_twist(log.omega[1:], 0.0, geometry)
             self._odom = se2.chain(np.zeros(3), se2.advance(np.zeros(3), driven, np.diff(log.time)))
@@ -148,7 +148,7 @@ class RunTopics:
             yield transforms("/tf", stamps, frames, odom)
 
     def commands(self) -> Iterator[Publication]:
-        """The body twists commanded by a controller, or else by sprocket speeds if nothing slipped."""
+        """The body twists commanded by a controller; otherwise those of the commanded sprocket speeds without slip."""
         log, commanded = self._log, self._log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
             commanded = body_twist(log.command, 0.0, self._geometry)
@@ -184,7 +184,7 @@ class RunTopics:
             )
 
     def scans(self, scans: tuple[Array, Scan] | None) -> Iterator[Publication]:
-        """Scans, and the pose of the scanner; by default the log's own scans, if it has them in full."""
+        """Scans, and the pose of the scanner; by default the log's own scans, if the log has all of their ranges."""
         log = self._log
         if scans is None and log.scans is not None and log.scans.full is not None:
             scans = log.time, replace(log.scans.scan, ranges=log.scans.full)
@@ -216,7 +216,7 @@ class RunTopics:
 
 
 def command_topic(name: str, stamps: Stamps, commanded: Array, stamped: bool = True) -> Publication:
-    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s], and stamps of 0 unless `stamped`."""
+    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s]; stamps are 0 unless `stamped`."""
     fields = {"header": header(stamps if stamped else 0 * stamps, "base_link"), "twist": twist(_planar(commanded))}
     return Publication(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
 
@@ -240,19 +240,19 @@ def _odometry(
 
 
 def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Publication:
-    """A topic of sensor_msgs/NavSatFix of places (M, 2), x to the east and y to the north of a field anywhere."""
+    """A topic of sensor_msgs/NavSatFix with positions (M, 2), x to the east and y to the north of `FIELD` [m]."""
     from pymap3d import enu2geodetic
 
     latitude, longitude, altitude = enu2geodetic(*place.T, 0.0, *FIELD)
     horizontal = covariance * np.array([1.0, 1.0, 0.0]) * np.array([[1.0], [1.0], [0.0]])
     fields = {
         "header": header(stamps, "gnss"),
-        "status": {"status": 2, "service": 1},  # a fix with a ground station, by GPS
+        "status": {"status": 2, "service": 1},  # a GPS fix with ground-based augmentation
         "latitude": latitude,
         "longitude": longitude,
         "altitude": altitude,
         "position_covariance": horizontal.reshape(-1, 9),
-        "position_covariance_type": 3 if np.any(horizontal) else 0,  # all of it is known, or nothing
+        "position_covariance_type": 3 if np.any(horizontal) else 0,  # known, or unknown
     }
     return Publication(name, "sensor_msgs/msg/NavSatFix", stamps, fields)
 

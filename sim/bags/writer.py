@@ -1,4 +1,4 @@
-"""Runs, and commands to a robot, as ROS 2 bags."""
+"""Writing runs, and commands to a robot, as ROS 2 bags."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
 
 MCAP = ".mcap"
-"""Ending of the file in a bag."""
+"""Suffix of the file in a bag."""
 _TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -42,25 +42,25 @@ def write_bag(
 ) -> None:
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
 
-    Topics, as far as the log has them: /joint_states, /odom (dead reckoning without slip), /cmd_vel (TwistStamped),
+    Topics, if the log has their data: /joint_states, /odom (dead reckoning without slip), /cmd_vel (TwistStamped),
     /pose (PoseWithCovarianceStamped) or, for poses without headings, /fix (NavSatFix); /scan; /ground_truth; /tf with
-    odom -> base_link and, with headings, map -> odom; /tf_static with map -> laser. Positions in
-    /joint_states are the sprockets' angles since the first row.
+    odom -> base_link and, if there are headings, map -> odom; /tf_static with map -> laser. Positions in /joint_states
+    are the sprocket angles since the first row.
 
     Args:
-        log: the run; the stamps are its rows' times, since 2026 unless they are since 1970.
-        path: the bag's folder, which gets `metadata.yaml` and the file; or only a file, if it ends in .mcap. It must
-            not exist.
-        geometry: of the robot, for /odom and /cmd_vel; by default that in the log's metadata. Without any, these are
-            left out.
-        covariance: of the poses, (3, 3), where the log has none [m, m, rad].
-        readings: (T,) bool, the rows with readings of the encoders; by default all.
-        scans: times (S,) [s] and scans with ranges (S, B), if they aren't those of the log's rows.
+        log: the run; the rows' times become stamps, counted from 2026 unless they are already times since 1970.
+        path: folder of the bag, for `metadata.yaml` and the .mcap file; or, if the path ends in .mcap, that file
+            alone. The path must not exist.
+        geometry: the robot's geometry, for /odom and /cmd_vel; by default that in the log's metadata. If there is none
+            in either place, these topics are left out.
+        covariance: covariance (3, 3) of the poses for which the log has none [m, m, rad].
+        readings: mask (T,) of the rows with encoder readings; by default all.
+        scans: times (S,) [s] and scans with ranges (S, B), if they aren't those in the log's rows.
 
     Raises:
         OutputError: if the path exists, or can't be written.
-        InvalidValueError: for times that no stamp can have.
-        TrackslipError: where rosbags is missing.
+        InvalidValueError: for times that no stamp can represent.
+        TrackslipError: if rosbags is missing.
     """
     require_rosbags()
     geometry = geometry or stored_geometry(log)
@@ -79,9 +79,9 @@ def write_bag(
 def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/cmd_vel") -> None:
     """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
 
-    The stamps in the headers are 0, which diff_drive_controller of ros2_control takes for the time of arrival; it
-    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is as for `write_bag`. Raises
-    InvalidValueError if the topic is no name in ROS, OutputError and TrackslipError as `write_bag` does.
+    The stamps in the headers are 0, which the diff_drive_controller of ros2_control replaces with the time of arrival;
+    it ignores commands whose stamps are older than its `cmd_vel_timeout`. `path` is as for `write_bag`. Raises
+    InvalidValueError if `topic` isn't a valid name in ROS, OutputError and TrackslipError like `write_bag`.
     """
     require_topic(topic)
     stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
@@ -89,13 +89,13 @@ def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/c
 
 
 def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
-    """The bag, complete or not at all."""
+    """Write the bag, complete or not at all."""
     if path.exists():
         raise OutputError(f"{path}: exists already")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=path.parent) as staging:
-            draft = Path(staging) / path.name.removesuffix(MCAP)  # which also names the file in it
+            draft = Path(staging) / path.name.removesuffix(MCAP)  # the folder's name is also that of the file in it
             _fill(draft, topics, about)
             os.replace(draft / f"{draft.name}{MCAP}" if path.suffix == MCAP else draft, path)
     except OSError as error:
@@ -124,7 +124,7 @@ def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str])
 
 
 def _latched() -> Any:
-    """The quality of service by which late subscribers receive a topic's last message."""
+    """The quality of service with which late subscribers receive a topic's last message."""
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
     never = QosTime(0, 0)

@@ -1,1 +1,1 @@
-"""The robot's parameters fitted to slips and radii."""
+"""Calibration: parameters of the simulated robot fitted to what a robot did."""

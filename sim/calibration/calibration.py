@@ -1,7 +1,7 @@
 """Calibration: parameters of the simulated robot fitted to what a robot did, with priors and a robust loss.
 
-MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to trajectories of its sensors; here, candidates differ in ground,
-drive and clock, too, errors are of motions over some seconds, and single ones may be large.
+MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to trajectories of its sensors. Here, candidates also differ in
+ground, drive and clock, errors refer to motions over a few seconds, and single errors may be large.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.identification.comparison import newton_steps
 from trackslip.kinematics import Array
 
-_STEP = 0.05  # of finite differences [standard deviations of the prior]
-_ITERATIONS, _CONVERGED = 15, 0.05  # until the logarithm of the likelihood grows by less
-_ROUNDS, _SAME = 10, 0.01  # fits, one after the other, until the errors' sizes change relatively by less
-_KEPT = 64  # errors of candidates
-_VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over that of the prior; value over its standard error
-_ALIKE = 0.95  # cosine of the errors of parameters that can't be told apart
-_MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
+_STEP = 0.05  # step for finite differences [standard deviations of the prior]
+_ITERATIONS, _CONVERGED = 15, 0.05  # most iterations; gain in log-likelihood below which they stop
+_ROUNDS, _SAME = 10, 0.01  # most fits in succession; relative change in the errors' sizes below which they stop
+_KEPT = 64  # number of candidates whose errors are cached
+_VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over the prior's standard deviation; value over its standard error
+_ALIKE = 0.95  # cosine between the error slopes of parameters above which the target can't distinguish them
+_MAD = 1.4826  # standard deviation of normal errors over the median of their magnitudes
 _CAUCHY = 2.385  # scale of the loss [standard deviations]: 95 % as efficient as least squares for normal errors
-_LEAST_CURVED = 0.1  # curvature of the loss over the weights
+_LEAST_CURVED = 0.1  # smallest curvature of the loss over the weights
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Estimate:
     stderr: float  # standard error
     low: float  # lower end of the 95 % interval
     high: float  # its upper end
-    vague: str = ""  # why the target doesn't determine it, so that its prior does
+    vague: str = ""  # why the target doesn't determine the parameter, so that the prior does
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,13 @@ class Calibration:
     """The best candidate for a target."""
 
     candidate: Candidate
-    estimates: dict[str, Estimate]  # each parameter that was free, by name
-    correlation: dict[str, dict[str, float]]  # correlation of each parameter's error with the others' [-]
-    cost: float  # half the loss that was minimised, and the logarithm of the errors' sizes
+    estimates: dict[str, Estimate]  # estimates of the free parameters, by name
+    correlation: dict[str, dict[str, float]]  # correlation of each parameter's error with those of the others [-]
+    cost: float  # half the minimised loss plus the logarithms of the errors' sizes
     metrics: dict[str, float]  # errors of the candidate
     before: dict[str, float]  # errors of the base candidate
-    folds: tuple[Candidate, ...] = ()  # the candidates fitted without each fold
-    held_out: dict[str, float] | None = None  # their errors in the folds that they were not fitted to
+    folds: tuple[Candidate, ...] = ()  # candidates, each fitted without one of the folds
+    held_out: dict[str, float] | None = None  # errors of these candidates in the folds that they were not fitted to
     held_out_before: dict[str, float] | None = None  # errors of the base candidate in the same folds
 
 
@@ -68,17 +68,17 @@ def calibrate(
 ) -> Calibration:
     """Fit parameters of a candidate to a target.
 
-    Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`. What
-    the target doesn't determine stays near its prior, and as uncertain. Standard errors are by the parameters without
-    each cluster (the jackknife) where the target is robust, else from the residuals.
+    This is a least-squares fit, with Cauchy's loss if the target is robust, and with normal priors around the values of
+    `base`. Parameters that the target doesn't determine stay near their priors, and as uncertain. Standard errors come
+    from fits without each cluster (the jackknife) if the target is robust, otherwise from the residuals.
 
     Args:
         target: what the robot did.
-        base: the start, and the values of the other parameters.
-        free: names of the parameters to fit, of `PARAMETERS`; InvalidValueError for names that are unknown, given twice
-            or say the same, and too many for the target.
-        folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts;
-            errors with negative labels are never predicted.
+        base: the candidate to start from, with the values of the parameters that aren't free.
+        free: names of the parameters to fit, from `PARAMETERS`; raises InvalidValueError for names that are unknown,
+            repeated or redundant, and for more parameters than the target allows.
+        folds: label (n,) of the fold to which each error belongs; a candidate fitted to the other folds predicts it.
+            Errors with negative labels are never predicted.
         progress: called with 1 after the fit, and after each fold.
     """
     problem = _Problem(target, base, _checked(free, target))
@@ -103,11 +103,11 @@ def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _End:
-    """Where a fit ends."""
+    """The end of a fit."""
 
     scaled: Array  # (p,) parameters
-    errors: Array  # (n,) there
-    slope: Array  # (n, p) of the errors
+    errors: Array  # (n,) errors at these parameters
+    slope: Array  # (n, p) derivatives of the errors
     sigma: Array  # (kinds,) standard deviations of the errors
     cost: float
 
@@ -120,9 +120,9 @@ class _Problem:
         self._layout = target.layout
         limits = [PARAMETERS[name].limits(base) for name in names]
         self.low, self.high = np.array(limits).T
-        # a bound that is the prior's centre may have no slope
+        # where the prior is centred on a bound, the errors may have no slope
         self.first = np.where(self.low == 0, min(0.5, *self.high), 0.0)
-        # those of the sensor first, whose motion is that of the last errors
+        # sensor parameters first, because they reuse the motion that was simulated for the last errors
         self._order = sorted(range(len(names)), key=lambda k: names[k] not in OF_SENSOR)
         self._known = lru_cache(_KEPT)(lambda *scaled: target.errors(self.candidate(scaled)))
 
@@ -132,11 +132,11 @@ class _Problem:
         return self._base.with_values(values)
 
     def errors(self, scaled: Array) -> Array:
-        """Errors (n,) of the target."""
+        """Errors (n,) of the candidate with scaled parameters (p,)."""
         return self._known(*scaled.tolist())
 
     def slope(self, scaled: Array) -> Array:
-        """Slopes (n, p) of the errors over scaled parameters (p,), by finite differences."""
+        """Derivatives (n, p) of the errors with respect to scaled parameters (p,), from finite differences."""
         errors = self.errors(scaled)
         slope = np.empty((len(errors), len(scaled)))
         for k in self._order:
@@ -161,7 +161,7 @@ class _Problem:
         return sizes
 
     def loss(self, square: Array, share: Array) -> Array:
-        """Loss of squared errors over their variances (n,), and its first and second derivatives, (3, n)."""
+        """Loss, and its first and second derivatives, (3, n), for squared errors over their variances (n,)."""
         if not self._layout.robust:
             return share * np.stack([square, np.ones_like(square), np.zeros_like(square)])
         fall = 1 / (1 + square / _CAUCHY**2)
@@ -176,9 +176,9 @@ class _Problem:
         return float(share @ np.log(size) + loss / 2), sigma
 
     def minimum(self) -> _End:
-        """The minimum, by models whose errors are linear in the parameters.
+        """The minimum, found with models in which the errors are linear in the parameters.
 
-        A model costs a simulation for each parameter. Least squares of the simulated errors take four times as many.
+        A model costs a simulation for each parameter. A least-squares fit to simulated errors takes four times as many.
         """
         scaled, (cost, sigma) = self.first, self.cost(self.first)
         for _ in range(_ITERATIONS):
@@ -195,7 +195,7 @@ class _Problem:
         return _End(scaled, self.errors(scaled), slope, sigma, cost)
 
     def _linear_minimum(self, start: Array, slope: Array, sigma: Array) -> Array:
-        """Parameters (p,) of least loss if errors have this slope, and of the sizes (kinds,) that are then left."""
+        """Parameters (p,) with the least loss if the errors have this slope; fitted in turns with the errors' sizes."""
         first, scaled, count = self.errors(start), start, len(start)
         prior = np.ones(count)
 
@@ -220,9 +220,9 @@ class _Problem:
         return np.asarray(scaled)
 
     def without(self, end: _End, label: np.ndarray) -> Array:
-        """How far apart (G, p) the parameters are without the errors of each label (n,), 0 to G - 1.
+        """Changes (G, p) in the parameters if the errors with one label, 0 to G - 1, are left out.
 
-        By one step of Newton's method; other labels are never left out.
+        The changes come from one step of Newton's method. Errors with negative labels (n,) are never left out.
         """
         hessian, gradient, rows = *self._normal(end), label >= 0
         own = np.zeros((label.max() + 1, *hessian.shape[1:]))
@@ -232,13 +232,13 @@ class _Problem:
         return newton_steps(hessian.sum(axis=0) + np.eye(len(self.names)) - own, push)
 
     def _normal(self, end: _End) -> tuple[Array, Array]:
-        """Normal equations (n, p, p) and gradients (n, p) of the loss of each error."""
+        """Each error's contribution to the normal equations (n, p, p) and to the gradient of the loss (n, p)."""
         layout = self._layout
         size = end.sigma[layout.kind]
         unit, slope = end.errors / size, end.slope / size[:, None]
         _, weight, bend = self.loss(unit**2, layout.share)
         curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(layout.kind, weight)
-        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]  # of the loss, on average over a kind
+        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]  # of the loss, averaged over each kind
         return curvature[:, None, None] * slope[:, :, None] * slope[:, None], slope * (weight * unit)[:, None]
 
     def covariance(self, end: _End) -> Array:
@@ -247,10 +247,10 @@ class _Problem:
         if not self._layout.robust:
             return inverse
         apart = self.without(end, self._layout.cluster)
-        return np.asarray(apart.T @ apart + inverse @ inverse)  # by the clusters, and by the priors
+        return np.asarray(apart.T @ apart + inverse @ inverse)  # from the clusters, and from the priors
 
     def vague(self, end: _End, spread: Array) -> dict[str, str]:
-        """Reasons why the target doesn't determine parameters, by name; (p,) are their standard errors."""
+        """Why the target doesn't determine parameters, by name; `spread` (p,): their standard errors."""
         slope = end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
         strength = np.linalg.norm(slope, axis=0)
         alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
@@ -289,7 +289,7 @@ class _Problem:
 
 
 def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress) -> Calibration:
-    """The result with predictions of each fold by the candidates fitted to the others."""
+    """The result, with predictions for each fold from a candidate fitted to the other folds."""
     target = problem.target
     errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
     first, candidates = problem.errors(np.zeros(len(problem.names))), []

@@ -18,11 +18,11 @@ _FARTHEST = 3.0  # from the base value [standard deviations of the prior]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A robot with its drive on level ground, and the sensor of its poses."""
+    """A robot with its drive on level ground, and its pose sensor."""
 
     robot: RobotParameters = field(default_factory=RobotParameters)
     ground: Ground = field(default_factory=Ground)
-    sensor: Mounting = field(default_factory=Mounting)  # place of the sensor of the poses
+    sensor: Mounting = field(default_factory=Mounting)  # position and yaw of the pose sensor
     clock: float = 0.0  # encoder clock minus pose clock [s]
 
     @property
@@ -35,7 +35,7 @@ class Candidate:
         return PARAMETERS[name].read(self)
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
-        """A candidate with some parameters changed, by name."""
+        """A copy of the candidate with other values of some parameters, by name."""
         candidate = self
         for name, value in values.items():
             candidate = PARAMETERS[name].write(candidate, value)
@@ -46,17 +46,17 @@ class Candidate:
 class Parameter:
     """A number that can be fitted. Its prior is a normal distribution around the value of the base candidate."""
 
-    read: Callable[[Candidate], float]  # value of a candidate
-    write: Callable[[Candidate, float], Candidate]  # the candidate with another value
-    spread: float  # standard deviation of the prior in units of `size`, or of the logarithm if `relative`
+    read: Callable[[Candidate], float]  # returns a candidate's value
+    write: Callable[[Candidate, float], Candidate]  # returns a copy of a candidate with another value
+    spread: float  # standard deviation of the prior in units of `size`, or of the value's logarithm if `relative`
     unit: str = ""
     relative: bool = False
-    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of the standard deviation, for the base candidate
-    low: float = -math.inf  # least value
+    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of the standard deviation, given the base candidate
+    low: float = -math.inf  # smallest value
     high: float = math.inf  # largest value
 
     def scaled(self, base: Candidate, value: float) -> float:
-        """Distance of a value from that of the base, in standard deviations of the prior."""
+        """Signed distance of a value from the base candidate's, in standard deviations of the prior."""
         centre = self.read(base)
         if self.relative:
             return math.log(value / centre) / self.spread
@@ -72,14 +72,14 @@ class Parameter:
         return min(max(value, self.low), self.high)  # despite rounding
 
     def limits(self, base: Candidate) -> tuple[float, float]:
-        """Limits of the scaled value: three standard deviations, less where no candidate has the value."""
+        """Limits on the scaled value: three standard deviations, or less at the smallest and the largest value."""
         positive = self.relative and self.low < 0
         low = -_FARTHEST if positive else max(-_FARTHEST, self.scaled(base, self.low))
         return low, min(_FARTHEST, self.scaled(base, self.high))
 
 
 def _field(path: str, spread: float, unit: str = "", **options: Any) -> Parameter:
-    """A field of the candidate, or of what it consists of: at a path with dots."""
+    """A parameter that is a field of the candidate or of one of its parts, at a dotted path."""
     functions: dict[str, Any] = {
         "read": lambda candidate: float(attrgetter(path)(candidate)),
         "write": lambda candidate, value: _with(candidate, path, value),
@@ -88,7 +88,7 @@ def _field(path: str, spread: float, unit: str = "", **options: Any) -> Paramete
 
 
 def _with(owner: Any, path: str, value: float) -> Any:
-    """The same dataclass with another value at a path."""
+    """A copy of a dataclass with another value at a dotted path."""
     name, _, rest = path.partition(".")
     return replace(owner, **{name: _with(getattr(owner, name), rest, value) if rest else value})
 
@@ -139,8 +139,8 @@ PARAMETERS = {
     "clock": _field("clock", 0.3, "s", low=-0.5, high=0.5),
     "lag": _field("robot.drive.lag", 1.0, "s", relative=True, high=1.0),
 }
-"""Parameters that can be fitted, by name. Radii are relative errors, and lengths at the sensor's place in its frame."""
+"""Parameters that can be fitted, by name; those of radii are relative errors."""
 OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})
 """Parameters that don't change how the robot moves."""
 OF_DRIVE = frozenset({"lag"})
-"""Parameters that count where commands drive the robot."""
+"""Parameters that matter only if commands drive the robot."""

@@ -1,4 +1,4 @@
-"""Targets of a calibration: what a robot did, and the errors of a candidate that does the same in simulation."""
+"""Calibration targets: what a robot did, and the errors of a candidate that does the same in simulation."""
 
 from __future__ import annotations
 
@@ -27,31 +27,31 @@ from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 
 SLIP_SCALE = 0.007
-"""Scale of the slip errors of a table of turns [-]: about the residual of the best fit to the published slips."""
-_RADIUS_SCALE = 0.07  # of its relative radius errors [-]: the best fit leaves 0.05; radii count half as much as slips
+"""Scale of the slip errors in a table of turns [-]: about the residual of the best fit to the published slips."""
+_RADIUS_SCALE = 0.07  # scale of the relative radius errors [-]: the best fit leaves 0.05; radii count half as much
 _TOP_SPEED = 0.3  # of the paper's robot, which scales faster commands by the same factor for both tracks [m/s]
 _STEADY = 2.0  # time until the motion is steady [s]
-_PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: contact lengths of the slowest belt; but no longer than [s]
-_NUMERICAL_ERROR = 2e-5  # of simulated motion, relative
+_PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: extra travel of the slowest belt [contact lengths]; limit [s]
+_NUMERICAL_ERROR = 2e-5  # relative error of simulated motion
 HORIZONS = (0.5, 1.0, 1.8, 5.0)
 """Times ahead at which a drive is compared with its simulation [s]."""
-_PAIRS = 4.0  # pairs of poses in a horizon, about
-_MIN_DRIVEN = 0.1  # distance driven by the belts from which a robot moves [half gauges]
+_PAIRS = 4.0  # approximate number of pairs of poses that begin within a horizon
+_MIN_DRIVEN = 0.1  # belt travel above which a robot counts as moving [half gauges]
 _WINDOW = 6.5  # duration of the windows into which drives are cut [s]
-_LEAD = 3.0  # time that is replayed before a window, if the drive has it, to forget where it begins, on ice, too [s]
+_LEAD = 3.0  # time replayed before a window, if the drive is long enough, to forget the initial state, even on ice [s]
 _MAX_WINDOWS = 200
-_KEPT = 3  # motions
-_FEW = 20  # steady rows among which single wrong ones stand out
+_KEPT = 3  # number of cached motions
+_FEW = 20  # number of steady rows from which single wrong rows stand out
 
 
 @dataclass(frozen=True)
 class Layout:
     """Structure of n errors."""
 
-    kind: np.ndarray  # kind of each error (n,), from 0; those of a kind are of one size
-    share: Array  # weight of each error (n,): errors with the same information share one
-    cluster: np.ndarray  # cluster of each error (n,), from 0; errors of different clusters are independent
-    floor: Array  # least size of the errors of each kind (kinds,): that of the simulation's own
+    kind: np.ndarray  # kind of each error (n,), from 0; errors of one kind have one standard deviation
+    share: Array  # weight of each error (n,): errors with the same information share a weight of 1
+    cluster: np.ndarray  # cluster of each error (n,), from 0; errors in different clusters are independent
+    floor: Array  # smallest standard deviation for each kind (kinds,): the numerical error of the simulation
     robust: bool  # true if single errors may be large
 
     @property
@@ -71,29 +71,29 @@ class Target(Protocol):
         """Errors (n,), simulated minus measured."""
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """Summary of errors (n,), NaN for those that don't count."""
+        """Summary of errors (n,); those that are NaN don't count."""
 
 
 _COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T  # radii [m] and speeds [m/s] (2, M)
 _OBSERVED = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
 Turns = Callable[..., Array]
-"""Steady twists of a robot on a ground, as `steady_turns` gives them."""
+"""A function that returns steady twists of a robot on a ground, such as `steady_turns`."""
 
 
 @dataclass(frozen=True)
 class PublishedTurns:
     """The paper's 25 left turns, commanded by radius and speed without slip compensation.
 
-    Their slips, by Eq. 11 at the observed radii, refer to the nominal geometry of the robot being calibrated. They are
-    independent of speed, so that five radii count.
+    Their slips, from Eq. 11 at the observed radii, refer to the nominal geometry of the robot being calibrated. The
+    slips don't depend on speed, so that the turns carry the weight of only five, one for each radius.
     """
 
     threads: int = 0
-    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
+    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, which simulates them
 
     @cached_property
     def layout(self) -> Layout:
-        """Structure of the errors: of slips, left and right, then of radii."""
+        """Structure of the errors: those of the slips, left and right, then those of the radii."""
         turn = np.arange(len(_OBSERVED))
         cluster = np.concatenate([np.repeat(turn, 2), turn])
         share = np.full(len(cluster), 3 * len(COMMANDED_RADII) / len(cluster))
@@ -101,7 +101,7 @@ class PublishedTurns:
         return Layout(np.zeros(len(cluster), int), share, cluster, floor, robust=False)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,) of slips and of logarithms of radii, each over its scale."""
+        """Errors (n,) of the slips and of the logarithms of the radii, each over its scale."""
         (radius, speed), geometry = _COMMANDED, candidate.geometry
         wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
         omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
@@ -112,38 +112,38 @@ class PublishedTurns:
         return np.concatenate([slip.ravel(), radius])
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """RMS errors of the slips [-], and relative ones of the radii."""
+        """RMS errors of the slips, and RMS relative errors of the radii [-]."""
         slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(_OBSERVED)]))
         return {"slip_rms": rms(slip * SLIP_SCALE), "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE))}
 
 
 @dataclass(frozen=True)
 class SteadyRows:
-    """Steady samples of a real or simulated robot: sprocket speeds, and twists at the sensor."""
+    """Steady samples from a real or simulated robot: sprocket speeds, and twists at the sensor."""
 
     samples: SlipSamples
-    geometry: RobotGeometry  # that defines the slips, whatever the candidate's
+    geometry: RobotGeometry  # geometry that defines the slips, whatever that of the candidate
     of_plate: bool = False  # true if the twists are the plate's, as the scanner sees them, rather than the tracks'
     threads: int = 0
-    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
+    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, which simulates them
 
     @cached_property
     def _measured(self) -> Array:
-        """Speeds v, w and, if any is measured, the lateral ones (2 or 3, M), NaN where not."""
+        """Speeds v and w and, if any are measured, lateral speeds (2 or 3, M), NaN where not measured."""
         lateral = self.samples.lateral
         known = lateral is not None and bool(np.isfinite(lateral).any())
         return np.array([*self.samples.twist.T] + ([lateral] if known else []))
 
     @cached_property
     def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
-        """Steady twists (M, 3), kept for candidates that differ in the sensor only."""
+        """Steady twists (M, 3), cached for candidates that differ in the sensor only."""
 
         turns: Turns = partial(self.turns or steady_turns, of_plate=self.of_plate, threads=self.threads)
         return lru_cache(_KEPT)(lambda robot, ground: turns(robot, ground, self.samples.omega))
 
     @cached_property
     def layout(self) -> Layout:
-        """Structure of the errors: of v, w and the lateral speeds that are known, one cluster a row."""
+        """Structure of the errors: those of v, w and the known lateral speeds, with one cluster per row."""
         kinds, rows = self._measured.shape
         known = np.isfinite(self._measured).ravel()
         fastest = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
@@ -164,7 +164,7 @@ class SteadyRows:
         return np.stack([moved[:, 0], w, moved[:, 1]])
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """RMS errors of the speeds [m/s, rad/s], and of the slips except where a sprocket rests."""
+        """RMS errors of the speeds [m/s, rad/s], and of the slips except those of sprockets at rest."""
         parts = np.full(self._measured.shape, np.nan)
         parts[np.isfinite(self._measured)] = errors
         rows = np.isfinite(parts[:2]).all(axis=0)
@@ -180,7 +180,7 @@ def steady_turns(
 ) -> Array:
     """Simulated steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the left, yaw rate.
 
-    They are those of the middle of the tracks, or of the plate on a leaning robot.
+    They are the twists midway between the tracks, or those of the plate on a leaning robot if `of_plate`.
     """
     drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius))
     fleet = Fleet(compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads)
@@ -202,15 +202,15 @@ def _time_to_be_steady(robot: RobotParameters, ground: Ground, omega: Array, per
 
 
 class Drives:
-    """Drives or windows of a log, compared by how far and whereto the robot moves within some horizons."""
+    """Windows of drives, compared with simulations by how far and in which direction the robot moves in a horizon."""
 
     def __init__(
         self, logs: Sequence[RunLog], geometry: RobotGeometry, inputs: Inputs = "encoders", threads: int = 0
     ) -> None:
         """Cut logs into windows of about 6.5 s, which encoders or commands drive in simulation.
 
-        No poses in a window jump. Of more than 200 windows, a part is used. Raises LogError for logs that
-        identification refuses, and if no poses have headings.
+        Within a window, poses don't jump. At most about 200 windows are used, evenly chosen. Raises LogError for logs
+        that identification refuses, and if no poses have headings.
         """
         windows = [
             (k, window, _with_lead(part, window))
@@ -224,7 +224,7 @@ class Drives:
         self._pairs = _Pairs.of(self.windows, geometry)
         self.horizon, window = self._pairs.horizon, self._pairs.window
         self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
-        self.log = np.repeat(np.array(of_log)[window], 3)  # index of the log that each error (n,) is of
+        self.log = np.repeat(np.array(of_log)[window], 3)  # index of the log that each error (n,) belongs to
         cluster = _same_commands(self.windows)[window]
         cluster = np.unique(cluster, return_inverse=True)[1]
         group = 3 * np.searchsorted(HORIZONS, self.horizon)
@@ -233,14 +233,14 @@ class Drives:
         kind = np.unique((group[:, None] + np.arange(3)).ravel(), return_inverse=True)[1]
         floor = np.full(int(kind.max()) + 1, _NUMERICAL_ERROR)  # [m, rad]
         self.layout = Layout(kind, np.repeat(1 / alike, 3), np.repeat(cluster, 3), floor, robust=True)
-        """Structure of the errors: forwards, to the left and heading of each pair, of a kind for each horizon."""
+        """Structure of the errors: forwards, to the left and heading for each pair; each horizon has its own kinds."""
 
     def motion(self, candidate: Candidate) -> Replay:
         """Simulated motion of all windows."""
         return self._motion(candidate.robot, candidate.ground)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,): forwards, to the left, heading of each pair, in the frame of its first pose [m, m, rad]."""
+        """Errors (n,): forwards, to the left and heading for each pair, in the frame of its first pose [m, m, rad]."""
         motion, place, window = self.motion(candidate), candidate.sensor, self._pairs.window
         first, last = (motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T)
         error = se2.between(first, last) - self._measured
@@ -248,7 +248,7 @@ class Drives:
         return np.asarray(error).ravel()
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """Median, 90 % quantile and root mean square of the errors of position [m] and heading [rad], by horizon."""
+        """Median, 90 % quantile and root mean square of the errors in position [m] and heading [rad], by horizon."""
         known = np.isfinite(errors[::3])
         each, metrics = errors.reshape(-1, 3)[known], dict[str, float]()
         for horizon in np.unique(self.horizon[known]):
@@ -271,7 +271,7 @@ class _Pairs:
 
     @classmethod
     def of(cls, windows: Sequence[RunLog], geometry: RobotGeometry) -> _Pairs:
-        """Those of windows, about four in a horizon; raises LogError if there are none."""
+        """The pairs of poses in windows, about four per horizon; raises LogError if there are none."""
         headed = [(k, log, rows) for k, log in enumerate(windows) if len(rows := np.flatnonzero(log.has_heading)) > 1]
         if not headed:
             raise LogError("no poses with headings (phi): a calibration compares positions and headings")
@@ -294,9 +294,9 @@ class _Pairs:
 
 
 def _windows(log: RunLog) -> list[RunLog]:
-    """Parts of about 6.5 s from the first valid pose of a log to its last, after the time that is only replayed.
+    """Cut a log into parts of about 6.5 s, between its first and its last valid pose.
 
-    This comes first if all is longer than both together.
+    If these poses are at least 9.5 s apart, the first 3 s are only replayed.
     """
     first, last = np.flatnonzero(log.is_valid)[[0, -1]].tolist()
     if log.time[last] - log.time[first] >= _LEAD + _WINDOW:
@@ -310,7 +310,7 @@ def _with_lead(log: RunLog, part: RunLog) -> RunLog:
 
 
 def _same_commands(logs: Sequence[RunLog]) -> np.ndarray:
-    """Labels (N,) of windows, the same for neighbours that are driven by one constant command."""
+    """Labels (N,) of windows, the same for neighbours that are driven by the same constant command."""
     label, last = np.zeros(len(logs), int), None
     for k, log in enumerate(logs):
         command = log.command

@@ -43,7 +43,7 @@ _LOAD, _WHERE = 0.5, ("ahead", "to the left")
 
 @dataclass(frozen=True)
 class TrackingReward(Checked):
-    """The reward of a step: a sum of terms, each of which is given by name in `info`.
+    """The reward of a step: a sum of terms, which `info` lists by name.
 
         alive               weight_alive
         position            -weight_position s(d / position_scale)
@@ -51,34 +51,34 @@ class TrackingReward(Checked):
         change              -weight_change mean((a - a_before)^2) / 4
         termination         -weight_termination, when the robot leaves the path or tips over
 
-    with s(z) = z^2 / (1 + z^2), d the distance of the true position from the reference's present one, e_phi the true
-    heading error and a the actions in [-1, 1]. s is quadratic for small errors and never exceeds 1, so the reward is
-    between weight_alive minus the other weights and weight_alive. By default that is from 0 to 1: no step on the path
-    is worse than leaving it.
+    with s(z) = z^2 / (1 + z^2), d the distance between the true position and the reference's present position, e_phi
+    the true heading error and a the actions in [-1, 1]. s is quadratic for small errors and never exceeds 1, so the
+    reward lies between weight_alive minus the other weights and weight_alive. By default this range is 0 to 1: no step
+    on the path is worse than leaving the path.
     """
 
     TERMS: ClassVar = ("alive", "position", "heading", "change", "termination")
 
     weight_alive: float = checked(1.0, require_non_negative, MAX_WEIGHT)
-    """Reward of every step [-]."""
+    """Reward for every step [-]."""
     weight_position: float = checked(0.7, require_non_negative, MAX_WEIGHT)
     """Weight of the position error [-]."""
     weight_heading: float = checked(0.2, require_non_negative, MAX_WEIGHT)
     """Weight of the heading error [-]."""
     weight_change: float = checked(0.1, require_non_negative, MAX_WEIGHT)
-    """Weight of the change of the action [-]."""
+    """Weight of changes in the action [-]."""
     weight_termination: float = checked(10.0, require_non_negative, MAX_WEIGHT)
-    """Penalty, once, for an episode that ends off the path [-]."""
+    """One-time penalty for an episode that ends off the path [-]."""
     position_scale: float = checked(0.05, require_within, _MIN_SCALE, MAX_WEIGHT)
-    """Position error that costs half of its weight [m]."""
+    """Position error that costs half of `weight_position` [m]."""
     heading_scale: float = checked(0.2, require_within, _MIN_SCALE, MAX_WEIGHT)
-    """Heading error that costs half of its weight [rad]."""
+    """Heading error that costs half of `weight_heading` [rad]."""
 
     def terms(self, distance: Array, heading: Array, change: Array, terminated: np.ndarray) -> Array:
         """The terms (5, N) in the order of `TERMS`.
 
-        They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether
-        episodes have terminated (N,).
+        They depend on position and heading errors (N,) [m, rad], on the change in the actions (N, 2) [-], and on
+        whether episodes have terminated (N,).
         """
         left, right = change.T
         terms = np.empty((len(self.TERMS), len(change)))
@@ -102,36 +102,36 @@ class EnvConfig(OwnTerms):
     reference: str | tuple[str, ...] = "paper"
     """Name of a reference, or a .csv file of waypoints; if there are several, each episode draws one."""
     ground: str | tuple[str, ...] = "stone"
-    """Name of a ground, a .toml file, or "robot", the ground in the robot's file; if there are several, each episode
+    """Name of a ground, a .toml file, or "robot" for the ground in the robot's file; if there are several, each episode
     draws one."""
     action: str = "sprockets"
-    """Meaning of the actions in [-1, 1]: "sprockets", set points (left, right) in units of the top speed; "twist", body
-    twists (v, w) in units of `twist_scale`."""
+    """Meaning of the actions in [-1, 1]: "sprockets" for set points (left, right) in units of the top speed, "twist"
+    for body twists (v, w) in units of `twist_scale`."""
     twist_scale: tuple[float, float] = (0.3, 1.0)
-    """Unit of twists, in actions and observations [m/s, rad/s]."""
+    """Unit of the twists in actions and observations [m/s, rad/s]."""
     compensation: str | SlipLaw = "none"
     """Slip law that converts twists into sprocket speeds, or the name of a compensation: "none"; "published"; a law in
-    `laws`; "online" and "online_load", which start from laws there and learn while driving, anew in each episode; or
-    "online_cold", which starts from no slip. Those of slip under load take the load of slope and pull."""
+    `laws`; "online" and "online_load", which start from laws in `laws` and learn while driving, anew in each episode;
+    or "online_cold", which starts from no slip. Laws of slip under load use the load from slope and pull."""
     laws: str | None = None
-    """File of the laws that `compensation` names; None for the laws shipped with trackslip."""
+    """File with the laws that `compensation` names; None for the laws shipped with trackslip."""
     previews: int = checked(5, require_whole, 0, _MAX_PREVIEWS)
     """Number of future reference twists in the observation."""
     preview_spacing: float = checked(0.2, require_positive, _MAX_PREVIEW, "s")
     """Time between previews, a multiple of the control period [s]."""
     pose_source: str = "truth"
-    """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; "scanner", the plate in the laser
-    range finder's scans, tracked from the known start."""
+    """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; or "scanner", the plate in the
+    laser range finder's scans, tracked from the known start."""
     position_noise: float = checked(0.002, require_non_negative, 1.0)
     """Standard deviation of noisy positions, in x and in y [m]."""
     heading_noise: float = checked(math.radians(0.25), require_non_negative, 1.0)
     """Standard deviation of noisy headings [rad]."""
     scanner: LaserScanner = field(default_factory=LaserScanner)
-    """The laser range finder, for poses from the scanner; it scans once in a control period."""
+    """The laser range finder, for poses from the scanner; it scans once per control period."""
     pull: Pull = field(default_factory=Pull)
     """Load that the robot tows."""
     loads: bool = False
-    """Add the load of slope and pull to the observation, as from an inclinometer and a load cell at the hitch."""
+    """Observe the load from slope and pull, which an inclinometer and a load cell at the hitch would measure."""
     off_path: float = checked(0.5, require_within, _MIN_OFF_PATH, 10.0, "m")
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: TrackingReward = field(default_factory=TrackingReward)
@@ -179,7 +179,7 @@ class EnvConfig(OwnTerms):
         return self._robot_file[0]
 
     def load_ground(self, name: str) -> Ground:
-        """A ground by name, "robot" for that in the robot's file; raises TrackslipError for any other name."""
+        """A ground by name, or "robot" for the ground in the robot's file; raises TrackslipError for unknown names."""
         return self._robot_file[1] if name == "robot" else load_ground(name)
 
     @property
@@ -221,7 +221,7 @@ class TrackingLayout:
     """Elements of an observation, (9 + 2K)."""
 
     def __init__(self, config: EnvConfig, top_speed: float) -> None:
-        """`top_speed`: of the sprockets [rad/s]."""
+        """`top_speed` is that of the sprockets [rad/s]."""
         self.steps = np.arange(config.previews + 1) * config.stride
         """Look-ahead of the observed reference twists (K + 1,) [control periods]."""
         speed, rate = config.twist_scale

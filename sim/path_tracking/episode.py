@@ -1,4 +1,4 @@
-"""Episodes: their references and properties, drawn or given, before they begin."""
+"""Episodes: their references and properties, drawn at random or given, before they begin."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def draw(
     """Draw an episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
     The options are `reference`, a name that is added to the table if it is new; `ground`, a name or a Ground, which is
-    not randomized; `start_error` (3,), offset from the reference's start, forward, to the left, heading [m, m, rad];
-    `radius_error` [-]; `com` (2,), offset of the centre of mass, forward, to the left [m]; `mass`, over the chassis'
-    own [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown options and values out of
-    range.
+    not randomized; `start_error` (3,), offset from the reference's start: forward, to the left, heading [m, m, rad];
+    `radius_error` [-]; `com` (2,), offset of the centre of mass: forward, to the left [m]; `mass`, a factor on the mass
+    of the chassis [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown options and
+    values out of range.
     """
     options, drawn = options_of("options", options, _OPTIONS), config.drawn
     chosen = config.references[generator.integers(len(config.references))]
@@ -103,7 +103,7 @@ class ReferenceTable(Restorable):
     STATE = ("names", "last", "_pose", "_twists")
 
     def __init__(self, names: Iterable[str], steps: Index) -> None:
-        """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
+        """Tabulate the references `names`, with the twists `steps` (K,) control periods ahead, ascending from 0."""
         self._steps = steps
         self.names: tuple[str, ...] = ()  # names of the references, in order of their indices
         self.last: Index = np.empty(0, int)  # control period (R,) in which each reference ends
@@ -117,7 +117,7 @@ class ReferenceTable(Restorable):
         if name not in self.names:
             reference = load_reference(name)
             last = math.ceil(reference.duration / PERIOD - 1e-9)
-            now = np.arange(last + self._steps[-1] + 1)  # beyond the end it stands
+            now = np.arange(last + self._steps[-1] + 1)  # beyond its end the reference stands still
             time = now * PERIOD
             self._pose = _stacked(self._pose, reference.pose(time))
             later = np.minimum(now[:, None] + self._steps, now[-1])
@@ -140,7 +140,7 @@ class ReferenceTable(Restorable):
 
 
 def _stacked(table: Array, row: Array) -> Array:
-    """Append a row (t, ...) to a table (R, T, ...), repeating the last values of the shorter one."""
+    """Append a row (t, ...) to a table (R, T, ...), extending the shorter of them with its last values."""
     length = max(table.shape[1], len(row))
     every = [part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1) for part in (table, row[None])]
     return np.concatenate(every)

@@ -22,7 +22,7 @@ Range = tuple[float, float]
 MAX_LATENCY = 2
 """Largest latency of commands [control periods]."""
 PARKING = 0.6
-"""Steepest slope that is drawn, over the smallest friction angle [-]."""
+"""Ratio of the steepest slope that is drawn to the smallest friction angle [-]."""
 
 
 def _require_drawn(field: str, ends: Range | None, low: float, high: float) -> None:
@@ -39,20 +39,20 @@ class Randomization(Checked):
     radius_error: Range | None = checked(None, _require_drawn, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
     """Relative error of the effective sprocket radius; None for the robot's own [-]."""
     mass: Range = checked((1.0, 1.0), require_range, 0.2, 5.0)
-    """Factor on the mass and the inertia of the chassis, as of a payload [-]."""
+    """Factor on the mass and the inertia of the chassis, for example for a payload [-]."""
     com_x: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
-    """Offset of the centre of mass from the robot's own, forward [m]."""
+    """Forward offset of the centre of mass from the robot's own [m]."""
     com_y: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
-    """Offset of the centre of mass from the robot's own, to the left [m]."""
+    """Offset to the left of the centre of mass from the robot's own [m]."""
     slope: Range | None = checked(None, _require_drawn, 0.0, MAX_SLOPE)
-    """Slope of the ground, uphill in any direction; None for the ground's own. It is limited to 0.6 times the smallest
-    friction angle, so that the robot can be parked [rad]."""
+    """Slope of the ground [rad], with uphill in any direction; None for the ground's own. It is limited to 0.6 times
+    the smallest friction angle, so that the robot can park."""
     patches: tuple[int, int] = checked((0, 0), require_range, 0, 10)
-    """Number of square patches with another friction on the path."""
+    """Number of square patches on the path with different friction."""
     patch_size: Range = checked((0.3, 1.0), require_range, 0.01, 100.0)
     """Side length of the patches [m]."""
     patch_friction: Range = checked((0.5, 1.0), require_range, 0.01, MAX_FRICTION / 10)
-    """Ratio of the patches' friction to the ground's; across is also scaled by a drawn `friction_ratio` [-]."""
+    """Ratio of the patches' friction to the ground's; that across is also scaled by a drawn `friction_ratio` [-]."""
     shear: Range | None = checked(None, _require_drawn, 0.0, MAX_SHEAR)
     """Shear modulus of the ground, patches included; None for the ground's own [m]."""
     lag: Range | None = checked(None, _require_drawn, 0.001, 1.0)
@@ -71,7 +71,7 @@ class Randomization(Checked):
 
     @classmethod
     def limits(cls, name: str) -> Range:
-        """From, to: values that a property may have."""
+        """Smallest and largest value that a property may have."""
         low, high = cls.__dataclass_fields__[name].metadata["check"][1]
         return low, high
 
@@ -92,14 +92,14 @@ class Randomization(Checked):
         )
 
     def setting(self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array) -> Setting:
-        """Draw ground, radius error, mass and lag of a robot at the start of `path` (T, 3) [m, m, rad]."""
+        """Draw the ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m, rad]."""
         return Setting(
             start=tuple(path[0].tolist()),
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
             weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
             lag=uniform(generator, self.lag, robot.drive.lag),
-            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # seeds keep their numbers
+            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # keeps the draws of old seeds
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
@@ -129,6 +129,6 @@ class Randomization(Checked):
 
 
 def uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
-    """A number drawn from a range, or `otherwise` without one; either draws once from the generator."""
+    """A number drawn from a range, or `otherwise` if the range is None; both cases draw once from the generator."""
     low, high = (otherwise, otherwise) if ends is None else ends
     return low + (high - low) * float(generator.random())

@@ -55,13 +55,13 @@ class PathTracking(Task):
         self._latency: Index = np.zeros(size, int)
         self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
         self._rows = np.arange(size)
-        self._angle: Array = np.zeros((size, 2))  # of the encoders, in the last control period [rad]
+        self._angle: Array = np.zeros((size, 2))  # encoder angles in the last control period [rad]
         self._omega: Array = np.zeros((size, 2))
         self._pose: Array = np.zeros((size, 3))  # true
         self._measured: Array = np.zeros((size, 3))
         self._error: Array = np.zeros((size, 3))  # true
         self._seen_error: Array = np.zeros((size, 3))  # as observed
-        self._load: Array = np.zeros((size, 2))  # tractions over the load on the tracks, that the robots need [-]
+        self._load: Array = np.zeros((size, 2))  # tractions that the robots need over the load on the tracks [-]
         self._success = np.ones(size, bool)
 
     def path(self, row: int) -> Array:
@@ -73,7 +73,7 @@ class PathTracking(Task):
         return draw(self.config, self.table, generator, options)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each; raises InvalidValueError where a robot can't park."""
+        """Begin episodes with the robots `rows` (R,), one each; raises InvalidValueError if a robot can't park."""
         where = np.asarray(rows, int)
         if not where.size:
             return
@@ -107,7 +107,7 @@ class PathTracking(Task):
         self._compensation.observe(self._omega, PERIOD, estimate)
         seen = self._seen_pose()
         self._error = body_errors(self._pose, desired)
-        exact = seen is self._pose  # what is observed is the truth
+        exact = seen is self._pose  # the truth is observed
         self._seen_error = self._error if exact else body_errors(seen, desired)
         ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
@@ -128,7 +128,7 @@ class PathTracking(Task):
         return limit_sprocket_speeds(law.sprocket_speeds(wanted, self.fleet.robot.geometry), self.fleet.drive.limit)
 
     def _seen_pose(self) -> Array:
-        """Observed poses (N, 3), with the angles at which the compensation says that the robots crab."""
+        """Observed poses (N, 3), turned by the crab angles that the compensation predicts."""
         if self.config.loads or self._loaded is not None:
             self._load = self.fleet.needed_traction()
         if self._loaded is None:

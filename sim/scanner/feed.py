@@ -1,4 +1,4 @@
-"""Scans of a fleet: rays, noise and limits of the laser range finder -> Scan."""
+"""Scans of a fleet: from the rays, noise and limits of the laser range finder to a Scan."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
 
-_SLACK = 0.2  # around the plate, so that beams need not be selected again for every scan [m]
+_SLACK = 0.2  # margin around the plate, so that beams need not be selected again for every scan [m]
 
 
 @dataclass(frozen=True)
 class _Aim:
     """The beams that can hit plates near `centre`, whatever their headings; the same number W for every robot."""
 
-    centre: Array  # (N, 3) of the plates, when the beams were selected [m]
-    beams: np.ndarray  # (N, W) among the B of all
+    centre: Array  # (N, 3) centres of the plates when the beams were selected [m]
+    beams: np.ndarray  # (N, W) indices into all B beams
 
     @classmethod
     def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array) -> _Aim:
         """Select the beams to cast at plates around `centre` (N, 3) [m].
 
-        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
-        `heading` [rad]. Plates have no points beyond a `radius` around their centres [m].
+        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) relative to the world
+        direction `heading` [rad]. No point of a plate is farther than `radius` from its centre [m].
         """
         radius += _SLACK
         x, y = (centre - origin)[:, :2].T
@@ -54,7 +54,7 @@ class _Aim:
 
 
 class ScannerFeed(Restorable):
-    """The scanners of a fleet: each robot is observed by its own LRF in its own world."""
+    """The scanners of a fleet: each robot is observed by its own laser range finder (LRF) in its own world."""
 
     STATE = ("_random",)
 
@@ -70,16 +70,16 @@ class ScannerFeed(Restorable):
         """Set up the scanner.
 
         Args:
-            scanner: its properties.
+            scanner: the scanner's properties.
             fleet: N robots.
-            generators: one per robot, so that its noise doesn't depend on what else is simulated; or the seed of them.
-            obstacles: in the field, the same for all robots; by default there are none.
-            kept: whether logs have all ranges, also those that aren't the plate's; always for robots with contact
+            generators: one per robot, so that its noise doesn't depend on what else is simulated; or a seed for them.
+            obstacles: obstacles in the field, the same for all robots; by default there are none.
+            kept: whether logs have all ranges, not only those of the plate; always true for robots with contact
                 sensors.
-            noise: standard deviation of the ranges of each robot's scanner (N,); by default the scanner's [m].
+            noise: standard deviation of ranges for each robot's scanner (N,); by default that of `scanner` [m].
 
         Raises:
-            InvalidValueError: for a wrong number of generators, and an obstacle on the scanner.
+            InvalidValueError: for a wrong number of generators, and for an obstacle on the scanner.
         """
         if isinstance(generators, int):
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
@@ -113,7 +113,7 @@ class ScannerFeed(Restorable):
             (self._random[robot],) = g.spawn(1)
 
     def true_ranges(self) -> Array:
-        """Ranges (N, B) without measurement errors, NaN where there is nothing [m]."""
+        """Ranges (N, B) without measurement errors, NaN for beams that hit nothing [m]."""
         aim = self._aimed()
         distance, *_ = self._fleet.batch.ray(
             self._aimed_origins, self._aimed_rays, geomgroup=self._groups, bodyexclude=self._lrf
@@ -133,9 +133,9 @@ class ScannerFeed(Restorable):
         return self._aim
 
     def measure(self, true_ranges: Array) -> Array:
-        """Measured ranges (N, ..., B) [m] of each robot's scanner, which has its own random numbers."""
+        """Measured ranges (N, ..., B) for true ranges (N, ..., B) [m]; each robot's scanner has its own generator."""
         return self._scanner.measure(true_ranges, self._random, self._noise)
 
     def scan(self, ranges: Array) -> Scan:
-        """Ranges (..., B) [m] as a Scan of this LRF."""
+        """A Scan by this LRF with ranges (..., B) [m]."""
         return self._scanner.scan(ranges, self._fleet.robot.lrf_mount)

@@ -1,4 +1,4 @@
-"""The laser range finder (LRF), its beams, rate and errors; and obstacles in its field, by name or from a TOML file."""
+"""The laser range finder (LRF) with its beams, rate and errors, and obstacles by name or from a TOML file."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from trackslip.localization.scan import Scan
 
 _MAX_BEAMS = 20_000  # largest number of beams in a scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
-_MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
+_MAX_ERROR = 0.5  # largest error in a range from a single cause [m]
 _MIN_STEP = 1e-6  # finest quantisation of ranges [m]
-_COORDINATE = require_within, -1000.0, 1000.0, "m"  # what coordinates must be
+_COORDINATE = require_within, -1000.0, 1000.0, "m"  # check for coordinates
 _MAX_RADIUS = 10.0  # largest radius of a post [m]
 _MAX_NUMBER = 10_000  # largest number of posts, and of walls
 _MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
 
 
 def require_share(name: str, value: float) -> None:
-    """Raise InvalidValueError unless `value` is a share of something, not all of it."""
+    """Raise InvalidValueError unless `value` is at least 0 and less than 1."""
     require(0 <= value < 1, name, value, "at least 0 and less than 1")
 
 
@@ -46,15 +46,15 @@ class LaserScanner(Checked):
     rate: float = checked(20.0, require_positive)
     """Scans per second [Hz]."""
     noise: float = checked(0.005, require_non_negative, _MAX_ERROR, "m")
-    """Standard deviation of a range [m]."""
+    """Standard deviation of the noise in a range [m]."""
     max_range: float = checked(20.0, require_positive, 1000.0, "m")
     """Surfaces farther away return no echo [m]."""
     dropout: float = checked(0.0, require_share)
-    """Probability that a beam that hits a surface returns no echo [-]."""
+    """Probability that there is no echo although a beam hits a surface [-]."""
     quantisation: float = checked(0.0, require_non_negative, _MAX_ERROR, "m")
     """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
     range_bias: float = checked(0.0, require_within, -_MAX_ERROR, _MAX_ERROR, "m")
-    """Error common to all ranges [m]."""
+    """Constant error that all ranges share [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -71,8 +71,8 @@ class LaserScanner(Checked):
     def measure(self, true_ranges: Array, random: Sequence[np.random.Generator], noise: Array | None = None) -> Array:
         """Measured ranges (N, ..., B) for true ranges (N, ..., B), NaN for no echo [m].
 
-        Each row has its own `random` numbers and, if given, its own standard deviation in `noise` (N,) [m]. This is the
-        only place with noise, bias, rounding, dropout and reach.
+        Each of the N rows has its own generator in `random` and, if `noise` (N,) is given, its own standard deviation
+        [m]. Noise, bias, rounding, dropout and the largest range are applied here and nowhere else.
         """
         shape = true_ranges.shape[1:]
         ranges = np.stack([generator.standard_normal(shape) for generator in random])
@@ -87,7 +87,7 @@ class LaserScanner(Checked):
         return ranges
 
     def scan(self, ranges: Array, mount: Array) -> Scan:
-        """Measured ranges (..., B) [m] as scans of this scanner at `mount` (3,) [m, m, rad]."""
+        """Scans with measured ranges (..., B) [m] by this scanner at `mount` (3,) [m, m, rad]."""
         return Scan(self.bearings, ranges, self.range_std, mount, self.max_range, self.dropout)
 
     @property
@@ -159,7 +159,7 @@ class Wall(Checked):
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Everything in the field, except the plate, that beams may hit."""
+    """Everything in the field that beams may hit, apart from the plate."""
 
     posts: tuple[Post, ...] = ()
     walls: tuple[Wall, ...] = ()
@@ -171,7 +171,7 @@ class Obstacles:
     def ranges(self, origin: Array, direction: Array) -> Array:
         """Distances (...) to the nearest obstacle, NaN where there is none [m].
 
-        The beams start at `origin` (2,) [m] in the directions (..., 2), unit vectors. The distance is 0 inside a post.
+        The beams start at `origin` (2,) [m]; `direction` (..., 2) are unit vectors. The distance is 0 inside a post.
         """
         nearest = np.full(direction.shape[:-1], np.nan)
         obstacles: tuple[Post | Wall, ...] = (*self.posts, *self.walls)
@@ -196,7 +196,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {
-    # beside and behind the circles, two of them closer to the largest one than a plate is long
+    # posts beside and behind the circles, two of them closer to the largest circle than the length of a plate
     "posts": Obstacles(
         posts=(Post(2.3, 2.0), Post(-5.3, 4.0), Post(1.6, 6.0), Post(-1.5, 7.2, 0.15), Post(-3.5, -0.8))
     ),
@@ -208,13 +208,13 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
             Wall(3.0, -2.0, -6.0, -2.0),
         )
     ),
-    # it hides a part of every circle
+    # a post that hides a part of every circle
     "occluded": Obstacles(posts=(Post(-1.61, -0.71),)),
 }
-"""Obstacles around the circles of a grid, in front of the scanner.
+"""Obstacles by name, around the circles on which the robots of a grid drive in front of the scanner.
 
-It stands at (-1.5, -1.5) and looks along +y. The circles touch each other at (-1.5, 0) and lie beyond it, the largest
-from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands in the way of a robot of the grid.
+The scanner stands at (-1.5, -1.5) and looks along +y. The circles touch each other at (-1.5, 0) and lie beyond this
+point; the largest reaches from x = -4.7 to 1.7 and up to y = 6.3. No obstacle blocks a robot of the grid.
 """
 
 

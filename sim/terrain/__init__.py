@@ -4,7 +4,7 @@
     course = Course((Stairs(rise=0.15, run=0.28, number=5), Flat(1.0), Rough(4.0, amplitude=0.1)), friction=0.8)
     geoms = course.add_to(spec)
 
-Heights are those of the surface that MuJoCo collides with: `course.height(x, y)`.
+`course.height(x, y)` returns heights of the surface that MuJoCo collides with.
 """
 
 from sim.terrain.course import Course, course_names, load_course

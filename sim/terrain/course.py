@@ -32,14 +32,14 @@ from trackslip.errors import (
 )
 from trackslip.kinematics import Array
 
-_MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # and its length [m]
-_CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
-_CELL = 0.02  # of the table of `look_up`, for courses of moderate size [m]
+_MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # number of solids and length of a course [m]
+_CLEARANCE = 0.3  # from the floor up to the lowest point of the course [m]
+_CELL = 0.02  # cell size in the table for `look_up`, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
-_FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
-_START_BEFORE = 1.0  # of the start before the first piece [m]
-_NAME = "course/"  # what the names of its geoms begin with
+_FLOOR_SIZE = 50.0  # half of the drawn size of the floor, which is infinite [m]
+_START_BEFORE = 1.0  # distance from the start to the first piece [m]
+_NAME = "course/"  # prefix of the names of a course's geoms
 _COURSES = Path(models.__file__).parent / "courses"
 _KINDS: dict[str, type[Any]] = {
     "flat": Flat,
@@ -59,11 +59,11 @@ _KINDS: dict[str, type[Any]] = {
 class Course(Checked):
     """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
 
-    Beside and below the course is a level floor, 0.3 m below the lowest of its parts.
+    The course stands on a level floor, 0.3 m below the lowest of its parts.
     """
 
     pieces: tuple[Piece, ...]
-    """In the order in which they are crossed."""
+    """The pieces, in the order in which they are crossed."""
     width: float = checked(3.0, *LENGTH)
     """Width [m]."""
     friction: float = checked(0.7, require_positive, 10.0)
@@ -77,9 +77,9 @@ class Course(Checked):
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], where: str) -> Course:
-        """A course from its fields by name, each piece a table of its own; raises SettingsFileError, with `where`.
+        """A course from its fields by name, each piece a table of its own; raises SettingsFileError, citing `where`.
 
-        A piece has a `kind`; without one, it is the piece that has exactly these fields.
+        A piece has a `kind`; without one, it is of the kind that has exactly the given fields.
         """
         rows = table.get("pieces", [])
         if not isinstance(rows, list | tuple):
@@ -101,12 +101,12 @@ class Course(Checked):
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
-        """Start platform, pieces and goal platform, in their places."""
+        """Start platform, pieces and goal platform, put on the course."""
         placed = [Placed((), -self.start_length, 0.0)]
         kinds: Counter[str] = Counter()
         for piece in (Flat(self.start_length), *self.pieces, Flat(self.goal_length)):
             kind = type(piece).__name__
-            rng = generator(self.seed, f"{kind} {kinds[kind]}")  # whatever else is on the course
+            rng = generator(self.seed, f"{kind} {kinds[kind]}")  # the same whatever else is on the course
             placed.append(piece.place(Site(placed[-1].x, placed[-1].z, self.width, rng)))
             kinds[kind] += 1
             require_at_most("solids of the course", sum(len(p.solids) for p in placed), _MAX_SOLIDS)
@@ -129,7 +129,7 @@ class Course(Checked):
 
     @cached_property
     def bounds(self) -> Array:
-        """Corners of an upright box around the surface, without the floor, (2, 3) [m]."""
+        """Opposite corners (2, 3) of an upright box around the surface, without the floor [m]."""
         every = np.stack([solid.bounds for solid in self.solids])  # (S, 2, 3)
         return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
 
@@ -145,7 +145,7 @@ class Course(Checked):
 
     @property
     def goal(self) -> float:
-        """The course is crossed beyond this x, 1 m behind the last piece [m]."""
+        """x beyond which the course is crossed, 1 m behind the last piece [m]."""
         return self.placed[-2].x + min(_START_BEFORE, self.goal_length / 2)
 
     def height(self, x: Array, y: Array) -> Array:
@@ -183,10 +183,10 @@ class Course(Checked):
         return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
     def add_to(self, spec: mujoco.MjSpec, *, looks: bool = True) -> list[str]:
-        """Add the course and its floor, which has no end, to the world body of `spec`; gives the names of its geoms.
+        """Add the course and its infinite floor to the world body of `spec`; returns the names of their geoms.
 
-        A second one, or one elsewhere, is attached from a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
-        With `looks`, what carries slopes is drawn by meshes that collide with nothing.
+        To add a second course, or one elsewhere, attach a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
+        With `looks`, the supports of slopes are drawn as meshes that collide with nothing.
         """
         taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
         require(not taken, "spec", spec.modelname, "one without a course")
@@ -209,9 +209,9 @@ class Table(NamedTuple):
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
-    """Heights (N, P) of N courses, each at its own of `points` (N, P, 2) [m], bilinear between cells of 2 cm.
+    """Heights (N, P) of N courses, each at its own `points` (N, P, 2) [m], bilinear within cells of 2 cm.
 
-    Cells of courses of more than 800 m² are larger. `Course.height` is exact.
+    For courses of more than 800 m², the cells are larger. `Course.height` is exact.
     """
     tables = [course.table for course in courses]
     shape = np.array([table.heights.shape for table in tables])[:, None]  # (N, 1, 2)
@@ -251,8 +251,8 @@ def course_names() -> list[str]:
 def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ()) -> Course:
     """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`, each with a `kind`.
 
-    `seed` replaces that of the file; `drawn` are further names that the caller knows, for the message. Raises
-    InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    `seed` replaces the file's seed; `drawn` are further names that the caller accepts, which the error message lists.
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """
     named = _COURSES / f"{source}.toml"
     table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))

@@ -13,10 +13,10 @@ from sim.terrain.solids import STONE, WOOD, Box, Level, Solid
 from trackslip.errors import Checked, checked, require, require_within
 
 _MAX_YAW = 0.8  # [rad]
-# of the European pallet, its blocks and the boards above and below them as three whole bearers [m]
+# a European pallet, with the blocks and the boards above and below them as three solid bearers [m]
 _WIDTH, _DEPTH, _HEIGHT, _BOARD = 1.2, 0.8, 0.144, 0.022
-_BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))  # place along x, width
-_BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # place along y, width
+_BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))  # x, width
+_BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # y, width
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class Beams(Checked):
     size: float = checked(0.1, *HEIGHT)
     """Height and thickness of a beam [m]."""
     spacing: float = checked(0.6, *LENGTH)
-    """From middle to middle [m]."""
+    """Distance between the centres of neighbouring beams [m]."""
     number: int = checked(6, *NUMBER)
     """Number of beams."""
     yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
-    """Largest angle by which a beam is turned, drawn evenly [rad]."""
+    """Largest angle by which a beam is turned to either side, drawn uniformly [rad]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,8 +55,8 @@ class Blocks(Checked):
     """Blocks on level ground, such as rails, piles or a kerb under one track."""
 
     blocks: tuple[tuple[float, float, float, float, float, float], ...]
-    """Each x and y of its middle, from the piece's beginning and to the left of the course's middle, size along x and y
-    before it is turned, height [m] and yaw [rad]."""
+    """For each: x of its centre from the piece's start, y to the left of the course's centre line, length and width
+    before turning, height [m], yaw [rad]."""
     length: float = checked(MISSING, *LENGTH)
     """Length of the piece [m]."""
 
@@ -87,15 +87,15 @@ class Blocks(Checked):
 class Pallets(Checked):
     """Pallets of 0.8 x 1.2 m on level ground: five boards across, on three bearers.
 
-    As many as fit are side by side, an odd number, so that one is in the middle.
+    Each row has as many as fit side by side, but an odd number, so that one is in the middle.
     """
 
     number: int = checked(3, *NUMBER)
     """Number of rows of pallets, one behind the other."""
     spacing: float = checked(1.6, *LENGTH)
-    """From middle to middle [m]."""
+    """Distance between the centres of neighbouring rows [m]."""
     yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
-    """Largest angle by which a pallet is turned, drawn evenly [rad]."""
+    """Largest angle by which a pallet is turned to either side, drawn uniformly [rad]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,6 +1,6 @@
-"""Pieces of a course that are ground: level, ramps, steps, stairs, gaps, side slopes, rough ground and given heights.
+"""Ground as pieces of a course: level, ramps, steps, stairs, gaps, side slopes, rough ground and given heights.
 
-A piece begins where the one before it ended, at its height, and runs along x.
+A piece runs along x and begins where the piece before it ends, at the same height.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
 from trackslip.errors import Checked, checked, require, require_at_most, require_finite, require_whole, require_within
 from trackslip.kinematics import Array
 
-_THICKNESS = 0.1  # of the boxes of slopes [m]
+_THICKNESS = 0.1  # of the boxes that form slopes [m]
 _BLEND_CELL = 0.1  # largest cell of the twisted ground beside a side slope [m]
 MAX_LENGTH = 200.0
 """Largest length and width of anything on a course [m]."""
 MAX_NUMBER = 500
 """Largest number of stairs, beams, blocks or pallets in a piece."""
 LENGTH = require_within, 0.001, MAX_LENGTH, "m"
-"""What lengths and widths are on a course."""
+"""Check for lengths and widths on a course: a function and its arguments."""
 _MIN_HEIGHT = 1e-4  # of anything on a course [m]
 _MAX_HEIGHT = 10.0  # [m]
 HEIGHT = require_within, _MIN_HEIGHT, _MAX_HEIGHT, "m"
-"""What heights above the ground are."""
+"""Check for heights above the ground."""
 NUMBER = require_whole, 1, MAX_NUMBER
-"""What numbers of parts in a piece are."""
+"""Check for the number of parts in a piece."""
 _ANGLE = require_within, -1.2, 1.2, "rad (69 degrees)"  # of a ramp or a side slope
 _MAX_EXPONENT = 8.0
 _MAX_SAMPLES = 1_000_000  # of a height field
-_MAX_SIDE = 2000  # samples along a side of rough ground, whose spectrum takes four times its square
+_MAX_SIDE = 2000  # samples along a side of rough ground; its spectrum takes four times the square of this
 _MIN_CELL = 0.005  # [m]
 
 
 def _require_width(field: str, value: float) -> None:
-    if value != math.inf:  # of the course
+    if value != math.inf:  # inf is the course's width
         require_within(field, value, *LENGTH[1:])
 
 
@@ -49,17 +49,17 @@ def _require_change(field: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Site:
-    """Place of a piece on its course."""
+    """Where a piece is put on its course."""
 
     x: float  # beginning along the course [m]
     z: float  # height there [m]
     width: float  # width of the course [m]
-    rng: np.random.Generator  # random numbers of this piece
+    rng: np.random.Generator  # generator for this piece
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A piece in its place."""
+    """A piece that has been put on its course."""
 
     solids: tuple[Solid, ...]
     x: float  # end along the course [m]
@@ -70,7 +70,7 @@ class Piece(Protocol):
     """A piece of a course."""
 
     def place(self, site: Site) -> Placed:
-        """The solids of this piece, at `site`."""
+        """Put this piece at `site`."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Ramp(Checked):
     """A slope up or down."""
 
     angle: float = checked(0.35, *_ANGLE)
-    """Angle with the horizontal, < 0 down [rad]."""
+    """Angle with the horizontal, negative downhill [rad]."""
     length: float = checked(2.0, *LENGTH)
     """Length along the slope [m]."""
 
@@ -107,12 +107,12 @@ class Ramp(Checked):
 
 @dataclass(frozen=True)
 class Step(Checked):
-    """A single step up or down, and level ground behind it."""
+    """A single step up or down, and the level ground behind it."""
 
     height: float = checked(0.1, _require_change)
-    """Height, < 0 down [m]."""
+    """Height, negative for a step down [m]."""
     length: float = checked(1.5, *LENGTH)
-    """Length of the ground behind it [m]."""
+    """Length of the ground behind the step [m]."""
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -122,10 +122,10 @@ class Step(Checked):
 
 @dataclass(frozen=True)
 class Stairs(Checked):
-    """Stairs up or down; the last tread is at the height of what follows."""
+    """Stairs up or down; the next piece begins at the height of the last tread."""
 
     rise: float = checked(0.15, _require_change)
-    """Height of a step, < 0 down [m]."""
+    """Height of a step, negative for stairs down [m]."""
     run: float = checked(0.28, *LENGTH)
     """Depth of a tread [m]."""
     number: int = checked(8, *NUMBER)
@@ -152,7 +152,7 @@ class Gap(Checked):
     length: float = checked(0.3, *LENGTH)
     """Length from edge to edge [m]."""
     depth: float = checked(0.5, *HEIGHT)
-    """Depth of its bottom [m]."""
+    """Depth of the bottom [m]."""
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -165,14 +165,14 @@ class SideSlope(Checked):
     """Ground that falls to one side, between two stretches that twist from level to the slope and back."""
 
     angle: float = checked(0.3, *_ANGLE)
-    """Angle with the horizontal, < 0 if the left is lower [rad]."""
+    """Angle with the horizontal, negative if the left is lower [rad]."""
     length: float = checked(3.0, *LENGTH)
     """Length of the slope, without the twisted stretches [m]."""
     blend: float = checked(1.0, *LENGTH)
     """Length of each twisted stretch [m]."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`. The middle of the course stays level."""
+        """See `Piece`. The centre line of the course stays level."""
         begin = site.x + self.blend
         end = begin + self.length
         cos, sin, half = math.cos(self.angle), math.sin(self.angle), _THICKNESS / 2
@@ -188,7 +188,7 @@ class SideSlope(Checked):
 
 
 def smooth_step(share: Array) -> Array:
-    """From 0 to 1 as `share` goes from 0 to 1, with level ends; constant beyond."""
+    """A smooth rise from 0 to 1 as `share` goes from 0 to 1, with level ends; constant outside this range."""
     share = np.clip(share, 0.0, 1.0)
     return share**2 * (3 - 2 * share)
 
@@ -200,9 +200,9 @@ class Rough(Checked):
     length: float = checked(4.0, *LENGTH)
     """Length [m]."""
     amplitude: float = checked(0.1, *HEIGHT)
-    """From the lowest to the highest point [m]."""
+    """Height of the highest point above the lowest [m]."""
     exponent: float = checked(3.0, require_within, 0.0, _MAX_EXPONENT)
-    """Exponent with which spectral power per area falls with the wave number; 3 as of roads (ISO 8608)."""
+    """Exponent with which the spectral power per area falls with the wave number; 3 for roads (ISO 8608)."""
     cell: float = 0.1
     """Size of a cell of the height field [m]."""
     blend: float = 0.5
@@ -222,16 +222,16 @@ class Rough(Checked):
         if self.blend > 0:
             x = np.linspace(0.0, self.length, columns)
             waves = waves * smooth_step(np.minimum(x, x[::-1]) / self.blend)
-        waves[:, [0, -1]] = 0.0  # flush with what it lies between
+        waves[:, [0, -1]] = 0.0  # flush with the neighbouring pieces
         heights = site.z + waves * (self.amplitude / np.ptp(waves))
         end = site.x + self.length
         return Placed((Grid(site.x, self.length, site.width, heights),), end, site.z)
 
 
 def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -> Array:
-    """Gaussian noise (rows, columns) of mean 0 whose power per area of wave numbers is ~ wave number ** -exponent.
+    """Gaussian noise (rows, columns) with mean 0 and power per area of wave numbers ~ wave number ** -exponent.
 
-    It is cut from a square of twice the size: noise from a Fourier sum repeats itself from edge to edge.
+    It is cut from a square of twice the size, because noise from a Fourier sum repeats itself from edge to edge.
     """
     size = 2 * max(rows, columns)
     wave_number = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
@@ -243,10 +243,10 @@ def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -
 
 @dataclass(frozen=True, eq=False)
 class HeightField(Checked):
-    """Given heights; the mean of the first column joins the piece before, that of the last the piece behind."""
+    """Given heights; the mean of the first column joins the piece before, that of the last column the next piece."""
 
     heights: Array
-    """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the way to drive."""
+    """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the driving direction."""
     length: float = checked(4.0, *LENGTH)
     """Length from the first to the last column [m]."""
     width: float = checked(math.inf, _require_width)
@@ -255,7 +255,7 @@ class HeightField(Checked):
     def __post_init__(self) -> None:
         try:
             values = np.asarray(self.heights, float)
-        except (TypeError, ValueError):  # rows of different lengths, too
+        except (TypeError, ValueError):  # also raised for rows of different lengths
             values = np.array(np.nan)
         fits = values.ndim == 2 and min(values.shape) >= 2 and bool(np.isfinite(values).all())
         require(fits, "heights", f"of shape {values.shape}", "finite numbers in rows and columns, two of each at least")

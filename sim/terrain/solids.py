@@ -1,4 +1,4 @@
-"""Solids of a course: level blocks, boxes in any attitude and height fields, as geoms and as exact surfaces."""
+"""Solids that form a course: level blocks, boxes in any attitude and height fields, as geoms and as exact surfaces."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from trackslip.kinematics import Array
 
 Colour = tuple[float, float, float, float]
 EDGE = 1e-12
-"""How far beyond its edges a solid is seen, by rounding [m]."""
+"""Tolerance for points that rounding puts just outside a solid [m]."""
 STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
 LINES = "course/lines"
-"""Material of all geoms of a course."""
-_NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, without effect in three dimensions [m]
+"""Name of the material of all geoms in a course."""
+_NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, which condim 3 ignores [m]
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Solid(Protocol):
 
     @property
     def bounds(self) -> Array:
-        """Corners of an upright box around the upper surface, (2, 3) [m]."""
+        """Opposite corners (2, 3) of an upright box around the upper surface [m]."""
 
     def height(self, x: Array, y: Array) -> Array:
-        """Heights (P,) of its upper surface at points (P,), -inf beside it [m]."""
+        """Heights (P,) of the solid's upper surface at points (P,), -inf beside the solid [m]."""
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the solid to the world body as a geom called `name`."""
@@ -94,7 +94,7 @@ class Box:
 
     @cached_property
     def rotation(self) -> Array:
-        """Its axes, as the columns of a matrix (3, 3)."""
+        """The box's axes, as the columns of a matrix (3, 3)."""
         matrix = np.empty(9)
         mujoco.mju_quat2Mat(matrix, np.array(self.quaternion))
         return matrix.reshape(3, 3)
@@ -106,9 +106,9 @@ class Box:
         return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
 
     def height(self, x: Array, y: Array) -> Array:
-        """See `Solid`: where vertical lines leave the slabs between opposite faces, the first of which counts."""
+        """See `Solid`: where vertical lines first leave one of the slabs between opposite faces."""
         centre, half = np.array(self.centre), np.array(self.half) + EDGE
-        start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])  # (3, P), in its axes
+        start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])  # (3, P), in the box
         enters, leaves = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for axis, rise in enumerate(self.rotation[2]):  # a slab along each axis
             if rise == 0:
@@ -133,7 +133,7 @@ class Box:
             self._add_skirt(spec, f"{name}/skirt", base)
 
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """Draw the support of a sloping box, from its lower face to the floor; it doesn't collide."""
+        """Draw the support of a sloping box, from the lower face to the floor; the support doesn't collide."""
         signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
         lower = self.centre + signs * self.half @ self.rotation.T  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
@@ -144,7 +144,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A height field: heights at the corners of rectangles, each of which is two triangles."""
+    """A height field: heights at the corners of rectangles, each of which consists of two triangles."""
 
     x0: float  # beginning along the course [m]
     length: float  # its length along x [m]
@@ -160,13 +160,13 @@ class Grid:
 
     @cached_property
     def _stored(self) -> tuple[float, float, NDArray[np.float32]]:
-        """The lowest height, the difference to the highest [m], and the heights between, 0 to 1, as MuJoCo has them."""
+        """The lowest height and the range of heights [m], and the heights scaled to 0 to 1, as MuJoCo stores them."""
         low, high = float(self.heights.min()), float(self.heights.max())
         span = (high - low) or 1.0
         return low, span, ((self.heights - low) / span).astype(np.float32)
 
     def height(self, x: Array, y: Array) -> Array:
-        """See `Solid`: each rectangle is cut from its first to its last corner, as by MuJoCo's rays."""
+        """See `Solid`: each rectangle is cut from its first to its last corner, as in MuJoCo's ray casting."""
         low, span, shares = self._stored
         heights, (rows, columns) = low + span * shares.astype(float), shares.shape
         dx, dy = self.length / (columns - 1), self.width / (rows - 1)
@@ -174,7 +174,7 @@ class Grid:
         column, row = (np.clip(at.astype(int), 0, most - 2) for at, most in ((u, columns), (v, rows)))
         u, v = u - column, v - row
         first, last = heights[row, column], heights[row + 1, column + 1]
-        right = u > v  # of the cut, as seen along y
+        right = u > v  # right of the cut, as seen along y
         corner = np.where(right, heights[row, column + 1], heights[row + 1, column])
         along_x, along_y = np.where(right, [corner - first, last - corner], [last - corner, corner - first])
         beside = np.abs(x - self.x0 - self.length / 2) > self.length / 2 + EDGE
@@ -196,7 +196,7 @@ class Grid:
 
 
 def look(colour: Colour, base: Base) -> dict[str, Any]:
-    """Arguments of `add_geom` common to all geoms of a course, overriding the model's defaults."""
+    """Arguments of `add_geom` that all geoms of a course share and that override the model's defaults."""
     return {
         "rgba": list(colour),
         "material": LINES,

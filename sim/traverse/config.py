@@ -1,8 +1,8 @@
 """Options of the environment trackslip/Traverse-v0, and its observations, float32 (10 + 2 F + 45,) for F flippers.
 
-They are attitude, rates, place on the course, belts, flippers (tips up) and a map of the ground's heights over the
-lowest point of the level robot. The map is centred on the robot and aligned with its heading: columns at `AHEAD` in
-front of it, rows at `ASIDE` to its left, row by row.
+Observations consist of attitude, rates, position on the course, belts, flippers (tips up) and a map of ground heights
+above the lowest point of the level robot. The map is relative to the robot and aligned with its heading: columns at
+`AHEAD` in front of the robot, rows at `ASIDE` to its left, flattened row by row.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ from trackslip.errors import Checked, checked, require, require_non_negative, re
 from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
-"""Columns of the map [m]."""
+"""Distances ahead of the map's columns [m]."""
 ASIDE = np.array([-0.22, 0.0, 0.22])
-"""Rows of the map [m]."""
+"""Distances to the left of the map's rows [m]."""
 _AXES = ("forward", "left", "up")
 SAMPLE = 0.02
 """Time between changes of the belts' speeds [s]."""
 MASSES = 0.2, 5.0
-"""Limits of the factor on a chassis' mass [-]."""
+"""Smallest and largest factor on the mass of a chassis [-]."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
 
 @dataclass(frozen=True)
 class SensorNoise(Checked):
-    """Standard deviations of Gaussian noise of the observations, independent from step to step."""
+    """Standard deviations of Gaussian noise in the observations, independent from step to step."""
 
     attitude: float = checked(0.0, require_non_negative, 10.0)
-    """Of each component of the vertical in the robot's frame [-], which are small angles [rad]."""
+    """Of each component of the vertical in the robot's frame [-]; errors in these are small angles [rad]."""
     rate: float = checked(0.0, require_non_negative, 10.0)
     """Of the roll, pitch and yaw rates [rad/s]."""
     position: float = checked(0.0, require_non_negative, 10.0)
-    """Of the distance from the middle of the course, by odometry [m]."""
+    """Of the distance from the centre line of the course, from odometry [m]."""
     heading: float = checked(0.0, require_non_negative, 10.0)
-    """Of the heading, by odometry [rad]."""
+    """Of the heading, from odometry [rad]."""
     speed: float = checked(0.0, require_non_negative, 10.0)
-    """Of the belts' speeds [m/s]."""
+    """Of the belt speeds [m/s]."""
     flipper: float = checked(0.0, require_non_negative, 10.0)
-    """Of the flippers' angles; their set points are known [rad]."""
+    """Of the flipper angles; the set points have no noise [rad]."""
     height: float = checked(0.0, require_non_negative, 10.0)
     """Of each height in the map [m]."""
 
@@ -61,7 +61,7 @@ class CrossingLayout:
     """Elements (n) of an observation."""
 
     def __init__(self, world: Traverse, noise: SensorNoise) -> None:
-        """For the robots of `world`, whose sensors have this noise."""
+        """Lay out the observations of the robots in `world`, whose sensors have this `noise`."""
         flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
         observed = (
             *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
@@ -87,7 +87,7 @@ class CrossingLayout:
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
 
     def observation(self, world: Traverse, seeds: Sequence[int]) -> Floats:
-        """Observations (N, n) of all robots; their noise depends on `seeds` (N,) and on the time of the run."""
+        """Observations (N, n) of all robots; the noise depends on `seeds` (N,) and on the time since each run began."""
         state = world.state
         heading, position = state.heading, state.position
         around = position[:, None, :2] + se2.rotate(heading[:, None], self._around)
@@ -108,17 +108,17 @@ class CrossingLayout:
 
 @dataclass(frozen=True)
 class CrossingReward(Checked):
-    """The reward of a step: a sum of terms, each of which is given by name in `info`.
+    """The reward of a step: a sum of terms, which `info` lists by name.
 
     progress            weight_progress times the distance gained towards the goal [m]
     energy              -weight_energy times the work of the belts against the ground over the robot's weight [m]
     time                -weight_time times the control period
-    change              -weight_change times the mean square of the change of the actions
+    change              -weight_change times the mean square of the changes in the actions
     end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
-                        being stuck; nothing where time runs out, which truncates the episode
+                        being stuck; 0 if time runs out, which truncates the episode
 
-    The cost of failing is less than that of standing still from then on, discounted by up to 0.97 per step: a robot
-    that tries and fails earns more than one that waits.
+    Failing costs less than standing still from then on, even if rewards are discounted by a factor of 0.97 per step: a
+    robot that tries and fails earns more than one that waits.
     """
 
     TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
@@ -126,21 +126,21 @@ class CrossingReward(Checked):
     weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
     """Reward per distance gained [1/m]."""
     weight_energy: float = checked(0.3, require_non_negative, MAX_WEIGHT)
-    """Cost of work over weight [1/m]."""
+    """Cost per work over the robot's weight [1/m]."""
     weight_time: float = checked(0.5, require_non_negative, MAX_WEIGHT)
     """Cost of time [1/s]."""
     weight_change: float = checked(0.005, require_non_negative, MAX_WEIGHT)
-    """Cost of changes of the actions [-]."""
+    """Cost of changes in the actions [-]."""
     weight_reached: float = checked(5.0, require_non_negative, MAX_WEIGHT)
-    """Reward, once, for crossing the course [-]."""
+    """One-time reward for crossing the course [-]."""
     weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
-    """Penalty, once, for failing [-]."""
+    """One-time penalty for failing [-]."""
 
     def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
         """The terms (N,) in the order of `TERMS`.
 
-        They depend on the distance gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time taken
-        (N,) [s], the change of the actions (N, A), and the outcome of this step (N,).
+        They depend on the distance gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time passed
+        (N,) [s], the changes in the actions (N, A), and the outcome of this step (N,).
         """
         failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
         return (
@@ -165,28 +165,28 @@ class TraverseConfig(OwnTerms):
     """A course, the name of one, "random", one of `FTR_COURSES`, or a .toml file; if there are several, each episode
     draws one."""
     difficulty: tuple[float, float] = checked((0.0, 1.0), require_range, 0.0, 1.0)
-    """Range from which the difficulty of courses that are drawn is drawn, within 0 to 1 [-]."""
+    """Range, within 0 to 1, of the difficulty of courses that are drawn anew for each episode [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
     kinds: tuple[str, ...] = OBSTACLES
-    """Kinds of obstacles that random courses have."""
+    """Kinds of obstacles from which random courses draw."""
     action: str = "direct"
-    """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
-    what is added to the set points of the scripted controller, in units of 0.3 m/s and 0.8 rad."""
+    """Meaning of the actions in [-1, 1]: "direct" for set points in units of the top speed and of pi / 2, "correction"
+    for corrections to the set points of the scripted controller in units of 0.3 m/s and 0.8 rad."""
     flippers: str = "each"
-    """One action for "each" flipper, or for each of the front and rear "pairs"."""
+    """One action for "each" flipper, or one each for the front and the rear flippers ("pairs")."""
     start_offset: float = checked(0.1, require_non_negative)
-    """Largest offset of the start to either side, drawn evenly [m]."""
+    """Largest offset of the start to either side, drawn uniformly [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
-    """Largest heading at the start, in either direction, drawn evenly [rad]."""
+    """Largest heading at the start, in either direction, drawn uniformly [rad]."""
     mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
-    """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
+    """Range of a random factor on the mass and the inertia of the chassis, for example for a payload [-]."""
     period: float = 0.1
     """Control period: time between actions, a multiple of 0.02 s [s]."""
     reward: CrossingReward = field(default_factory=CrossingReward)
     """The reward of a step."""
     noise: SensorNoise = field(default_factory=SensorNoise)
-    """Noise of the observations."""
+    """Noise in the observations."""
     limits: Limits = field(default_factory=Limits)
     """Limits that end an episode."""
 

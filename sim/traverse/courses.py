@@ -1,8 +1,8 @@
 """Short courses drawn at random, made of boxes only, so that each robot of a batch can have its own.
 
-There are courses of one or two of a robot's usual obstacles, and those of the ten kinds of FTR-Bench
-(github.com/nubot-nudt/FTR-Benchmark). Their sizes are scaled by the robot's largest wheel over that of its robot, or as
-published where the name ends in `_published`; waves are ridges.
+There are courses with one or two obstacles that robots often meet, and courses of the ten kinds in FTR-Bench
+(github.com/nubot-nudt/FTR-Benchmark). The latter are scaled by the robot's largest wheel over that of the FTR-Bench
+robot, except those whose names end in `_published`, which have the published sizes; waves are ridges.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from trackslip.errors import require, require_within
 RANDOM = "random"
 """Name of courses of random obstacles."""
 MAX_BOXES = 9
-"""Largest number of boxes of such a course."""
+"""Largest number of boxes in a course of random obstacles."""
 OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
-"""Kinds of obstacles of random courses."""
+"""Kinds of obstacles on random courses."""
 WIDTH = 2.0
 """Width of drawn courses [m]."""
 APART = 0.7
 """Length of level ground between two obstacles, and behind a step [m]."""
-_START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
+_START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind the obstacles [m]
 _SEEDS = 2**31
 KINDS = (
     *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
     *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
 )
-"""Kinds of courses of FTR-Bench."""
+"""Kinds of courses in FTR-Bench."""
 PUBLISHED = "_published"
 FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
-"""Names of courses of FTR-Bench."""
+"""Names of the courses from FTR-Bench."""
 DRAWN = (RANDOM, *FTR_COURSES)
 """Names of courses that are drawn anew for each run."""
 FTR_BOXES = 18
-"""Largest number of boxes of such a course."""
+"""Largest number of boxes in a course from FTR-Bench."""
 _RADIUS = 0.1  # of the track wheels of FTR-Bench's robot [m]
 _PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers, and a rail's thickness [m]
-_GRIP = 1.15  # friction coefficient over the tangent of the steepest slope, at least: so that robots can climb it [-]
+_GRIP = 1.15  # smallest friction coefficient over the tangent of the steepest slope, so that robots can climb it [-]
 
 
 def draw_course(
@@ -54,9 +54,9 @@ def draw_course(
 ) -> Course:
     """Draw a course by its name in `DRAWN`, for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
 
-    A random course has one or two `obstacles` of these `kinds`, from hardly any (`difficulty` 0) to the rescue robot's
-    limits (1). Others have the smallest published heights and angles (0) to the largest (1); other sizes are drawn
-    evenly. Raises InvalidValueError for another name or difficulty.
+    A random course has one or two `obstacles` of these `kinds`, from tiny ones (`difficulty` 0) to the rescue robot's
+    limits (1). Courses from FTR-Bench have heights and angles from the smallest (0) to the largest (1) published; other
+    sizes are drawn uniformly. Raises InvalidValueError for any other name or difficulty.
     """
     require(name in DRAWN, "course", name, f"one of {', '.join(DRAWN)}")
     require_within("difficulty", difficulty, 0.0, 1.0)
@@ -78,14 +78,14 @@ def draw_course(
 
 
 def require_kinds(kinds: Sequence[str]) -> None:
-    """Raise InvalidValueError unless all `kinds` of obstacles are known, and there is one."""
+    """Raise InvalidValueError unless `kinds` has at least one kind of obstacle, and all are known."""
     require(len(kinds) > 0, "kinds", kinds, f"some of {', '.join(OBSTACLES)}")
     for kind in kinds:
         require(kind in OBSTACLES, "kinds", kind, f"some of {', '.join(OBSTACLES)}")
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
-    """An obstacle of a kind in `OBSTACLES`, between half and all of the size that the difficulty allows."""
+    """An obstacle of a kind in `OBSTACLES`, of half to all of the size that the difficulty allows."""
     size = difficulty * rng.uniform(0.5, 1.0)
 
     def between(easiest: float, hardest: float) -> float:

@@ -1,8 +1,8 @@
-"""Courses under robots, different ones for each robot and episode in one compiled model, and the ground that it covers.
+"""A different course for each robot and episode in a single compiled model, and the ground that a robot covers.
 
-The model has slots: boxes, height fields and a floor without a place of their own. A course takes as many of them as it
-needs, the others lie far below. Where they are is then an expanded field of the batch, which the engine uses as if it
-had been compiled. MuJoCo's tree of bounding boxes can't be expanded; the model does without.
+The model has slots: boxes, height fields and a floor without fixed positions. A course takes as many slots as it needs;
+the others lie far below. Their positions are expanded fields of the batch, which the engine uses as if they had been
+compiled. MuJoCo's tree of bounding boxes can't be expanded, so that the model does without it.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ _FIELDS = (
 )
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
 _AWAY = -1000.0  # height of slots that are not in use [m]
-_TINY = 0.01  # half of their size [m]
-_BEFORE = 0.05  # between a robot and the first piece; heights are looked up in cells of 2 cm [m]
-_BESIDE = 1.5  # width of a course that a robot fits on, over the robot's [-]
+_TINY = 0.01  # half of the size of such slots [m]
+_BEFORE = 0.05  # distance between a robot and the first piece; heights are looked up in cells of 2 cm [m]
+_BESIDE = 1.5  # smallest width of a course that a robot fits on, over the robot's width [-]
 
 
 class Slots:
     """Placeholders for courses, added to a model as its terrain: boxes, height fields and a floor."""
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
-        """Make room for each of `courses`, and for any course of `boxes` boxes or less without a height field."""
+        """Make room for each of `courses`, and for any course of at most `boxes` boxes without a height field."""
         self._listed = list(courses)
         self._boxes = max([boxes, *(_count(course.model, _BOX) for course in courses)])
         self._fields = max((_count(course.model, _FIELD) for course in courses), default=0)
@@ -70,7 +70,7 @@ class Slots:
         return list(self._names)
 
     def bind_batch(self, batch: Any) -> None:
-        """Take control of the slots in a batch of the model."""
+        """Take control of the slots in `batch`, a batch of the model."""
         self._ids = np.array([batch.model.geom(name).id for name in self._names])
         self._batch = {name: batch.expand(name) for name in _FIELDS}  # (N, ngeom, ...) each, live
         self._empty = {name: getattr(batch.model, name)[self._ids].copy() for name in _FIELDS}
@@ -78,7 +78,7 @@ class Slots:
     def lay(self, row: int, course: Course) -> None:
         """Put a course under the robot `row` of the batch.
 
-        Raises InvalidValueError for a course that has too many boxes, or height fields that there is no room for.
+        Raises InvalidValueError for a course with more boxes than slots, or with height fields unless it is listed.
         """
         listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model
@@ -94,7 +94,7 @@ class Slots:
             self._batch[name][row, self._ids] = values
 
     def show(self, row: int, course: Course, model: mujoco.MjModel) -> None:
-        """Put the course under the robot `row` of the batch into another model of these slots, in its colours."""
+        """Put `course`, under the robot `row` of the batch, into another model with these slots, in its own colours."""
         ids = np.array([model.geom(name).id for name in self._names])
         for name in _FIELDS:
             getattr(model, name)[ids] = self._batch[name][row, self._ids]
@@ -115,15 +115,15 @@ def _count(model: mujoco.MjModel, kind: int) -> int:
 
 @dataclass(frozen=True)
 class Footprint:
-    """Rectangle around the tracks of a robot, its flippers level, in its frame."""
+    """Rectangle around a robot's tracks with the flippers level, in the robot's frame."""
 
-    ahead: float  # front end [m]
+    ahead: float  # distance of the front end [m]
     behind: float  # distance of the rear end [m]
     aside: float  # half of the width [m]
 
     @classmethod
     def of(cls, robot: TrackedRobot, flippers: FlipperGeometry | None = None) -> Footprint:
-        """The footprint of a robot; its `flippers` are compiled unless they are given."""
+        """The footprint of a robot; the robot is compiled for its `flippers` unless these are given."""
         x, _, radius = np.array(robot.hull).T
         ahead, behind, aside = [(x + radius).max()], [(radius - x).max()], [robot.half_gauge + robot.width / 2]
         if robot.flippers:
@@ -136,11 +136,11 @@ class Footprint:
 
     @property
     def turning(self) -> float:
-        """Length of a platform on which the robot fits with any heading [m]."""
+        """Length of a platform on which the robot fits at any heading [m]."""
         return math.hypot(self.ahead, self.aside) + math.hypot(self.behind, self.aside) + _BEFORE
 
     def start(self, course: Course, heading: float = 0.0) -> float:
-        """Place along a course at which a robot starts: `Course.start`, or before it for all of a long robot to fit.
+        """x at which a robot starts on a course: `Course.start`, or farther back so that a long robot fits [m].
 
         Raises InvalidValueError for a course whose start platform is too small for the robot.
         """
@@ -153,11 +153,11 @@ class Footprint:
         return max(min(course.start[0], -front), rear - course.start_length)
 
     def goal(self, course: Course) -> float:
-        """Place along a course at which a robot has crossed it: `Course.goal`, or behind it for all of a long one."""
+        """x at which a robot has crossed a course: `Course.goal`, or farther on so that a long robot has passed [m]."""
         return max(course.goal, course.placed[-2].x + self.behind)
 
     def fit(self, course: Course) -> Course:
-        """The course itself, or as much longer before and behind the pieces and wider as the robot needs."""
+        """The course itself, or a copy that is as long at both ends and as wide as the robot needs."""
         start, goal = max(course.start_length, self.turning), max(course.goal_length, self.ahead + self.behind)
         width = max(course.width, 2 * _BESIDE * self.aside)
         if (start, goal, width) == (course.start_length, course.goal_length, course.width):

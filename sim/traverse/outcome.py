@@ -1,4 +1,4 @@
-"""What comes of runs over courses: outcomes, the limits that decide them, and points of contact."""
+"""How runs over courses end: outcomes, the limits that decide them, and contact points."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
 """Outcomes (N,) as the numbers of `Outcome`."""
-_WAITING = 0.1  # belt travel, mean of left and right, below which a robot waits or turns [m]
-_SHARE = 0.1  # of the belt travel that a robot moves unless it is stuck [-]
+_WAITING = 0.1  # belt travel, mean of left and right, below which a robot is waiting or turning [m]
+_SHARE = 0.1  # smallest share of the belt travel by which a robot moves unless it is stuck [-]
 
 
 class Outcome(IntEnum):
-    """State or end of a run. If several apply, the last in this list counts."""
+    """State or end of a run. If several outcomes apply, the last in this list counts."""
 
     DRIVING = 0
     """The run goes on."""
     TIME = 1
-    """It ran out of time."""
+    """The time limit has passed."""
     STUCK = 2
     """The belts ran, but the robot made no progress."""
     REACHED = 3
@@ -61,7 +61,7 @@ class StuckWatch(Restorable):
     STATE = ("_position", "_travel", "_age", "_travelled")
 
     def __init__(self, limits: Limits, size: int, period: float) -> None:
-        """`size` robots, observed once in every control `period` [s]."""
+        """Watch `size` robots, observed once per control `period` [s]."""
         self._period = period
         self._history = max(1, round(limits.stuck_time / period))
         self._position: deque[Array] = deque(maxlen=self._history + 1)  # (N, 3) each [m]
@@ -74,7 +74,7 @@ class StuckWatch(Restorable):
         self._age[rows] = 0
 
     def observe(self, position: Array, belts: Array) -> NDArray[np.bool_]:
-        """Mask (N,) of stuck robots, at positions (N, 3) [m] with belt speeds (N, 2) over the last period [m/s]."""
+        """Mask (N,) of stuck robots, given positions (N, 3) [m] and belt speeds (N, 2) over the last period [m/s]."""
         self._travelled = self._travelled + (belts[:, 0] + belts[:, 1]) * (self._period / 2)
         self._position.append(position.copy())
         self._travel.append(self._travelled)
@@ -86,7 +86,7 @@ class StuckWatch(Restorable):
 
 
 class ContactPoints:
-    """Contacts of a robot with the world, as the engine computes them in a state."""
+    """Contacts of a robot with the world, as the engine computes them for a given state."""
 
     def __init__(self, world: TrackedModel) -> None:
         self._world = world
@@ -94,10 +94,10 @@ class ContactPoints:
         self._belts = world.belts
 
     def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
-        """Points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world.
+        """Contact points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world frame.
 
-        They are those of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and set points (F,) of the
-        flippers, tips up [rad].
+        The state consists of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and set points (F,) of
+        the flippers, tips up [rad].
         """
         model, data = self._world.model, self._data
         data.qpos[:], data.qvel[:] = qpos, qvel
@@ -112,4 +112,4 @@ class ContactPoints:
         for k, which in enumerate(chosen):
             mujoco.mj_contactForce(model, data, which, wrench)
             force[k] = wrench[:3] @ contact.frame[which].reshape(3, 3)
-        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine's is on the second geom
+        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine's force acts on the second geom

@@ -1,4 +1,4 @@
-"""Crossing courses as a learning task of N robots, one row each: actions in, observations and rewards out."""
+"""Crossing courses as a learning task for N robots, one row each: actions in, observations and rewards out."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from trackslip.kinematics import Array
 _OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float, "mass": float}
 _QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
 _NOT_DRAWN = -1.0  # difficulty of a course that was not drawn
-_CORRECTION = 0.3, 0.8  # largest of belts' speeds [m/s] and of flippers' angles [rad]
+_CORRECTION = 0.3, 0.8  # largest corrections to belt speeds [m/s] and to flipper angles [rad]
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class CourseRun:
     """One robot's task in one episode."""
 
     course: Course
-    difficulty: float  # its difficulty; -1 for a course that was not drawn [-]
+    difficulty: float  # of the course; -1 if it was not drawn [-]
     start: tuple[float, float, float]  # start pose (x, y, heading) [m, m, rad]
-    seed: int = 0  # of its sensors' noise
+    seed: int = 0  # of the sensor noise
     mass: float = 1.0  # factor on the mass of the chassis [-]
 
 
 class Actions:
-    """What actions mean in a world."""
+    """Meaning of the actions of robots in a world."""
 
     def __init__(self, config: TraverseConfig, world: Traverse) -> None:
         self._config, self._world = config, world
@@ -48,7 +48,7 @@ class Actions:
         if config.flippers == "pairs":
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
-        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
+        self._member = np.array([each.index(name) for name in names], int)  # of the action that moves each flipper
         self._scale, kind = (world.top_speed, _QUARTER), "set point"
         if config.action == "correction":
             self._scale, kind = _CORRECTION, "correction"
@@ -57,10 +57,10 @@ class Actions:
             *(Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right")),
             *(Element(f"{name}, {kind}", "rad", angle) for name in each),
         )
-        """Names, units and scales of the elements (A)."""
+        """Names, units and scales of the elements (A) of an action."""
 
     def command(self, action: Array) -> Command:
-        """Set points for actions (N, A) in [-1, 1]."""
+        """Set points that actions (N, A) in [-1, 1] stand for."""
         speed, angle = self._scale
         belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
         if self._config.action == "correction":
@@ -103,9 +103,9 @@ class Crossing(Task):
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
         super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
-        self.difficulty = config.difficulty  # range from which the difficulty of the next courses is drawn [-]
+        self.difficulty = config.difficulty  # range from which the difficulty of later courses is drawn [-]
         self._difficulty: Array = np.full(size, _NOT_DRAWN)
-        self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
+        self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensor noise
         self._length: Array = np.ones(size)  # distance from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
         self._work: Array = np.zeros(size)  # in the episode [J]
@@ -116,7 +116,7 @@ class Crossing(Task):
         return self.world.outcome
 
     def set_difficulty(self, low: float, high: float) -> None:
-        """Set the range from which the difficulty of later courses is drawn; raises InvalidValueError out of 0 to 1."""
+        """Set the range of the difficulty of later courses; raises InvalidValueError unless it is within 0 to 1."""
         require_range("difficulty", (low, high), 0.0, 1.0)
         self.difficulty = low, high
 
@@ -124,8 +124,8 @@ class Crossing(Task):
         """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
         The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
-        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, over the chassis'
-        own [-]. Raises InvalidValueError for unknown options and values out of range.
+        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, a factor on the mass of
+        the chassis [-]. Raises InvalidValueError for unknown options and values out of range.
         """
         options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
@@ -168,7 +168,7 @@ class Crossing(Task):
         self._clear(where, self._penetration, self._work)
 
     def step(self, actions: ArrayLike) -> None:
-        """See Task; ended episodes stand still."""
+        """See Task; robots whose episodes have ended stand still."""
         action, change = self._clipped(actions)
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
@@ -195,11 +195,11 @@ class Crossing(Task):
             "time": world.time,  # [s]
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
             "difficulty": self._difficulty,
-            "progress": 1 - world.way / self._length,  # share of that distance [-]
+            "progress": 1 - world.way / self._length,  # share of the distance from start to goal [-]
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
             "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]
-            "slip_defined": defined,  # (N, T) whether the track touched and its belt ran
+            "slip_defined": defined,  # (N, T) whether the track touched the ground and its belt ran
             "load": contact.load,  # (N, T) [N]
             "traction": contact.traction,  # (N, T) [N]
             "penetration": self._penetration,  # largest so far [m]

@@ -1,4 +1,4 @@
-"""Traverse: N tracked robots in a batch, each crossing its own course in control periods."""
+"""Traverse: N tracked robots in a batch, each crossing its own course, simulated in control periods."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from trackslip.kinematics import Array
 _BROKEN = [
     int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
-_TOP_SPEED = 0.6  # of belts that nothing stops [m/s]
+_TOP_SPEED = 0.6  # of belts without a drive that limits their torque [m/s]
 _DROP = 0.3  # depth below the lowest ground of a course at which a robot has fallen [m]
-_LEAN = 1.3  # angle between the chassis' and the world's vertical from which a robot has tipped over [rad]
-_FASTEST = 10.0  # speed of a chassis in a simulation that has not diverged [m/s]
-_GAP = 0.002  # above the ground at which robots are put down [m]
-_SPACING = 0.05  # of the points whose heights are compared for that, at most [m]
+_LEAN = 1.3  # angle between the chassis' and the world's vertical beyond which a robot has tipped over [rad]
+_FASTEST = 10.0  # speed of a chassis beyond which the simulation has diverged [m/s]
+_GAP = 0.002  # height above the ground at which robots are put down [m]
+_SPACING = 0.05  # largest distance between the points that are searched for the highest ground [m]
 
 
 @dataclass(frozen=True)
 class Command:
     """Set points of N robots."""
 
-    speed: Array  # (N, 2) of the belts, left and right [m/s]
+    speed: Array  # (N, 2) belt speeds, left and right [m/s]
     flippers: Array  # (N, F) angles, tips up [rad]
 
 
 class Traverse(World):
-    """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
+    """N robots on courses. Rows are bitwise independent of each other and of the number of threads."""
 
     STATE = ("servo", "contact", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
@@ -64,24 +64,24 @@ class Traverse(World):
         """Prepare `size` robots; `begin` starts their runs.
 
         Args:
-            robot: the robot; without a drive of its own, nothing stops the belts.
-            courses: those that runs may take place on.
+            robot: the robot; unless it has a drive of its own, the torque of the belts is unlimited.
+            courses: courses on which runs may take place.
             size: number of robots.
-            boxes: allow other courses, too, of this many boxes or less and without height fields.
+            boxes: also allow other courses that have at most this many boxes and no height fields.
             preset: contact preset of the tracks.
-            top_speed: of the belts; by default the drive's, or 0.6 without one [m/s].
-            limits: where runs end.
+            top_speed: of the belts; by default the drive's top speed, or 0.6 without a drive [m/s].
+            limits: limits that end a run.
             period: time between set points [s].
             sample: time between changes of the belts' speeds [s].
             threads: number of worker threads, 0 for one per processor.
 
         Raises:
-            InvalidValueError: for values out of range, and unless `period` is a multiple of `sample`, and that of the
-                physics step.
+            InvalidValueError: for values out of range, and unless `period` is a multiple of `sample`, and `sample` a
+                multiple of the physics step.
         """
         require(len(courses) > 0, "courses", list(courses), "at least one")
         self.slots = Slots(courses, boxes)
-        """Terrain of the model."""
+        """The model's terrain."""
         self.tracked = build_tracked(robot, self.slots, preset=preset)
         """The robot's model."""
         model = self.tracked.model
@@ -103,11 +103,11 @@ class Traverse(World):
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked)
         self.servo = ServoState(robot.drive.lag, self.top_speed, size, len(self.flippers.length))
-        """Belt speeds, and what the flippers' motors are set to."""
+        """Belt speeds, and set points of the flippers' motors."""
         self.contact = Reading.none(size, len(self.track_names))
-        """Contacts of the tracks (N, T), means over the last control period."""
+        """Track contacts (N, T), means over the last control period."""
         self.work: Array = np.zeros((size, len(self.track_names)))
-        """Work (N, T) of the belts against the ground in it [J]."""
+        """Work (N, T) of the belts against the ground in the last control period [J]."""
         self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
@@ -117,9 +117,9 @@ class Traverse(World):
         self.time: Array = np.zeros(size)
         """Times (N,) since the start of each run [s]."""
         self._bottom: Array = np.zeros(size)  # height below which a robot has fallen [m]
-        self._side: Array = np.zeros(size)  # y beyond which it has, too [m]
+        self._side: Array = np.zeros(size)  # distance from y = 0 beyond which a robot has fallen, too [m]
         self.goal: Array = np.zeros(size)
-        """Places (N,) along x at which the courses are crossed [m]."""
+        """x (N,) beyond which the courses are crossed [m]."""
         self.begin(np.arange(size))
 
     def begin(
@@ -129,17 +129,17 @@ class Traverse(World):
         start: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
     ) -> None:
-        """Begin runs of the robots `rows` (R,), flippers level, or as far up as they clear level ground.
+        """Begin runs of the robots `rows` (R,) with their flippers level, or raised just enough to clear level ground.
 
         Args:
-            rows: which robots.
-            courses: one each; by default they stay on theirs.
+            rows: indices of the robots.
+            courses: one course for each of these robots; by default they stay on their present courses.
             start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
             mass: factors on the mass and the inertia of the chassis, one for all or (R,) [-].
 
         Raises:
-            InvalidValueError: for a course that there are no slots for, poses that aren't finite, and a robot that is
-                larger than the platform on which it is to start; see `Footprint.fit`.
+            InvalidValueError: for a course that doesn't fit into the slots, poses that aren't finite, and a robot that
+                is larger than the platform on which it is to start; see `Footprint.fit`.
         """
         where = np.asarray(rows, int)
         if not where.size:
@@ -165,7 +165,7 @@ class Traverse(World):
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def get_state(self) -> dict[str, Any]:
-        """See Restorable; courses that the world was made with are kept by their number."""
+        """See Restorable; courses with which the world was made are stored as their numbers."""
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
         return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
@@ -193,7 +193,7 @@ class Traverse(World):
         self.servo.command(command.speed, command.flippers)
         before, readings = self.batch.state.copy(), []
         inertia = self.tracked.robot.drive.motor.inertia
-        with quietly():  # a run that breaks down ends by name
+        with quietly():  # a run that diverges ends with the outcome EXPLODED
             for _ in range(self._samples):
                 speed = self.servo.advance(self.sample)
                 self._belts.set(speed, torque_limit=self._torque_limit(speed), inertia=inertia)
@@ -201,7 +201,7 @@ class Traverse(World):
                 readings.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
-        self.batch.state[broken] = before[broken]  # of a diverged run, the last finite one
+        self.batch.state[broken] = before[broken]  # return diverged runs to their last finite state
         fine = ~broken[rows]
         reading = Reading.joined(readings)[fine].complete(self.track_names)
         self.contact.put(rows[fine], reading.mean())
@@ -209,19 +209,19 @@ class Traverse(World):
         self._judge(rows, broken)
 
     def _torque_limit(self, goal: Array) -> Array | None:
-        """Largest torques (N, 2) of belts that shall have speeds (N, 2); None without motors [N m]."""
+        """Largest torques (N, 2) of belts that are to reach the speeds `goal` (N, 2); None without motors [N m]."""
         if not self._limited:
             return None
         robot = self.tracked.robot
         return robot.drive.belt_limits(robot.sprocket_radius, self._belts.speeds()[:, :2], goal)
 
     def elevation(self, points: Array) -> Array:
-        """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""
+        """Heights (N, P) of the ground at `points` (N, P, 2) on each robot's course [m]."""
         return look_up(self.course, points)
 
     @property
     def way(self) -> Array:
-        """Way (N,) along x that remains until the course is crossed [m]."""
+        """Distance (N,) along x that remains until the course is crossed [m]."""
         return self.goal - self.state.position[:, 0]
 
     def _lay(self, row: int, course: Course) -> None:
@@ -234,7 +234,7 @@ class Traverse(World):
         self.goal[row] = self.footprint.goal(course)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
-        """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground of their footprint."""
+        """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under each of them."""
         self.batch.warning[rows] = 0
         around = self.footprint
         sides = (-around.behind, around.ahead), (-around.aside, around.aside)
@@ -245,7 +245,7 @@ class Traverse(World):
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Robots (N,) whose simulation diverged in this period, among the driving ones, `rows` (R,)."""
+        """Mask (N,) of those of the driving robots `rows` (R,) whose simulation diverged in this period."""
         broken = np.zeros(self.size, bool)
         first = self.tracked.free[1]
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)

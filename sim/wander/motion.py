@@ -1,4 +1,4 @@
-"""Simulated drives: track speeds commanded by a driver with a lever per track, true poses over time, and logs."""
+"""Simulated drives: track speeds commanded by a driver with one lever per track, true poses over time, and logs."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from trackslip.errors import Checked, InvalidValueError, checked, require, requi
 from trackslip.kinematics import SIDES, Array
 from trackslip.logs.runlog import RunLog, Truth
 
-_STEEPEST = 1.5  # slope of the smoothest step from 0 to 1 in a unit of time, 3 u^2 - 2 u^3, at its middle
+_STEEPEST = 1.5  # largest slope of the smooth step 3 u^2 - 2 u^3 from 0 to 1, at u = 1/2
 _CLOSING = 2.404825557695773  # first zero of J_0: a heading of this amplitude, sinusoidal in time, closes an eight
-_BACK = -0.3  # how far back a lever goes of its own [share of its travel forwards]
-_STRAIGHT = 4.0  # on each side of a loop [s]
+_BACK = -0.3  # farthest backward position of a lever unless both reverse [share of its forward travel]
+_STRAIGHT = 4.0  # duration of each straight side of a loop [s]
 
 
 @dataclass(frozen=True)
 class Driver(Checked):
-    """Limits of a driver, and the half gauge assumed for turns."""
+    """A driver's limits, and the half gauge assumed for turns."""
 
     max_speed: float = checked(0.3, require_positive)
     """Largest speed of a track [m/s]."""
     acceleration: float = checked(0.5, require_positive)
     """Largest acceleration of a track [m/s^2]."""
     half_gauge: float = checked(0.168, require_positive)
-    """Half gauge assumed for turns; b + D for a robot that slips [m]."""
+    """Half gauge assumed for turns; for a robot that slips, b + D [m]."""
 
 
 def track_commands(driving: str, duration: float, rate: float, driver: Driver, rng: np.random.Generator) -> Array:
-    """Track speeds (T, 2) [m/s] of a driving style in DRIVING, at times k / `rate` up to `duration` [s].
+    """Track speeds (T, 2) [m/s] for a driving style in DRIVING, at times k / `rate` up to `duration` [s].
 
-    They start at rest. Raises InvalidValueError for an unknown name.
+    The tracks start at rest. Raises InvalidValueError for an unknown style.
     """
     if driving not in DRIVING:
         raise InvalidValueError("driving", driving, f"one of {', '.join(DRIVING)}")
@@ -46,9 +46,9 @@ def track_commands(driving: str, duration: float, rate: float, driver: Driver, r
 
 
 def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Each lever moves smoothly to random positions; now and then both move together, reverse or rest."""
-    count = int(time[-1]) + 2  # of places: each takes longer than a second
-    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # rather forwards
+    """Each lever moves smoothly between random positions; now and then both move together, reverse or rest."""
+    count = int(time[-1]) + 2  # enough positions: each takes longer than a second
+    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # mostly forwards
     kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
     levers = np.choose(kinds, [levers, np.broadcast_to(np.abs(levers[:, :1]), levers.shape), -levers, 0 * levers])
     return _levers(time, driver, driver.max_speed * levers, rng.uniform(0.8, 1.4, count), rng.uniform(0.5, 1.5, count))
@@ -56,7 +56,7 @@ def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
     """Straights and turns at constant speeds, with stops between them."""
-    count = int(time[-1] / 4.0) + 2  # stretch and stop together last longer
+    count = int(time[-1] / 4.0) + 2  # enough stretches: each, with its stop, takes at least 4 s
     speed = rng.uniform(0.4, 1.0, (count, 1))
     levers = speed * np.concatenate([np.ones((count, 1)), rng.uniform(0.0, 1.0, (count, 1))], axis=1)
     levers = np.where(rng.random((count, 1)) < 0.5, levers, levers[:, ::-1])
@@ -68,7 +68,7 @@ def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array
 
 
 def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Figure eights at constant forward speed, their heading sinusoidal in time."""
+    """Figure eights at constant forward speed, with a heading that is sinusoidal in time."""
     ahead = rng.uniform(0.5, 0.7)  # share of the top speed; the rest is for turning
     turning = min((1 - ahead) * driver.max_speed, np.sqrt(_CLOSING / 2 * driver.acceleration * driver.half_gauge))
     frequency = turning / (driver.half_gauge * _CLOSING)
@@ -78,22 +78,22 @@ def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
     turning = min(0.4 * driver.max_speed, np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge))
-    corner = np.pi**2 / 4 * driver.half_gauge / turning  # its yaw rate is half a period of a sine [s]
+    corner = np.pi**2 / 4 * driver.half_gauge / turning  # duration; the yaw rate is half a period of a sine [s]
     into = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)
     half = rng.choice([-1.0, 1.0]) * turning * np.sin(np.pi * into / corner)
     return _begun(time, driver, 0.6 * driver.max_speed, half)
 
 
 def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
-    """Speeds (T, 2) [m/s] ahead -+ half; starting takes half of the acceleration, which leaves the rest for `half`."""
+    """Speeds (T, 2) [m/s] ahead -+ half; starting uses half of the acceleration and leaves the rest for `half`."""
     ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
     return (ahead + SIDES * half[:, None]) * smooth_step(time / ramp)[:, None]
 
 
 def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
-    """Speeds (T, 2) [m/s] that approach each of `levers` (K, 2) in turn, from rest, and hold it.
+    """Speeds (T, 2) [m/s] that start from rest, and approach and hold each of `levers` (K, 2) in turn.
 
-    Each is approached in `moving` (K,) and held for `holding` (K,) [s]; longer where the acceleration demands it.
+    Approaching takes `moving` (K,) [s], or longer if the acceleration demands it; holding takes `holding` (K,) [s].
     """
     change = np.abs(np.diff(levers, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
     moving = np.maximum(moving, _STEEPEST * change / driver.acceleration)
@@ -110,7 +110,7 @@ DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
     "stop_and_go": _stop_and_go,
     "loop": _loop,
 }
-"""Ways of driving by name."""
+"""Driving styles by name."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Motion:
     pose: Array  # (F, 3) [m, m, rad], phi unwrapped
 
     def at(self, time: Array) -> Array:
-        """Poses (..., 3) at times (...) within the motion, on an arc of constant twist between neighbouring rows."""
+        """Poses (..., 3) at times (...) within the motion, on arcs of constant twist between neighbouring rows."""
         k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         share = (time - self.time[k]) / (self.time[k + 1] - self.time[k])
         motion = se2.log(se2.between(self.pose[k], self.pose[k + 1]))
@@ -129,11 +129,11 @@ class Motion:
 
 
 def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
-    """Join encoder readings and poses (M, 3), stamped (M,) [s], into a log with a row for each.
+    """Join encoder readings and poses (M, 3) with `stamps` (M,) [s] into a log with a row for each time.
 
-    `encoders` has a row for each of their readings. A row that is only a pose's has the sprocket speeds of the next
-    reading, which is the mean over the interval that contains it. Poses stamped before the first or after the last
-    reading are left out. The truth is that of the robot at the encoders' time.
+    `encoders` has a row for each reading. A row with only a pose gets the sprocket speeds of the next reading, which
+    are the means over the interval that contains the pose. Poses stamped before the first or after the last reading are
+    left out. The truth is that of the robot when the encoder clock shows the row's time.
     """
     read = encoders.time
     within = (stamps >= read[0]) & (stamps <= read[-1])
@@ -158,7 +158,7 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
 
 
 def _truth_at(truth: Truth, read: Array, time: Array, after: np.ndarray) -> Truth:
-    """Interpolate the truth from times `read` (T,) to `time` (U,); `after` (U,) are the next rows of the former."""
+    """Interpolate the truth from times `read` (T,) to `time` (U,); `after` (U,) are the next rows in `read`."""
 
     def between(values: Array) -> Array:
         flat = values.reshape(len(read), -1)

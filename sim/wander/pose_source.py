@@ -17,17 +17,17 @@ from trackslip.errors import Checked, checked, require, require_positive, requir
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
-_MAX_JITTER = 0.2  # of a period
-_MOST_EARLY = 0.45  # of a period: stamps stay in order
-_AT_ONCE = 250  # scans, each of a robot of its own
-_LARGEST = 1e6  # error, in any unit: logs of larger ones could not be read again
+_MAX_JITTER = 0.2  # largest standard deviation of stamps [periods]
+_MOST_EARLY = 0.45  # largest error of a stamp, so that stamps stay in order [periods]
+_AT_ONCE = 250  # number of scans simulated at once, each of a separate robot
+_LARGEST = 1e6  # largest error, in any unit: logs with larger errors could not be read again
 _LONGEST_DELAY = 3600.0  # [s]
-_WRONG = 0.5  # largest error of a pose that is wrong, in x and y [m] and of its heading [rad]
+_WRONG = 0.5  # largest error of a wrong pose in x and y [m] and in its heading [rad]
 
 
 @dataclass(frozen=True)
 class PoseSource(Checked):
-    """A sensor of poses and its errors."""
+    """A pose sensor and its errors."""
 
     rate: float = checked(20.0, require_positive)
     """Poses per second [Hz]."""
@@ -36,33 +36,33 @@ class PoseSource(Checked):
     heading_noise: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Standard deviation of the heading [rad]."""
     heading: bool = True
-    """Measure headings, too."""
+    """True if headings are measured, too."""
     delay: float = checked(0.0, require_within, -_LONGEST_DELAY, _LONGEST_DELAY, "s")
-    """Delay of pose stamps against encoder stamps of the same instant; -tau [s]."""
+    """Delay of pose stamps relative to encoder stamps of the same instant; -tau [s]."""
     jitter: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Standard deviation of the time stamps [s]."""
+    """Standard deviation of errors in the pose stamps [s]."""
     outliers: float = checked(0.0, require_share)
-    """Share of the poses that are wrong, by up to 0.5 m in x and y and 0.5 rad [-]."""
+    """Share of poses that are wrong by up to 0.5 m in x and y and 0.5 rad [-]."""
     gaps: int = checked(0, require_within, 0.0, _LARGEST)
     """Number of stretches without poses."""
     gap_duration: float = checked(5.0, require_within, 0.0, _LARGEST)
-    """Length of each [s]."""
+    """Duration of each of these gaps [s]."""
     jumps: int = checked(0, require_within, 0.0, _LARGEST)
-    """Number of lasting jumps: all poses after one are displaced and turned about it."""
+    """Number of lasting jumps, each of which displaces all later poses and turns them about the point of the jump."""
     jump_size: float = checked(0.2, require_within, 0.0, _LARGEST)
-    """Length of each [m]."""
+    """Length of each jump [m]."""
     jump_turn: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Turn of each, to a random side [rad]."""
+    """Angle by which each jump turns the poses, to a random side [rad]."""
     drift: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Drift of odometry, a random walk of the position: its error at the end over the distance driven [-]."""
+    """Position drift, as in odometry, a random walk: position error at the end over the distance driven [-]."""
     heading_drift: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
+    """Heading drift, as in odometry, also a random walk [rad/sqrt(m)]."""
     ahead: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Place of the sensor forward of the robot's origin [m]."""
+    """Position of the sensor, forward of the robot's origin [m]."""
     left: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Place of the sensor to the left of it [m]."""
+    """Position of the sensor, to the left of the robot's origin [m]."""
     mounting: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Heading of the sensor in the robot, counter-clockwise [rad]."""
+    """Heading of the sensor relative to the robot, counter-clockwise [rad]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,7 +72,7 @@ class PoseSource(Checked):
     def measure(self, motion: Motion, rng: np.random.Generator) -> tuple[Array, Array]:
         """Time stamps (M,) [s], ascending, and poses (M, 3) [m, m, rad]; headings are NaN if they aren't measured.
 
-        The first pose is taken at a random moment in the first period.
+        The first pose is measured at a random moment in the first period.
         """
         first, last = motion.time[0], motion.time[-1]
         moment = np.arange(first + rng.uniform(0, 1 / self.rate), last, 1 / self.rate)
@@ -89,7 +89,7 @@ class PoseSource(Checked):
         return (moment + self.delay + early)[seen], pose[seen]
 
     def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
-        """Poses (M, 3) with drift and lasting jumps, which are errors of the steps between poses."""
+        """Poses (M, 3) with drift and lasting jumps, which are errors in the steps between poses."""
         if len(pose) < 2 or not (self.drift or self.heading_drift or self.jumps):
             return pose
         steps = se2.steps(pose)
@@ -105,7 +105,7 @@ class PoseSource(Checked):
         return se2.chain(pose[0], steps)
 
     def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
-        """Mask (M,) of the moments in a gap; gaps begin in equal parts of the time, one in each."""
+        """Mask (M,) of the moments in a gap; the time is divided into equal parts, and one gap begins in each."""
         if not self.gaps:
             return np.zeros(len(moment), bool)
         part = (moment[-1] - moment[0]) / self.gaps
@@ -125,7 +125,7 @@ SOURCES: Mapping[str, PoseSource] = {
 
 
 def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator) -> tuple[Array, Scan]:
-    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, by the scanner beside it.
+    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, from a stationary scanner.
 
     The first scan is at a random moment in the first period.
     """
