@@ -39,7 +39,7 @@ class SensesSprockets(Protocol):
 
 @dataclass(frozen=True)
 class ControlLaw:
-    """Base class of controllers without state. All their numbers must be positive."""
+    """Base class of controllers. All their numbers must be positive. Without state, there is nothing to reset."""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):

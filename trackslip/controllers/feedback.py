@@ -143,8 +143,9 @@ ACCELERATION_STEP = 0.01
 class DynamicFeedback(Remembering):
     """Turns the position into two double integrators, with the speed xi as a state of the controller.
 
-    With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and w = (u_2 cos(phi) - u_1
-    sin(phi)) / xi, the error along each axis obeys e'' + k_d e' + k_p e = 0, forwards and in reverse.
+    With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
+    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error along each axis obeys e'' + k_d e' + k_p e = 0, forwards and in
+    reverse.
 
     The law is singular at xi = 0. If the reference speed, or xi in the reference's direction, is below `least_speed`, a
     static law takes over and xi follows its speed; up to 1.5 times that limit the two laws are blended. When the static

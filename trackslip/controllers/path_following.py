@@ -25,10 +25,10 @@ class PathFollowing(Remembering):
 
     Each robot has its own virtual target: the reference pose at a time tau. In the target's frame the robot is s ahead,
     y to the left and turned by theta. The target stays beside the robot through v_d tau' = v cos(theta) + k_s s; where
-    the reference stands still, tau runs with time. The robot approaches the path at the angle delta = -sign(v) theta_a
-    tanh(k_delta y) through theta' = delta' - gamma y v (sin(theta) - sin(delta)) / (theta - delta)
-    - k |v| (theta - delta). Near a straight line, errors decay with the distance x like exp(lambda x) with
-    lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
+    the reference stands still, tau runs with time. The robot approaches the path at the angle
+    delta = -sign(v) theta_a tanh(k_delta y) by turning at theta' = delta' - k |v| (theta - delta)
+    - gamma y v (sin(theta) - sin(delta)) / (theta - delta). Near a straight line, errors decay with the distance x like
+    exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
 
     The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited: a late robot doesn't cut corners and speeds up
     by `catch_up` at most. Where the reference almost stands still, the law changes to tau' = rho, v = -k_t s.

@@ -234,7 +234,7 @@ class PathIntegral(Horizon):
         sampled = np.clip(plan + deviations, -self.track_speed, self.track_speed)  # (M, K, 2)
         v, w = np.moveaxis(twist_of_tracks(sampled, self.half_gauge), -1, 0)  # (M, K)
         heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
-        middle = heading - w * (self.interval / 2)  # direction of the arcs' chords
+        middle = heading - w * (self.interval / 2)  # direction of chords, 1 - w^2 interval^2 / 24 as long as arcs
         chord = v * self.interval * (1 - (w * self.interval) ** 2 / 24)
         x = pose[0] - wanted[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
         y = pose[1] - wanted[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)

@@ -120,7 +120,7 @@ class PathAhead:
     def point(self, time: float, distance: float) -> tuple[Array, float]:
         """The pose (3,) on the path `distance` [m] beyond the pose at `time` [s], in the direction of travel.
 
-        Beyond a cusp, a stop or the end, the path continues along its tangent; the second value is its distance [m].
+        Beyond the next cusp, stop or end the path continues along its tangent; the distance to there comes second [m].
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)

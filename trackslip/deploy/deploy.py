@@ -1,4 +1,4 @@
-"""Code, parameters and JSON of laws for other programs, in one call.
+"""Writes laws for other programs in one call, as code, parameters or JSON.
 
 Code is a C header that needs only <math.h>, or a Python module that needs only `math`. Its functions are the equations
 of `trackslip.laws`, from the folder `templates`; the law's numbers precede them as constants.

@@ -48,7 +48,7 @@ class SlipLaw(ABC):
 
         The secant method rotates and scales the real twist, a point in the plane (v, b w), until the law's command for
         it matches `omega`. Where a law jumps between left and right turns in place, the robot turns in place with slips
-        in between. If there are several solutions, it is close to one of them; if none, approximate.
+        in between. If several solutions exist, the result is close to one; if none, it is approximate.
         """
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)

@@ -9,9 +9,9 @@ half-planes. The likelihood has two parts:
   that missed it and the first that hit it, so the middle of that gap measures the bearing of the corner with variance
   step^2 / 12. Without the edges, a plate seen broadside could slide freely along itself. An edge of the field of view
   or of the scanner's reach is not an edge of the plate and measures nothing. If beams inside the cluster are missing at
-  a rate p, beams beyond its last return may be missing too: p / (1 - p) are to be expected, with variance p / (1 -
-  p)^2. An edge made by an object in front of the plate is not the plate's either: the corner may be anywhere behind the
-  object, and only a pose whose corner sticks out beyond it, or does not reach the last return, adds to the cost.
+  a rate p, beams beyond its last return may be missing too: p / (1 - p) are to be expected, with variance
+  p / (1 - p)^2. An edge made by an object in front of the plate is not the plate's either: the corner may be anywhere
+  behind the object, and only a pose whose corner sticks out beyond it, or does not reach the last return, costs more.
 
 Thus a beam that passes through the supposed plate adds to the cost through the edges, and a return where the pose
 leaves nothing to hit costs as much as if it had been measured at the near or far end of the plate.

@@ -11,7 +11,7 @@ from trackslip.localization.likelihood import in_axes
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
 
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
-_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the angle between line and sight, if seen from the side
+_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the angle to the line of sight above which a line is seen from the side
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
 _MIN_EXTENT = 0.35  # of a valid line [m]
 

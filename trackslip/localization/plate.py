@@ -51,7 +51,7 @@ _EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one f
 _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
 _ROUNDS = 2  # rounds of selecting the returns by the pose
 _SCREENED = 24  # beams of a cluster used to screen the starts
-_ALIKE = 1e-3  # cost difference of starts that led to the same pose: the first is taken
+_ALIKE = 1e-3  # cost difference of starts that led to the same pose: the first is taken, rounding does not decide
 _FEW_BEAMS = 1.5  # beam steps that a short face spans if one or two beams fit on it
 _FROM_SIDE = np.radians(45.0)  # viewing angle above which the long face prevails
 _TINY = 1e-12  # avoids division by zero for edges without information
@@ -193,12 +193,12 @@ class PlateLocator:
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
-    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened where too small along it.
+    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along them where too small.
 
-    That is where one or two beams fit on the short face of a plate seen from the side. Such beams seem to determine the
-    position along the plate precisely, but say nothing about it once the plate slides so that they hit the long face.
-    The edges, with weights `weight` (S, 2) [1/rad], then limit the variance, and `short` is the distance at which one
-    beam fits on a short face that faces the LRF [m].
+    They are too small where one or two beams fit on the short face of a plate seen from the side. Such beams seem to
+    determine the position along the plate precisely, but say nothing about it once the plate slides so that they hit
+    the long face. The edges, with weights `weight` (S, 2) [1/rad], then limit the variance. `short` is the distance at
+    which one beam fits on a short face that faces the LRF [m].
     """
     angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
     information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]

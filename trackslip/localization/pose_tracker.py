@@ -61,7 +61,7 @@ class Tracker:
         return estimate.valid & ~far & ~turned & ~lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Continue the tracks with one estimate per robot; rejected ones are replaced by predictions and invalid."""
+        """Continue the tracks with one estimate per robot; predictions, not valid, replace rejected ones."""
         pose, valid = self._unwrapped(estimate.pose), self.believes(estimate)
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0

@@ -43,7 +43,7 @@ class RawScans:
 
     @classmethod
     def measured(cls, time: Array, ranges: np.ndarray, message: Any, upside_down: bool = False) -> RawScans:
-        """Scans (S, B) at the times (S,) of their first rays; `message`, a `sensor_msgs/LaserScan`, has their angles.
+        """Scans (S, B) at the times (S,) of their first rays; the `sensor_msgs/LaserScan` has angles and limits.
 
         Nothing came back where a range is not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams
         may run clockwise. Raises LogError for scans without beams, angles or returns.

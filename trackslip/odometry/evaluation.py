@@ -44,7 +44,7 @@ class Trajectory:
 
     @property
     def placed(self) -> Array:
-        """Estimated poses (K, 3), moved onto the first measured heading's pose; without any, onto all positions."""
+        """Estimated poses (K, 3), moved onto the first measured with a heading; without any, onto all positions."""
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
         return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
@@ -237,7 +237,7 @@ def estimated_trajectory(
 
 
 def _readings(log: RunLog, time: Array) -> Array | None:
-    """The gyro's mean yaw rates (T,) since the previous time of (T,), NaN where not measured; None without a gyro."""
+    """The gyro's mean yaw rates (T,) between successive times (T,), NaN where not measured; None without a gyro."""
     if log.gyro_sums is None:
         return None
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)

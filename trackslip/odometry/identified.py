@@ -71,7 +71,7 @@ def identified_law(
 
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
-    """Noise, errors, sensor and clock, from the fit to whole drives, otherwise from that to steady stretches."""
+    """Noise, errors, sensor and clock, from the fit to whole drives, otherwise from the fit to steady stretches."""
     known: dict[str, Any] = {}
     fit = stored.fit(name)
     if fit.get("values") and fit.get("stderr"):

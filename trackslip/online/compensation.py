@@ -24,7 +24,7 @@ KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 MAX_CRAB_ANGLE = 0.3
 """Largest angle between the heading of a robot and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
-"""Laws under load do not model the turning centre, which shifts along the robot as it turns towards the slope."""
+"""Laws under load do not model how the turning centre shifts along a robot that turns towards the slope."""
 
 
 class Compensation(Protocol):

@@ -72,8 +72,8 @@ def expected(
 ) -> Expectation:
     """Standard errors to expect if all parameters that the drives determine but the lag are free, as in `fit_drives`.
 
-    `values` (q,) are the law's expected parameters, `drives` come from `drive_to_measure`, `slip` is white slip
-    forwards, sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]. `known` are the law's errors so far.
+    `values` (q,) are the law's expected parameters, `drives` come from `drive_to_measure`, `slip` is white: forwards,
+    sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]. `known` are the law's errors from an earlier identification.
     """
     data, values = Drives.of(drives), np.concatenate([values, np.zeros(len(model.extras))])
     held = held_parameters(model, data)

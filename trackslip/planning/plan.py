@@ -137,8 +137,8 @@ def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
 def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
     """Sizes that parameter errors are divided by.
 
-    Errors of D are divided by b + D, the effective half gauge; errors of epsilon by 1, because belt speeds scale with 1
-    + epsilon; and errors of other pure numbers by 1, too.
+    Errors of D are divided by b + D, the effective half gauge; errors of epsilon by 1, because belt speeds scale with
+    1 + epsilon; and errors of other pure numbers by 1, too.
     """
     return {
         name: geometry.half_gauge + value if parameter.unit == "m" else 1.0

@@ -24,7 +24,7 @@ TURNING = 0.65
 so faster spins would identify a law for unusual driving."""
 _LEAST = 1e-9  # shortest maneuver that counts [m]
 WAYPOINTS = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
-"""Places (9, 2), in half lengths and widths of the area, or of its reachable part if it is too large."""
+"""Places (9, 2), in half lengths and widths of the area, or of what can be driven if that is less."""
 BOW = np.radians(30.0)
 """Angles between the chord of a leg and its ends are multiples of this, straight or MOST_BOW to either side [rad]."""
 MOST_BOW = 2
