@@ -1,4 +1,4 @@
-"""Draw the README's animation: the same commands on the paper's path, with and without compensation of slip."""
+"""Draw the README's animation: the same commands on the paper's path, with and without slip compensation."""
 
 from pathlib import Path
 
@@ -14,11 +14,11 @@ from trackslip.logs.runlog import RunLog
 
 COLOURS = {"none": "#C1272D", "icr_radius": "#0072B2"}
 LABELS = {"none": "without compensation", "icr_radius": "with the identified law"}
-LENGTH, TRACK = 0.5, 0.07  # of the robot and the width of a track, as drawn [m]
+LENGTH, TRACK = 0.5, 0.07  # length of the robot and width of a track, as drawn [m]
 
 
 def drive() -> dict[str, RunLog]:
-    """Runs of the paper's feedforward control by compensation."""
+    """Runs of the paper's feedforward control, by the compensation's name."""
     robot, path = sim.load_robot(), trackslip.paper_reference()
     laws = {"none": trackslip.NoSlip(), "icr_radius": trackslip.load_laws(robot=robot.geometry)["icr_radius"]}
     fleet = sim.Fleet(robot, np.tile(path.pose(0.0), (len(laws), 1)))

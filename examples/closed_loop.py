@@ -7,7 +7,7 @@ import trackslip
 
 
 def main() -> None:
-    """Three robots, one controller; what differs is how a twist becomes sprocket speeds."""
+    """Drive three robots with one controller; only the conversion of twists into sprocket speeds differs."""
     robot = sim.load_robot()
     compensations = {
         "none": trackslip.FixedLaw(),

@@ -1,11 +1,11 @@
-"""A policy in a few lines on the environment: it follows the paper's path on ground that it was not made for."""
+"""A policy of a few lines in the environment: it follows the paper's path on ground that it was not tuned for."""
 
 import gymnasium as gym
 import numpy as np
 
 
 def policy(observation: np.ndarray) -> np.ndarray:
-    """The twist of the reference, corrected by the errors; all in units of the observation (see sim.path_tracking)."""
+    """The reference twist, corrected by the errors; all in the observation's units (see sim.path_tracking)."""
     ahead, left, turn = observation[:3]
     v, w = observation[3:5]
     return np.clip([v + 1.5 * ahead, w + 4.0 * left + 3.0 * turn], -1.0, 1.0)

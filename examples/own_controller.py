@@ -7,7 +7,7 @@ import trackslip
 
 
 class Proportional:
-    """Feedback proportional to the errors ahead, to the left and of heading, in the robot's frame."""
+    """Feedback proportional to the errors ahead, to the left and in heading, in the robot's frame."""
 
     def reset(self):
         """A new run begins: nothing to forget."""

@@ -10,7 +10,7 @@ SWEEP = "grid --radii 0.6 1.0 2.0 --speeds 0.1 0.2 --duration 8 --vary ground=st
 
 
 def main(folder: Path = Path("out/sweep")) -> None:
-    """Mean and spread over the seeds and speeds."""
+    """Print the mean and spread over seeds and speeds."""
     command = [sys.executable, "-m", "experiments", *SWEEP.split(), "--out", str(folder)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     table = pl.read_parquet(folder / "table.parquet")

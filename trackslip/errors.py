@@ -9,7 +9,7 @@ from numbers import Integral, Real
 from pathlib import PurePath
 from typing import Any
 
-_LONG = 200  # characters of a value that are shown
+_LONG = 200  # most characters of a value that are shown
 
 
 class TrackslipError(Exception):
@@ -30,7 +30,7 @@ class InvalidValueError(TrackslipError, ValueError):
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
         plain = float(value) if isinstance(value, float) else str(value) if isinstance(value, PurePath) else value
-        shown = repr(plain)  # those of NumPy's floats and of paths include the type
+        shown = repr(plain)  # the repr of NumPy's floats and of paths includes the type
         if len(shown) > _LONG:
             shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")
@@ -49,7 +49,7 @@ class LogWarning(UserWarning):
 
 
 class RobotWarning(UserWarning):
-    """A robot that isn't all that it should be: not verified to follow theory, or its model used in part."""
+    """A robot whose results need caution: not verified to follow theory, or only part of its model used."""
 
 
 class SettingsFileError(TrackslipError, ValueError):
@@ -70,11 +70,11 @@ class RunFailedError(TrackslipError):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.logs: list[Any] = []
-        """RunLogs of the fleet until then, with the message as "failure" in the metadata; none for under two rows."""
+        """RunLogs of the fleet until then, with the message as "failure" in the metadata; empty if under two rows."""
 
 
 def require(allowed: object, field: str, value: object, what: str) -> None:
-    """Raise InvalidValueError unless the value is allowed; `what` says in words what is."""
+    """Raise InvalidValueError unless the value is allowed; `what` says in words what is allowed."""
     if not allowed:
         raise InvalidValueError(field, value, what)
 
@@ -126,7 +126,7 @@ def checked(default: Any, require: Callable[..., None], *limits: Any, **metadata
 
 
 class Checked:
-    """Base of dataclasses with `checked` fields; more is checked in a `__post_init__` that calls this one."""
+    """Base class of dataclasses with `checked` fields; for more checks, override `__post_init__` and call this one."""
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def _finite(value: Any) -> bool:
 
 
 def _true(comparison: Callable[[], object]) -> bool:
-    """True if a comparison holds; comparing a text or several numbers with a number does not."""
+    """True if a comparison holds; False if text or several numbers are compared with a number."""
     try:
         return bool(comparison())
     except (TypeError, ValueError):
@@ -155,5 +155,5 @@ def counted(count: int, noun: str) -> str:
 
 
 def first_line(error: Exception) -> str:
-    """The first line of an error message of another library."""
+    """The first line of an error message from another library."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__

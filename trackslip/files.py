@@ -1,4 +1,4 @@
-"""Files: JSON, regular files, and the format of stored results, so that newer ones are refused instead of misread."""
+"""Files: JSON, regular files, and the format of stored results, so that newer formats are refused, not misread."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 
 from trackslip.errors import LogError, first_line
 
-_MOST = 256_000_000  # bytes of a text file, some gigabytes in memory as JSON
+_MOST = 256_000_000  # most bytes of a text file; as JSON it takes some gigabytes of memory
 _POINTER = b"version https://git-lfs.github.com/spec/"
-_DIGITS = 18  # of an integer that fits in 64 bits
+_DIGITS = 18  # most digits of an integer that surely fits in 64 bits
 
 
 def regular_file(path: Path) -> Path:
-    """The path, if a regular file is there: no pipe or device, whose content may never end, and no Git LFS pointer.
+    """The path, if it is a regular file: not a pipe or device, whose content may never end, or a Git LFS pointer.
 
     Raises OSError with the reason otherwise.
     """
@@ -37,7 +37,7 @@ def regular_file(path: Path) -> Path:
 def read_text(path: Path, most: int = _MOST) -> str:
     """The text of a file in UTF-8, without its byte order mark.
 
-    Raises OSError if there is no regular file or it has more than `most` bytes, UnicodeDecodeError if it is no text.
+    Raises OSError if there is no regular file or it has more than `most` bytes, UnicodeDecodeError if it isn't text.
     """
     size = regular_file(path).stat().st_size
     if size > most:
@@ -56,7 +56,7 @@ def read_json(path: Path) -> Any:
 
 
 def reason(error: Exception) -> str:
-    """Why the content of a file can't be used, in words that don't need Python."""
+    """Why the content of a file can't be used, in words for people who don't know Python."""
     match error:
         case KeyError():
             return f"{error.args[0]} is missing"
@@ -82,7 +82,7 @@ MANIFEST = "manifest.json"
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
     """Raise LogError if `content`, called `source` in the message, is from a newer version.
 
-    Without `format`, it is of the first one. A manifest has `versions`, which name the version that wrote it.
+    Content without `format` is of the first format. A manifest has `versions`, which name the version that wrote it.
     """
     version = content.get("format", 1)
     if version not in range(1, FORMAT + 1):

@@ -1,6 +1,6 @@
 """Kinematics of a tracked robot with slip: Eqs. 2-7 and 15 of the paper.
 
-Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x, y, phi). Any leading shape.
+Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x, y, phi). Other axes are arbitrary.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from trackslip.se2 import wrap_angle as wrap_angle
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
-GEARS = (1e-4, 1e4)  # turns of an encoder per turn of the sprocket, at least and at most
-_SIZES = (1e-3, 100.0)  # of robots: anything else is a mistake of units [m]
+GEARS = (1e-4, 1e4)  # least and most turns of an encoder per turn of the sprocket
+_SIZES = (1e-3, 100.0)  # of robots: anything else is a mistake in the units [m]
 
 
 @dataclass(frozen=True)

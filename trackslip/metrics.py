@@ -1,4 +1,4 @@
-"""Tracking errors of a run and the effort of its drives."""
+"""Tracking errors of a run and the effort of its motors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """Tracking errors of a run. Position errors are distances from the reference pose of the same time."""
+    """Tracking errors of a run. Position errors are distances from the reference pose at the same time."""
 
     rms_position: float
     """Root mean square of the position error [m]."""
@@ -50,7 +50,7 @@ class TrackingErrors:
 
 @dataclass(frozen=True)
 class Expense:
-    """Effort of the drives in a run."""
+    """Effort of the motors in a run."""
 
     effort: float
     """Time integral of the mean square of the two sprockets' set points [rad^2/s]."""
@@ -81,9 +81,9 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
 
 
 def expense(log: RunLog, top_speed: float) -> Expense:
-    """Effort of the drives in a simulated run, with sprockets limited to `top_speed` [rad/s].
+    """Effort of the motors in a simulated run, with sprockets limited to `top_speed` [rad/s].
 
-    Raises ValueError if the run has no commands, or no truth about its motors.
+    Raises ValueError if the run has no commands, or no true data about its motors.
     """
     if log.command is None or log.truth is None or log.truth.saturated is None:
         raise ValueError(f"run {log.run!r}: has no commands, or no truth about its motors")

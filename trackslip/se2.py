@@ -28,7 +28,7 @@ class Mounting:
     y: float = 0.0
     """Distance to the left [m]."""
     yaw: float = 0.0
-    """Its heading minus the robot's, counter-clockwise [rad]."""
+    """Sensor heading minus robot heading, counter-clockwise [rad]."""
 
     def __post_init__(self) -> None:
         for name in ("x", "y", "yaw"):
@@ -57,27 +57,27 @@ def rotate(angle: ArrayLike, vector: ArrayLike) -> Array:
 
 
 def to_world(frame: ArrayLike, points: ArrayLike) -> Array:
-    """Points (..., 2) of frames with poses (..., 3), in the world."""
+    """World coordinates of points (..., 2) that are given in frames with poses (..., 3)."""
     frame, points = np.asarray(frame, float), np.asarray(points, float)
     x, y = _turned(frame[..., 2], points[..., 0], points[..., 1])
     return _columns(frame[..., 0] + x, frame[..., 1] + y)
 
 
 def from_world(frame: ArrayLike, points: ArrayLike) -> Array:
-    """Points (..., 2) of the world, in frames with poses (..., 3)."""
+    """Coordinates of world points (..., 2) in frames with poses (..., 3)."""
     frame, points = np.asarray(frame, float), np.asarray(points, float)
     return _columns(*_turned(-frame[..., 2], points[..., 0] - frame[..., 0], points[..., 1] - frame[..., 1]))
 
 
 def compose(frame: ArrayLike, pose: ArrayLike) -> Array:
-    """Poses (..., 3) that are given in frames with poses (..., 3), in the world."""
+    """World poses (..., 3) of poses (..., 3) that are given in frames with poses (..., 3)."""
     frame, pose = np.asarray(frame, float), np.asarray(pose, float)
     x, y = _turned(frame[..., 2], pose[..., 0], pose[..., 1])
     return _columns(frame[..., 0] + x, frame[..., 1] + y, frame[..., 2] + pose[..., 2])
 
 
 def between(frame: ArrayLike, pose: ArrayLike) -> Array:
-    """Poses (..., 3) of the world, in frames with poses (..., 3): the inverse of `compose`."""
+    """World poses (..., 3) expressed in frames with poses (..., 3): the inverse of `compose`."""
     frame, pose = np.asarray(frame, float), np.asarray(pose, float)
     local = pose - frame
     local[..., 0], local[..., 1] = _turned(-frame[..., 2], local[..., 0], local[..., 1])
@@ -90,7 +90,7 @@ def _turned(angle: ArrayLike, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _columns(*parts: Any) -> Array:
-    """np.stack of arrays (...) along a last axis, in less time for few numbers."""
+    """Like np.stack of arrays (...) along a new last axis, but faster for few numbers."""
     stacked = np.empty((*np.broadcast(*parts).shape, len(parts)))
     for k, part in enumerate(parts):
         stacked[..., k] = part
@@ -98,7 +98,7 @@ def _columns(*parts: Any) -> Array:
 
 
 def inverse(pose: ArrayLike) -> Array:
-    """The world's poses (..., 3) in frames with poses (..., 3)."""
+    """Poses (..., 3) of the world frame in frames with poses (..., 3)."""
     return between(pose, np.zeros(3))
 
 
@@ -130,14 +130,14 @@ def log(pose: ArrayLike) -> Array:
 
 
 def drive(pose: ArrayLike, motion: ArrayLike) -> tuple[Array, Array, Array]:
-    """Poses (..., 3) after motions (..., 3) from poses (..., 3), and their derivatives (..., 3, 3) by both.
+    """Poses (..., 3) after motions (..., 3) from poses (..., 3), and derivatives (..., 3, 3) by pose and motion.
 
     Rows of the derivatives are components of the poses afterwards.
     """
     pose, motion = np.broadcast_arrays(np.asarray(pose, float), np.asarray(motion, float))
     along, across, d_along, d_across = arc_quotients(motion[..., 2])
     quotients = np.stack([np.stack([along, across], axis=-1), np.stack([d_along, d_across], axis=-1)], axis=-2)
-    ahead = rotate(pose[..., None, 2], quotients)  # of the way and of its slope by the turn, for a unit forwards
+    ahead = rotate(pose[..., None, 2], quotients)  # displacement and its derivative by the turn, per unit forwards
     left = ahead[..., ::-1] * np.array([-1.0, 1.0])
     way, slope = np.moveaxis(motion[..., None, :1] * ahead + motion[..., None, 1:2] * left, -2, 0)
     by_pose, by_motion = (np.zeros((*pose.shape, 3)) for _ in range(2))
@@ -159,7 +159,7 @@ def advance(pose: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
 
 
 def _chord(turn: ArrayLike) -> Array:
-    """Length of an arc's chord over that of the arc (...), by its turn (...) [rad]."""
+    """Ratio (...) of an arc's chord to its length, for a turn (...) [rad]."""
     return np.sinc(np.asarray(turn) / (2 * np.pi))
 
 

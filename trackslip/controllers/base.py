@@ -1,4 +1,4 @@
-"""Path-tracking controllers: their protocol, and the base and helpers of the control laws."""
+"""Path-tracking controllers: their protocol, and base classes and helpers for control laws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 class Controller(Protocol):
     """Converts a pose into the body twist to drive. It does not handle slip: see `SlipLaw` and `compensation`.
 
-    A controller is given the poses of any number of robots at once, so any state it has is per robot.
+    A controller gets the poses of any number of robots at once, so it keeps any state per robot.
     """
 
     def reset(self) -> None:
@@ -39,7 +39,7 @@ class SensesSprockets(Protocol):
 
 @dataclass(frozen=True)
 class ControlLaw:
-    """Base of the controllers: all numbers must be positive; without state, there is nothing to reset."""
+    """Base class of controllers. All their numbers must be positive. Without state, there is nothing to reset."""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
@@ -52,16 +52,16 @@ class ControlLaw:
 
 @dataclass(frozen=True)
 class Remembering(ControlLaw):
-    """Base of the laws with a state, for as many robots as in the first call since `reset`."""
+    """Base class of laws with state. The first call after `reset` fixes the number of robots."""
 
     _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def reset(self) -> None:
-        """Discard the state; the next call may be for another number of robots."""
+        """Discard the state; the next call may be for a different number of robots."""
         self._kept.clear()
 
     def _elapsed(self, time: float, robots: tuple[int, ...]) -> float | None:
-        """Time since the last call [s]; None for the first one. Raises InvalidValueError for other robots than then."""
+        """Time since the last call [s]; None in the first one. Raises InvalidValueError if `robots` has changed."""
         before, last = self._kept.setdefault("robots", robots), self._kept.get("time")
         require(robots == before, "pose", (*robots, 3), f"of shape {(*before, 3)} until reset")
         self._kept["time"] = time
@@ -69,12 +69,12 @@ class Remembering(ControlLaw):
 
 
 class OncePerReference(Generic[T]):
-    """Caches a value that depends on the reference, for the last reference only, compared by identity."""
+    """Caches a value computed from a reference, for the last reference only; compares references by identity."""
 
     _kept: tuple[Reference, T] | None = None
 
     def __call__(self, build: Callable[[Reference], T], reference: Reference) -> T:
-        """`build(reference)`, called again only for another `reference` than last time."""
+        """`build(reference)`, called only if `reference` is not the one from the last call."""
         if self._kept is None or self._kept[0] is not reference:
             self._kept = (reference, build(reference))
         return self._kept[1]
@@ -82,9 +82,9 @@ class OncePerReference(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Scheduled(ControlLaw):
-    """Base of the laws with a gain 2 xi a, a = sqrt(w_d^2 + g v_d^2) by the twist of the reference; Eqs. 28-30.
+    """Base class of laws with a gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference twist; Eqs. 28-30.
 
-    With gains proportional to it, errors decay over a distance instead of over a time; it vanishes at standstill.
+    Feedback gains proportional to it make errors decay over a distance instead of a time. It is 0 at standstill.
     """
 
     damping: float = 0.7

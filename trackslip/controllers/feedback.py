@@ -1,12 +1,12 @@
-"""Laws of the reference's twist and the pose error: feedback in the body frame, dynamic linearisation, and LQR.
+"""Laws that use the reference twist and the pose error: body-frame feedback, dynamic linearisation and LQR.
 
 Y. Kanayama, Y. Kimura, F. Miyazaki and T. Noguchi, "A stable tracking control method for an autonomous mobile robot",
-ICRA 1990; C. Samson and K. Ait-Abderrahim, "Feedback control of a nonholonomic wheeled cart in Cartesian space",
-ICRA 1991; C. Canudas de Wit, B. Siciliano and G. Bastin (eds.), "Theory of Robot Control", Springer 1996; G. Oriolo,
-A. De Luca and M. Vendittelli, "WMR control via dynamic feedback linearization: design, implementation, and experimental
+ICRA 1990; C. Samson and K. Ait-Abderrahim, "Feedback control of a nonholonomic wheeled cart in Cartesian space", ICRA
+1991; C. Canudas de Wit, B. Siciliano and G. Bastin (eds.), "Theory of Robot Control", Springer 1996; G. Oriolo, A. De
+Luca and M. Vendittelli, "WMR control via dynamic feedback linearization: design, implementation, and experimental
 validation", IEEE Trans. Control Systems Technology 10(6), 2002; B. D. O. Anderson and J. B. Moore, "Optimal Control:
-Linear Quadratic Methods", Prentice-Hall 1990, with weights by Bryson's rule: errors and corrections contribute equally
-to the cost when they are equal to their scales.
+Linear Quadratic Methods", Prentice-Hall 1990, with weights from Bryson's rule: errors and corrections contribute
+equally to the cost when each equals its scale.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class Feedforward(ControlLaw):
     """Drives the twist of the reference in open loop."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """The twist of the reference for each of the poses (..., 3), (..., 2)."""
+        """Twists (..., 2): the reference twist for each of the poses (..., 3)."""
         return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()
 
 
 @dataclass(frozen=True)
 class ErrorFeedback(ControlLaw, ABC):
-    """A law of the reference's twist and the body-frame error only."""
+    """A law that uses only the reference twist and the body-frame error."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
@@ -48,12 +48,12 @@ class ErrorFeedback(ControlLaw, ABC):
 
     @abstractmethod
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
-        """v and w, each (...), from the twist (2,) of the reference and the errors (e_x, e_y, e_phi), (...) each."""
+        """v and w, each (...), from the reference twist (2,) and the errors (e_x, e_y, e_phi), (...) each."""
 
 
 @dataclass(frozen=True)
 class LinearTimeVarying(Scheduled, ErrorFeedback):
-    """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the twist of the reference.
+    """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the reference twist.
 
     Around the reference the closed loop has the characteristic polynomial
     (s + 2 xi a)(s^2 + 2 xi a s + a^2) with a = sqrt(w_d^2 + g v_d^2) (Eqs. 25-30).
@@ -95,7 +95,7 @@ class Samson(Scheduled, ErrorFeedback):
 class Kanayama(ErrorFeedback):
     """Feedback v = v_d cos(e_phi) + K_x e_x, w = w_d + v_d K_y e_y + |v_d| K_phi sin(e_phi).
 
-    Their paper has v_d (K_y e_y + K_phi sin(e_phi)) and only drives forwards; with the absolute value the Lyapunov
+    The paper has v_d (K_y e_y + K_phi sin(e_phi)), for driving forwards only; with the absolute value, the Lyapunov
     function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y decreases in reverse too.
     """
 
@@ -114,11 +114,11 @@ class Kanayama(ErrorFeedback):
 
 @dataclass(frozen=True)
 class OffsetPoint(ErrorFeedback):
-    """Steers a point ahead of the robot (behind it in reverse) onto the same point of the reference.
+    """Steers a point ahead of the robot (behind it in reverse) onto the corresponding point of the reference.
 
     The twist and the velocity of that point determine each other, so its error E obeys E' = -k E exactly. The heading
-    is not controlled: it follows like that of a trailer, at the rate |v_d| / distance, which is why the point changes
-    sides with the direction of travel. At standstill of the reference it is ahead.
+    is not controlled: it follows like a trailer's heading, at the rate |v_d| / distance, which is why the point changes
+    sides with the direction of travel. While the reference stands still, the point is ahead.
     """
 
     distance: float = 0.2
@@ -144,12 +144,12 @@ class DynamicFeedback(Remembering):
     """Turns the position into two double integrators, with the speed xi as a state of the controller.
 
     With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
-    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error of each axis obeys e'' + k_d e' + k_p e = 0 in both
-    directions.
+    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error along each axis obeys e'' + k_d e' + k_p e = 0, forwards and in
+    reverse.
 
-    The law is singular at xi = 0. If the speed of the reference, or xi in its direction, is below `least_speed`, a
-    static law takes over and xi follows its speed; between there and 1.5 times as much the two are blended. When the
-    static law takes over, its speed difference from xi decays with `handover_time`, so the speed never jumps.
+    The law is singular at xi = 0. If the reference speed, or xi in the reference's direction, is below `least_speed`, a
+    static law takes over and xi follows its speed; up to 1.5 times that limit the two laws are blended. When the static
+    law takes over, its speed difference from xi decays with `handover_time`, so the speed never jumps.
     """
 
     stiffness: float = 1.0
@@ -184,7 +184,7 @@ class DynamicFeedback(Remembering):
         return np.stack([v, w], axis=-1)
 
     def _since_last_call(self, time: float, static_speed: Array) -> tuple[float, Array, Array]:
-        """Time since the last call [s], xi then, and its difference from the speed of the static law, (...)."""
+        """Time since the last call [s], xi in that call, and its difference from the static law's speed, (...)."""
         elapsed = self._elapsed(time, static_speed.shape)
         if elapsed is None:
             return 0.0, static_speed, np.zeros_like(static_speed)
@@ -194,7 +194,7 @@ class DynamicFeedback(Remembering):
         return elapsed, np.where(known, speed, static_speed), offset
 
     def _share(self, desired_speed: float, speed: Array) -> Array:
-        """Share of the dynamic law (...): 0 up to `least_speed`, 1 from 1.5 times as much."""
+        """Weight (...) of the dynamic law: 0 up to `least_speed`, 1 from 1.5 times that speed."""
         least = np.minimum(np.abs(desired_speed), np.sign(desired_speed) * speed)
         return np.clip(2 * (least / self.least_speed - 1), 0.0, 1.0)
 
@@ -210,7 +210,7 @@ def _speed_rate(reference: Reference, time: float) -> float:
 
 
 STANDING = 5.0
-"""Assumed time at rest after the end of the reference, so that the gains do not fade before the end [s]."""
+"""Time at rest assumed after the end of the reference, so that the gains do not fade before the end [s]."""
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ class Lqr(ControlLaw):
 
     @property
     def weights(self) -> tuple[Array, Array]:
-        """Q (3, 3) of the errors and R (2, 2) of the corrections, in reciprocal squares of the units of the scales."""
+        """Q (3, 3) for the errors and R (2, 2) for the corrections, in reciprocal squared units of the scales."""
         errors = np.array([self.position_scale, self.position_scale, self.heading_scale])
         return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
 
@@ -254,7 +254,7 @@ class Lqr(ControlLaw):
         return np.stack([v_d * np.cos(e_phi) - along, w_d - turning], axis=-1)
 
     def gains(self, reference: Reference) -> Array:
-        """K_k (S, 2, 3) of every period from 0 to the first one after the end of `reference`."""
+        """K_k (S, 2, 3) for every period from 0 to the first one after the end of `reference`."""
         moving = int(np.ceil(reference.duration / self.period)) + 1
         steps = moving + int(np.ceil(STANDING / self.period))
         middles = (np.arange(steps) + 0.5) * self.period
@@ -268,9 +268,9 @@ class Lqr(ControlLaw):
 
 
 def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
-    """A (..., 3, 3) and B (..., 3, 2) of the body-frame error over `period` [s] at reference twists (..., 2).
+    """A (..., 3, 3) and B (..., 3, 2) for the body-frame error over `period` [s] at reference twists (..., 2).
 
-    Exact for a reference of constant twist: the matrix exponential of the linearised Eq. 20 with inputs held.
+    They are the matrix exponential of the linearised Eq. 20 with inputs held, exact for a constant reference twist.
     """
     v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
     rates = np.zeros((*v.shape, 5, 5))  # of the error and the inputs

@@ -1,4 +1,4 @@
-"""Path following with a virtual target, which moves along the path with the robot and only gently with the time.
+"""Path following with a virtual target, which moves along the path with the robot and only loosely with time.
 
 D. Soetanto, L. Lapierre and A. Pascoal, "Adaptive, non-singular path-following control of dynamic wheeled robots",
 CDC 2003; the return to the reference's timing as in P. Encarnação and A. Pascoal, "Combined trajectory tracking and
@@ -21,23 +21,23 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class PathFollowing(Remembering):
-    """Steers onto the path beside the robot instead of towards the reference of the present time.
+    """Steers onto the path beside the robot instead of towards the reference's present pose.
 
-    The virtual target is the reference's pose at a time tau of each robot's own. In the target's frame the robot is s
-    ahead, y to the left and turned by theta. The target keeps beside the robot by v_d tau' = v cos(theta) + k_s s, and
-    goes on with the time where the reference stands. The robot approaches the path at the angle
-    delta = -sign(v) theta_a tanh(k_delta y) by theta' = delta' - gamma y v (sin(theta) - sin(delta)) / (theta - delta)
-    - k |v| (theta - delta). Near a straight line, errors decay with the distance x like exp(lambda x) with
-    lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
+    Each robot has its own virtual target: the reference pose at a time tau. In the target's frame the robot is s ahead,
+    y to the left and turned by theta. The target stays beside the robot through v_d tau' = v cos(theta) + k_s s; where
+    the reference stands still, tau runs with time. The robot approaches the path at the angle
+    delta = -sign(v) theta_a tanh(k_delta y) by turning at theta' = delta' - k |v| (theta - delta)
+    - gamma y v (sin(theta) - sin(delta)) / (theta - delta). Near a straight line, errors decay with the distance x like
+    exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
 
-    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited: a robot that is late doesn't cut corners and
-    hurries by `catch_up` at most. Near standstill of the reference, the law gives way to tau' = rho, v = -k_t s.
+    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited: a late robot doesn't cut corners and speeds up
+    by `catch_up` at most. Where the reference almost stands still, the law changes to tau' = rho, v = -k_t s.
     """
 
     along: float = 3.0
-    """k_s, rate at which the target comes beside the robot [1/s]."""
+    """k_s, rate at which the target's distance along the path from the robot decays [1/s]."""
     approach_angle: float = 0.8
-    """theta_a, of the approach from far away [rad]."""
+    """theta_a, angle of the approach from far away [rad]."""
     approach: float = 4.0
     """k_delta, inverse of the distance from the path at which the approach flattens [1/m]."""
     across: float = 5.0
@@ -49,7 +49,7 @@ class PathFollowing(Remembering):
     catch_up: float = 0.3
     """Largest |rho - 1|, less than 1 [-]."""
     least_speed: float = 0.03
-    """Speed of the reference at which the law for standstill has a share of one half [m/s]."""
+    """Reference speed at which the standstill law has a weight of one half [m/s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -68,7 +68,7 @@ class PathFollowing(Remembering):
         theta = wrap_angle(theta)
         v_d, w_d = np.moveaxis(reference.twist(target), -1, 0)
         hurry = 1 + np.clip(self.timing * (time - target), -self.catch_up, self.catch_up)
-        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)  # share of the law for standstill
+        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)  # weight of the standstill law
         v = hurry * v_d - standing * self.timing * s
         moving = (v * np.cos(theta) + self.along * s) / np.where(v_d == 0, 1.0, v_d)
         rate = standing * hurry + (1 - standing) * moving
@@ -76,7 +76,7 @@ class PathFollowing(Remembering):
         self._kept.update(target=target, rate=rate)
         steepest = np.sign(v) * self.approach_angle
         delta = -steepest * np.tanh(self.approach * y)
-        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # of delta by y
+        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # derivative of delta by y
         off, middle = theta - delta, (theta + delta) / 2
         steering = slope * (v * np.sin(theta) - w_d * rate * s)
         steering -= self.across * y * v * np.cos(middle) * np.sinc(off / (2 * np.pi))

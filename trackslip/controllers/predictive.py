@@ -1,4 +1,4 @@
-"""Predictive control: linear time-varying and nonlinear with the limits of the tracks, and by path integrals.
+"""Predictive control within the tracks' limits: linear time-varying, nonlinear, and by path integrals.
 
 F. Kühne, J. M. Gomes da Silva Jr. and W. F. Lages, "Mobile robot trajectory tracking using model predictive control",
 II IEEE Latin-American Robotics Symposium 2005; M. Diehl, H. G. Bock and J. P. Schlöder, "A real-time iteration scheme
@@ -25,9 +25,9 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Horizon(Remembering, ABC):
-    """Base of the laws that minimise predicted errors by track speeds within their limits, held for an interval each.
+    """Base class of laws that minimise predicted errors with limited track speeds, each held for one interval.
 
-    Each call improves the plan of the previous one, shifted, and drives its first twist. A robot whose pose is not
+    Each call shifts the previous plan in time, improves it, and drives its first twist. A robot whose pose is not
     finite keeps its shifted plan.
     """
 
@@ -38,7 +38,7 @@ class Horizon(Remembering, ABC):
     position_scale: float = 0.1
     """Error in x or y that costs as much as the other quantities at their scales [m]."""
     heading_scale: float = 0.6
-    """Error of the heading that costs as much [rad]."""
+    """Heading error that costs as much [rad]."""
     final_weight: float = 10.0
     """Factor on the cost of the errors at the end of the horizon [-]."""
     track_speed: float = 0.295
@@ -80,9 +80,9 @@ class Horizon(Remembering, ABC):
 
     @abstractmethod
     def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
-        """Better plans (R, K, 2) of plans (R, K, 2) at `time` [s], of robots at poses (R, 3).
+        """Improved versions (R, K, 2) of the plans (R, K, 2) at `time` [s], for robots at poses (R, 3).
 
-        The reference has poses (K + 1, 3) at the ends of the intervals, and mean twists (K, 2).
+        The reference has `poses` (K + 1, 3) at the ends of the intervals, and mean `twists` (K, 2) in them.
         """
 
     def _shifted(self, plans: Array, elapsed: float) -> Array:
@@ -94,14 +94,14 @@ class Horizon(Remembering, ABC):
         return (1 - share) * plans[..., k, :] + share * plans[..., np.minimum(k + 1, last), :]
 
 
-_SHARES = np.append(0.5 ** np.arange(20), 0.0)  # of a Newton step that are tried
-_STILL = 1e-10  # change of all unknowns below which a solution stands
-_STEPS = 100  # at most; more only shift rounding errors of ill-conditioned problems
+_SHARES = np.append(0.5 ** np.arange(20), 0.0)  # fractions of a Newton step that are tried
+_STILL = 1e-10  # a solution is final if no unknown changes by more
+_STEPS = 100  # at most; more would only shift rounding errors in ill-conditioned problems
 
 
 @dataclass(frozen=True)
 class _LeastSquares(Horizon, ABC):
-    """Minimises the squares of predicted errors and of deviations of the track speeds, by a linearised motion."""
+    """Minimises the squares of predicted errors and of track speed deviations, using linearised motion."""
 
     speed_scale: float = 0.12
     """Deviation of a track speed from the reference that costs as much [m/s]."""
@@ -115,7 +115,7 @@ class _LeastSquares(Horizon, ABC):
         reached, _, by_motion = se2.drive(starts, motion)
         reached[..., :2] = pose[:, None, :2] + np.cumsum(reached[..., :2], axis=1)
         by_speeds = by_motion[..., ::2] @ (self.interval * twist_of_tracks(np.eye(2), self.half_gauge).T)
-        # A turn in interval j also turns the way from there to the end of interval k.
+        # A turn in interval j also turns the path from there to the end of interval k.
         x, y, _ = np.moveaxis(reached[:, :, None] - reached[:, None], -1, 0)  # (R, K, K)
         effect = np.repeat(by_speeds[:, None], self.intervals, axis=1)  # (R, k, j, 3, 2)
         effect[..., 0, :] -= y[..., None] * by_speeds[:, None, :, 2]
@@ -124,9 +124,9 @@ class _LeastSquares(Horizon, ABC):
         return reached, effect.swapaxes(2, 3).reshape(-1, 3 * self.intervals, 2 * self.intervals)
 
     def _optimum(self, plans: Array, deviation: Array, effect: Array, wanted: Array) -> Array:
-        """The best plans (R, K, 2), if poses deviate by (R, K, 3) from the reference with the present plans.
+        """The best plans (R, K, 2) if, under the present plans, poses deviate from the reference by (R, K, 3).
 
-        `effect` (R, 3 K, 2 K) is that of their change, `wanted` (K, 2) are the reference's track speeds.
+        `effect` (R, 3 K, 2 K) is how plans change poses, `wanted` (K, 2) are the reference's track speeds.
         """
         root = np.sqrt(self.weights).reshape(-1, 1)
         effect, deviation = root * effect, root * deviation.reshape(len(plans), -1, 1)
@@ -138,7 +138,7 @@ class _LeastSquares(Horizon, ABC):
 
 @dataclass(frozen=True)
 class LinearPredictive(_LeastSquares):
-    """Minimises the errors predicted by the motion linearised about the reference, subject to the tracks' limits."""
+    """Minimises the errors predicted by motion linearised about the reference, subject to the tracks' limits."""
 
     def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
         wanted = track_speeds(twists, self.half_gauge)
@@ -201,21 +201,21 @@ def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
 class PathIntegral(Horizon):
     """Averages sampled plans, each weighted by exp(-cost / temperature), and drives the first twist of the mean.
 
-    Samples are normal about the shifted plan of the previous call, in pairs of opposite deviations, and driven within
-    the limits of the tracks. Uncontrolled motion is that of the reference, so a deviation d of a track speed from it
+    Samples are normally distributed about the shifted plan of the previous call, in pairs of opposite deviations, and
+    clipped to the tracks' limits. Uncontrolled motion is the reference's, so a deviation d of a track speed from it
     costs temperature d^2 / (2 noise^2): with many samples and no active limit, the plan is that of model predictive
-    control with speed_scale = noise sqrt(2 / temperature). The random numbers follow from the seed and the time, so
-    that a robot's twist depends on its own poses only.
+    control with speed_scale = noise sqrt(2 / temperature). Random numbers depend on the seed and the time only, so a
+    robot's twist depends on its own poses only.
     """
 
     samples: int = 400
-    """Number of sampled plans, rounded up to an even one [-]."""
+    """Number of sampled plans, rounded up to an even number [-]."""
     noise: float = 0.03
     """Standard deviation of each sampled track speed in each interval [m/s]."""
     temperature: float = 0.125
     """lambda, in units of the cost [-]."""
     seed: int = 1
-    """Of the random numbers [-]."""
+    """Seed of the random numbers [-]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -234,7 +234,7 @@ class PathIntegral(Horizon):
         sampled = np.clip(plan + deviations, -self.track_speed, self.track_speed)  # (M, K, 2)
         v, w = np.moveaxis(twist_of_tracks(sampled, self.half_gauge), -1, 0)  # (M, K)
         heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
-        middle = heading - w * (self.interval / 2)  # chords of arcs point there; they are 1 - w^2 interval^2 / 24 long
+        middle = heading - w * (self.interval / 2)  # direction of chords, 1 - w^2 interval^2 / 24 as long as arcs
         chord = v * self.interval * (1 - (w * self.interval) ** 2 / 24)
         x = pose[0] - wanted[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
         y = pose[1] - wanted[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)

@@ -1,4 +1,4 @@
-"""Laws that steer towards a point ahead: pure pursuit of a reference in time, plain and regulated; the robot Stanley's.
+"""Laws that steer towards a point ahead: pure pursuit, plain and regulated, and the law of the robot Stanley.
 
 R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992; S. Macenski,
 S. Singh, F. Martín and J. Ginés, "Regulated pure pursuit for robot path tracking", Autonomous Robots 47, 2023;
@@ -30,7 +30,7 @@ class PurePursuit(Scheduled):
     """Drives the arc through a goal that is `look_ahead` further along the path than the reference.
 
     The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d; without errors it
-    equals that of the path. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and
+    equals the path's curvature. On a straight line the closed loop equals that of Eq. 31 with g = 2 / look_ahead^2 and
     xi = 1 / sqrt(2). The robot never drives against the direction of the reference; it waits instead.
     """
 
@@ -47,26 +47,26 @@ class PurePursuit(Scheduled):
 
 @dataclass(frozen=True)
 class RegulatedPurePursuit(Scheduled):
-    """Pure pursuit with a goal further ahead at speed, slower in sharp bends and before cusps, stops and the end.
+    """Pure pursuit that looks further ahead at speed and slows down in sharp bends and before cusps, stops and the end.
 
-    The controller of Nav2, with the names of its parameters. Its desired speed is here the one that keeps up with the
-    reference. Speed isn't scaled near obstacles.
+    The controller from Nav2, with the same parameter names. Here its desired speed is the one that keeps up with the
+    reference, and the speed isn't reduced near obstacles.
     """
 
     lookahead_time: float = 1.5
-    """Distance of the goal along the path over the reference's speed [s]."""
+    """Distance of the goal along the path, divided by the reference's speed [s]."""
     min_lookahead_dist: float = 0.15
     """Least distance of the goal [m]."""
     max_lookahead_dist: float = 0.6
     """Largest distance of the goal [m]."""
     regulated_linear_scaling_min_radius: float = 0.4
-    """Radius of arcs below which the speed falls in proportion to it [m]."""
+    """Arc radius below which the speed falls in proportion to the radius [m]."""
     regulated_linear_scaling_min_speed: float = 0.05
-    """Speed below which it doesn't fall there [m/s]."""
+    """Speed below which bends do not reduce it [m/s]."""
     approach_velocity_scaling_dist: float = 0.05
-    """Distance to a cusp, a stop or the end below which the speed falls in proportion to it [m]."""
+    """Distance to a cusp, a stop or the end below which the speed falls in proportion to the distance [m]."""
     min_approach_linear_velocity: float = 0.05
-    """Speed below which it doesn't fall there [m/s]."""
+    """Speed below which such an approach does not reduce it [m/s]."""
     _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -105,8 +105,8 @@ class PathAhead:
     ) -> tuple[Array, Array, Array]:
         """Speeds [m/s], curvatures of arcs to the goal [1/m] and distances left [m], (...) each, at poses (..., 3).
 
-        The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; what is left ends where the goal's does.
-        `gain` is that of the speed law by the reference's twist.
+        The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; distances left are to the next cusp,
+        stop or end. `gain` is the speed law's gain as a function of the reference twist.
         """
         desired = self._reference.twist(time)
         goal, left = self.point(time, look_ahead)
@@ -118,9 +118,9 @@ class PathAhead:
         return v, curvature, left + np.sign(desired[0]) * (np.cos(e_phi) * e_x + np.sin(e_phi) * e_y)
 
     def point(self, time: float, distance: float) -> tuple[Array, float]:
-        """The pose (3,) on the path `distance` [m] beyond that at `time` [s], in the direction of travel.
+        """The pose (3,) on the path `distance` [m] beyond the pose at `time` [s], in the direction of travel.
 
-        Beyond a cusp, a stop or the end, the path continues along its tangent; the second value is how far that is [m].
+        Beyond the next cusp, stop or end the path continues along its tangent; the distance to there comes second [m].
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)
@@ -138,7 +138,7 @@ class Stanley(Scheduled, ErrorFeedback):
     The steering angle is delta = psi + atan(k e / (k_s + |v|)): psi is the direction of the path of the axle relative
     to the robot, which for a reference of curvature kappa_d is e_phi + atan(wheelbase kappa_d), and e its distance to
     the left of the axle. There is thus no steady-state error on arcs. Then w = |v| tan(delta) / wheelbase. A steered
-    axle has no effect at standstill and cannot back up to a reference that drives forwards, so the robot waits there.
+    axle has no effect at standstill and cannot back up to a reference that drives forwards, so the robot waits then.
     """
 
     wheelbase: float = 0.2
@@ -168,11 +168,11 @@ class Stanley(Scheduled, ErrorFeedback):
 
 
 def speed_to_keep_up(desired: Array, errors: Errors, gain: Array) -> Array:
-    """v_d plus k [1/s] times the error along the path [m/s] (...), or 0 if that is opposite to v_d.
+    """v_d plus k [1/s] times the error along the path, (...) [m/s], or 0 if the sum is opposite to v_d.
 
-    Takes the twist (2,) of the reference and the errors, (...) each. For laws that steer towards a point ahead. They
-    are unstable when driven away from that point, so the robot waits for a reference behind it; and they have to keep
-    driving to turn around, so the speed must not depend on the heading of the robot. To first order this equals
+    Takes the reference twist (2,) and the errors, (...) each. It is for laws that steer towards a point ahead. These
+    are unstable when the robot drives away from that point, so it waits for a reference behind it; and the robot can
+    only turn round while driving, so the speed must not depend on its heading. To first order this equals
     v_d cos(e_phi) + k e_x.
     """
     e_x, e_y, e_phi = errors

@@ -1,7 +1,7 @@
-"""Laws for other programs in one call.
+"""Writes laws for other programs in one call, as code, parameters or JSON.
 
-A program is a C header that needs only <math.h>, or a Python module that needs only `math`. Their functions are the
-equations of `trackslip.laws`, from the folder `templates`; the law's numbers are constants in front of them.
+Code is a C header that needs only <math.h>, or a Python module that needs only `math`. Its functions are the equations
+of `trackslip.laws`, from the folder `templates`; the law's numbers precede them as constants.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 
 def c_text(stored: StoredLaws, law: str) -> str:
-    """A header for C99 and C++ with the functions trackslip_sprocket_speeds and trackslip_body_twist of a law."""
+    """A header for C99 and C++ with the functions trackslip_sprocket_speeds and trackslip_body_twist for a law."""
     lines = [
         f"static const double trackslip_{name} = {value!r}; /* {about} */\n"
         for name, (value, about) in _constants(stored, law).items()
@@ -43,7 +43,7 @@ def c_text(stored: StoredLaws, law: str) -> str:
 
 
 def python_text(stored: StoredLaws, law: str) -> str:
-    """A module with the functions `sprocket_speeds` and `body_twist` of a law."""
+    """A module with the functions `sprocket_speeds` and `body_twist` for a law."""
     lines = [f"{name.upper()} = {value!r}  # {about}\n" for name, (value, about) in _constants(stored, law).items()]
     functions = _template(law, "py")
     imports = "import math\n\n" if "math." in functions else ""
@@ -56,7 +56,7 @@ def _template(law: str, language: str) -> str:
 
 
 def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
-    """Values and descriptions of the constants that the functions of a law use, by name."""
+    """Values and descriptions, by name, of the constants that a law's functions use."""
     geometry = stored.geometry
     radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
     if expressible(law):
@@ -80,12 +80,12 @@ TARGETS: dict[str, Callable[..., str]] = {
     "c": c_text,
     "python": python_text,
 }
-"""Targets of a deployment: the text of a file, from laws and the name of one of them."""
+"""Deployment targets: functions that return a file's text, given stored laws and the name of one of them."""
 
 
 @dataclass(frozen=True)
 class Deployed:
-    """A law as another program takes it."""
+    """A law in the form that another program reads."""
 
     law: str
     """Name of the law."""
@@ -102,7 +102,7 @@ def deploy_law(
     controller: str = CONTROLLER,
     accept: bool = False,
 ) -> str:
-    """The text of a file by which another program drives, and computes odometry, under a slip law.
+    """The text of a file with which another program drives and computes odometry according to a slip law.
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification.
@@ -113,7 +113,7 @@ def deploy_law(
         accept: whether to deploy a law although its identification raised an alarm.
 
     Raises TrackslipError if the source holds no laws, for an unknown target, law or controller, for a law that the
-    target can't express, and for an alarm.
+    target can't express, and for an alarm that isn't accepted.
     """
     return deployed(source, to, law, controller, accept).text
 
@@ -125,12 +125,12 @@ def deployed(
     controller: str = CONTROLLER,
     accept: bool = False,
 ) -> Deployed:
-    """A law for another program, chosen as by `deploy_law`."""
+    """A law for another program, chosen as in `deploy_law`."""
     require(to in TARGETS, "to", to, f"one of {', '.join(TARGETS)}")
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))
     else:
-        from trackslip.identification.result import identification_to_json  # late: it takes SciPy
+        from trackslip.identification.result import identification_to_json  # imported late: needs SciPy
 
         stored = stored_laws(identification_to_json(source), "the identification")
     name = stored.law_named(best_expressible(stored, to) if law is None else law)

@@ -7,7 +7,7 @@ from trackslip.errors import require
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import NO_SLIP, StoredLaws, number, text
 
-CONTROLLER = "diff_drive_controller"  # name of a controller, unless a robot has given it another
+CONTROLLER = "diff_drive_controller"  # default name of a robot's controller
 _MEANING = (
     "2 b, distance between the tracks' centre lines [m]",
     "r, radius of the sprockets [m]",
@@ -15,21 +15,21 @@ _MEANING = (
     "1 + epsilon of the left sprocket",
     "1 + epsilon of the right sprocket",
 )
-_NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
-_RATE = 50.0  # at which the controller states odometry, unless told otherwise [Hz]
-_UNKNOWN = 1e6  # variance of what the tracks can't measure [m^2/s^2, rad^2/s^2]
+_NEGLIGIBLE = 1e-6  # distance below which two points of the robot are taken as one [m]
+_RATE = 50.0  # default rate at which the controller publishes odometry [Hz]
+_UNKNOWN = 1e6  # variance of rates that the tracks can't measure [m^2/s^2, rad^2/s^2]
 
 
 def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2) -> str:
-    """YAML with the parameters under which diff_drive_controller drives, and computes odometry, by the law.
+    """YAML with parameters for diff_drive_controller to drive and compute odometry according to the law.
 
-    Its wheels are at the ICRs: their separation is the distance of the ICRs, their radii are the effective ones. Where
-    the D of the tracks differ, its odometry describes the point midway between the ICRs, and a comment says so.
+    The controller's wheels are at the ICRs: their separation is the ICRs' distance, their radii are the effective ones.
+    If the tracks' D differ, odometry describes the point midway between the ICRs, and a comment says so.
 
-    The variances of its twists are those of a law fitted to drives, whose slip is known to vary.
+    Variances of the twists are included for a law fitted to drives, as only then is the varying slip known.
 
-    `controller` is the name of the robot's own, `ros` the version of ROS whose form the file has. Raises
-    InvalidValueError if it is no name.
+    `controller` is the name of the robot's controller, `ros` the ROS version that the file is for. Raises
+    InvalidValueError if `controller` isn't a valid name.
     """
     is_name = controller.isidentifier() and controller.isascii()
     require(is_name, "controller", controller, "a name of letters, digits and _, as in platform_velocity_controller")
@@ -72,7 +72,7 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
 
 
 def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
-    """Variances of x, y, z, roll, pitch and yaw rates under which their errors add up to the slip that varies."""
+    """Variances of x, y, z, roll, pitch and yaw rates that match the varying slip; empty if that isn't known."""
     deviations = [
         number(stored.content, "drive", "laws", law, "noise", f"slip_{what}")
         for what in ("forward", "sideways", "turn")
@@ -100,13 +100,13 @@ def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tu
 
 
 def best_expressible(stored: StoredLaws, target: str) -> str:
-    """The best law if a target can express it, else the best of constant ICRs, as identified."""
+    """The best law if a target can express it, otherwise the best identified law of constant ICRs."""
     best, other = stored.law_named(None), text(stored.content, "expressible")
     return other if target not in FAMILIES[best].targets and other in stored.laws else best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:
-    """A sentence if a law isn't the best one; empty if it is, or the best isn't known."""
+    """A sentence if `law` isn't the best law; empty if it is, or if the best law isn't known."""
     best = text(stored.content, "best")
     return f"The best law is {best}: this is {law}" if best not in ("", law) else ""
 
@@ -118,6 +118,6 @@ def nearest(stored: StoredLaws, target: str) -> str:
 
 
 def yaml_number(value: float) -> str:
-    """A number that YAML 1.1, too, reads exactly and as a float."""
+    """A number in a form that even YAML 1.1 reads exactly, as a float."""
     mantissa, _, exponent = repr(float(value)).partition("e")
     return mantissa if not exponent else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"

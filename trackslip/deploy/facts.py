@@ -11,7 +11,7 @@ from trackslip.files import installed_version
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, entry, laws_content, number, text
 
-_MAX_LENGTH = 200  # of a line taken from a file
+_MAX_LENGTH = 200  # most characters of a line taken from a file
 _SPELLED = str.maketrans(
     {
         **{"±": "+/-", "°": " deg", "ε": "epsilon", "τ": "tau", "ψ": "psi", "²": "^2", "·": "*", "×": "x"},
@@ -21,7 +21,7 @@ _SPELLED = str.maketrans(
 
 
 def alarms_of(stored: StoredLaws) -> list[str]:
-    """Lines of the alarms that the identification raised."""
+    """The alarms that the identification raised, a line each."""
     found = entry(stored.content, "alarms")
     return [line for alarm in found if (line := text(alarm, "line"))] if isinstance(found, list | tuple) else []
 
@@ -54,7 +54,7 @@ def json_text(stored: StoredLaws, law: str) -> str:
 
 
 def comment(lines: Iterable[str], mark: str) -> str:
-    """Lines with a mark in front."""
+    """The lines, each with a comment mark in front."""
     return "".join(f"{mark} {line}".rstrip() + "\n" for line in lines)
 
 
@@ -80,7 +80,7 @@ def _plain(line: str) -> str:
     """A line as ASCII that is safe in comments of any language."""
     blank = "".join(c if c.isprintable() else " " for c in line.translate(_SPELLED))
     ascii_only = blank.encode("ascii", "replace").decode().rstrip()
-    for closing in ("*/", "/*", "??"):  # ends, begins and trigraphs of C
+    for closing in ("*/", "/*", "??"):  # end and start of C comments, and C trigraphs
         while closing in ascii_only:
             ascii_only = ascii_only.replace(closing, f"{closing[0]} {closing[1]}")
     return ascii_only if len(ascii_only) <= _MAX_LENGTH else f"{ascii_only[: _MAX_LENGTH - 4]} ..."

@@ -1,4 +1,4 @@
-"""The base class of slip laws, the twist that results from sprocket speeds, and no slip."""
+"""The base class of slip laws, which also finds the twist from sprocket speeds, and the law without slip."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds, twist_of_tracks
 
-_EDGE = 1e-9  # beyond a jump that is rounding [half its height]
+_EDGE = 1e-9  # excess over a jump that counts as rounding [half the jump's height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
-_SLOPES = (0.2, 5.0)  # of the commanded direction over the real one, to which a step is limited
+_SLOPES = (0.2, 5.0)  # limits of a step's slope, commanded direction over real one
 
 
 class SlipLaw(ABC):
@@ -24,18 +24,18 @@ class SlipLaw(ABC):
     records_icr: ClassVar[bool] = False
     """True if logs of runs under this law record its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
-    """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take them all."""
+    """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds need them all."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
-        """Slips (..., 2) at curvatures (...); infinite curvature is turning in place."""
+        """Slips (..., 2) at curvatures (...); infinite curvature means turning in place."""
 
     def slip(self, twist: ArrayLike) -> Array:
         """Slips (..., 2) at twists (..., 2); laws that depend on speed override this."""
         return self(curvature(twist))
 
     def under(self, load: ArrayLike) -> SlipLaw:
-        """The law under tractions per unit load (..., 2) [-]; laws without load are the same under any."""
+        """The law at tractions per unit load (..., 2) [-]; a law that ignores load stays the same."""
         del load
         return self
 
@@ -48,7 +48,7 @@ class SlipLaw(ABC):
 
         The secant method rotates and scales the real twist, a point in the plane (v, b w), until the law's command for
         it matches `omega`. Where a law jumps between left and right turns in place, the robot turns in place with slips
-        in between. If there is no solution, or more than one, the result is close to one.
+        in between. If several solutions exist, the result is close to one; if none, it is approximate.
         """
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)
@@ -70,18 +70,18 @@ class SlipLaw(ABC):
         return _of_plane(np.where(in_place, 1j * turning, real), geometry)
 
     def effective_half_gauge(self, geometry: RobotGeometry) -> float:
-        """Half gauge [m] of tracks that turn alike without slip: b + D of constant ICRs.
+        """Half gauge [m] of slip-free tracks that would turn the robot alike: b + D for constant ICRs.
 
-        Other laws are taken in turns to both sides with a radius of four half gauges; of several robots, the mean.
+        Other laws are evaluated in turns to both sides with a radius of four half gauges; for several robots, the mean.
         """
         radius = 4 * geometry.half_gauge
         left, right = np.moveaxis(self.sprocket_speeds([[[radius, 1.0]], [[radius, -1.0]]], geometry), -1, 0)
         return float(np.mean(np.abs((right - left) / (right + left)))) * radius
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-        """Mask of sprocket speeds (..., 2) in the jump between left and right turns in place, and b w there.
+        """Mask (...) of sprocket speeds (..., 2) in the jump between left and right turns in place, and b w there.
 
-        Both are (...), b w in [m/s]. The slips of both tracks have the same sum as at either end of the jump.
+        b w is (...) [m/s]. In the jump, the slips of the two tracks have the same sum as at either end of it.
         """
         belt = geometry.sprocket_radius * omega
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -131,7 +131,7 @@ def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
 
 
 def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str) -> None:
-    """Raise InvalidValueError unless the parameters of these names are between `low` and `high`, both excluded."""
+    """Raise InvalidValueError unless the named parameters are between `low` and `high`, both excluded."""
     for name in names:
         value = getattr(law, name)
         try:

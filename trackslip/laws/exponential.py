@@ -56,7 +56,7 @@ class ExponentialSpeed(Exponential):
         require_between(self, ("gamma_outer", "gamma_inner"), -np.inf, np.inf, "finite")
 
     def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) at twists (..., 2); calling the law gives the limit |v| = 0."""
+        """Slips (..., 2) at twists (..., 2); calling the law returns the limit for |v| = 0."""
         speed = np.abs(np.asarray(twist, float)[..., 0])
         inner, outer = self.alpha_inner + self.gamma_inner * speed, self.alpha_outer + self.gamma_outer * speed
         return self._decayed(curvature(twist), inner, outer)

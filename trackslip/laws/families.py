@@ -1,6 +1,6 @@
 """The slip laws that can be fitted, one entry each: parameters, limits, symbols and deployment targets.
 
-To add a law, write it in `trackslip.laws` and an entry here; `examples/own_slip_law.py` does both in a file of its own.
+To add a law, write its class in `trackslip.laws` and its entry here; `examples/own_slip_law.py` does both in one file.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Parameter:
     high: float  # upper limit
     scale: float  # size of a significant change
     unit: str  # unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges
-    symbol: str = ""  # its letter in formulas, without the track; by default its name is printed
+    symbol: str = ""  # letter in formulas, without the track's index; by default the name is printed
     meaning: str = ""  # meaning of the letter, for reports
 
 
@@ -42,13 +42,13 @@ class LawFamily:
     title: str  # a short description
     parameters: Mapping[str, Parameter]  # free parameters by name, in the order of their values in arrays
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
-    """Builds a law from values of the parameters: numbers, or arrays of one shape."""
-    targets: tuple[str, ...] = ("json",)  # its deployment targets, out of `trackslip.deploy.TARGETS`
+    """Builds a law from parameter values: numbers, or arrays of one shape."""
+    targets: tuple[str, ...] = ("json",)  # deployment targets, from `trackslip.deploy.TARGETS`
     loaded: bool = False  # true if slip depends on the traction per unit load, which runs must then provide
     two_sided: bool = False
     """True if left and right turns slip differently, so that fits need turns to both sides."""
     fast: bool = False
-    """True if slip depends on the lateral acceleration, which must then be a few tenths of a m/s² for it to show."""
+    """True if slip depends on the lateral acceleration, which must reach a few tenths of a m/s² to show an effect."""
     of_runs: bool = True  # true if it is fitted to steady runs
     of_drives: bool = True  # true if it is fitted to whole drives
 
@@ -63,13 +63,13 @@ class LawFamily:
         return (np.array(rows).reshape(-1, 3) * self._units(half_gauge)[:, None]).T
 
     def starts(self, half_gauge: float) -> Array:
-        """Starting values (K, p) of fits."""
+        """Starting values (K, p) for fits."""
         most = max((len(p.starts) for p in self.parameters.values()), default=1)
         rows = [[p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)]
         return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
 
     def under(self, load: Array | None) -> LawFamily:
-        """The family of the laws under tractions per unit load (...) [-]; the same for laws without load."""
+        """The family at tractions per unit load (...) [-]; unchanged if its laws ignore load."""
         if load is None:
             return self
         return replace(self, build=lambda values, geometry: self.build(values, geometry).under(load))
@@ -81,14 +81,14 @@ class LawFamily:
     def twist_slopes(self, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values (m, p) of m laws.
 
-        They are central differences, for values at a limit just inside it, and 0 where no twist produces these speeds.
+        They are central differences, taken just inside a limit for values at it, and 0 where no twist has these speeds.
         """
         if not self.names:
             return np.empty((len(values), len(omega), 2, 0))
         low, high, scale = self.limits(geometry.half_gauge)
         step = _DIFFERENCE * scale
         inside = np.clip(values, low + step, high - step)[:, None, :]
-        pushes = np.diag(step)[:, None, None, :]  # a parameter at a time, for all laws: (p, 1, 1, p)
+        pushes = np.diag(step)[:, None, None, :]  # one parameter at a time, for all laws: (p, 1, 1, p)
         ahead, behind = (self.law(inside + push, geometry).twist(omega, geometry) for push in (pushes, -pushes))
         slopes = np.moveaxis(ahead - behind, 0, -1) / (2 * step)
         return np.where(np.isfinite(slopes), slopes, 0.0)
@@ -129,7 +129,7 @@ _RADIUS_SIDES = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADI
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
-GAINS = "two_gains"  # family of the gains that people compute by hand: the yardstick of all others
+GAINS = "two_gains"  # family of the gains that people compute by hand: the yardstick for all others
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False),
@@ -195,7 +195,7 @@ def family(name: str) -> LawFamily:
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
-    """A law of FAMILIES from stored values; raises InvalidValueError for missing or invalid ones."""
+    """A law of the family `name` from stored values; raises InvalidValueError for missing or invalid ones."""
     model = family(name)
     geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
     numbers = {}

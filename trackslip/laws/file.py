@@ -24,7 +24,7 @@ SHIPPED = Path(__file__).parent / "laws.json"
 
 @dataclass(frozen=True)
 class StoredLaws:
-    """The laws in a file, with the rest of its content."""
+    """The laws in a file, with the rest of the file's content."""
 
     name: str  # the file's name in messages and comments, without the folders that lead to it
     geometry: RobotGeometry  # geometry of the robot that the laws were identified for
@@ -35,7 +35,7 @@ class StoredLaws:
     def law_named(self, name: str | None) -> str:
         """`name` if there is such a law; for None the best law as stored, or the only one.
 
-        Raises InvalidValueError for another name, LogError if the file doesn't state the best law.
+        Raises InvalidValueError for an unknown name, LogError if the file doesn't state the best law.
         """
         if name is not None:
             require(name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})")
@@ -65,7 +65,7 @@ class StoredLaws:
         return next((laws for laws in (inner, short) if isinstance(laws, Mapping)), {})
 
     def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
-        """95 % interval of a parameter; None if unknown, as for a parameter that was held."""
+        """95 % interval of a parameter; None if unknown, for example because the parameter was held fixed."""
         low, high = (number(self.content, "slip_laws", law, "interval95", parameter, k) for k in (0, 1))
         return None if low is None or high is None else (low, high)
 
@@ -82,7 +82,7 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
     """Write laws by family name to a JSON file that `load_laws` and the commands' option `--laws` read.
 
-    The geometry belongs to the robot that they were identified for. Laws without parameters are not stored.
+    `geometry` is that of the robot for which the laws were identified. Laws without parameters are not stored.
 
     Raises:
         InvalidValueError: if a name is not that of a family, or a law does not belong to the family it is named for.
@@ -102,7 +102,7 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
-    """The content of a file of laws: by family name, `values` (the parameters) and whatever else describes the law."""
+    """The content of a laws file: for each family name, `values` (the parameters) and what else describes the law."""
     return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
 
 
@@ -113,7 +113,7 @@ def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
     """
     file = path / "summary.json" if path.is_dir() else path
     stored = stored_laws(read_json(file), str(file), known_manifest(path) if path.is_dir() else {}, robot)
-    # the name goes into comments of other programs, so folders of this machine have no place in it
+    # the name goes into comments of other programs, so it must not contain this machine's folders
     name = file.name if file == path else f"{path.resolve().name}/{file.name}"
     return replace(stored, name="the laws shipped with trackslip" if file == SHIPPED else name)
 
@@ -121,7 +121,7 @@ def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
 def stored_laws(
     content: Any, name: str, manifest: Mapping[str, Any] | None = None, robot: RobotGeometry | None = None
 ) -> StoredLaws:
-    """The laws in the content of such a file, called `name` in messages; raises LogError as `load_laws` does."""
+    """The laws in a file's content; messages call the file `name`; raises LogError as `load_laws` does."""
     try:
         require_known_format(content, name)
         geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
@@ -144,7 +144,7 @@ def stored_laws(
 
 
 def entry(content: Any, *keys: str | int) -> Any:
-    """The value under nested keys, or places in lists, of what a JSON file holds; None where there is none."""
+    """The value under nested keys, or list indices, in the content of a JSON file; None if there is none."""
     for key in keys:
         try:
             content = content[key]

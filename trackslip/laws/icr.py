@@ -1,4 +1,4 @@
-"""Tracks with constant instantaneous centres of rotation (ICRs), without and with slip in proportion to their force."""
+"""Constant instantaneous centres of rotation (ICRs) of the tracks, with or without slip proportional to their force."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from trackslip.laws.base import SlipLaw, require_between
 
 
 class IcrLaw(SlipLaw):
-    """Base of the laws with ICRs, whose sprocket speeds and twists are regular at every radius.
+    """Base class of laws with ICRs, whose sprocket speeds and twists are regular at every radius.
 
     They are computed without the slip ratio, which has a pole where a sprocket stands still.
     """
 
     half_gauge: float
     offsets: ClassVar[tuple[str, ...]] = ("offset",)
-    """Names of the D of both tracks, or of each."""
+    """Field names of D: one for both tracks, or one for each."""
     radius_errors: ClassVar[tuple[str, ...]] = ("radius_error",)
-    """Names of the epsilon of both tracks, or of each."""
+    """Field names of epsilon: one for both tracks, or one for each."""
 
     def __post_init__(self) -> None:
         require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
@@ -33,12 +33,12 @@ class IcrLaw(SlipLaw):
 
     @cached_property
     def _reach(self) -> Array:
-        """b + D (..., 2) of the left and right track, or (..., 1) where both have the same [m]."""
+        """b + D (..., 2) of the left and right track, or (..., 1) if they are equal [m]."""
         return self._of_tracks(self.offsets) + np.asarray(self.half_gauge, float)[..., None]
 
     @cached_property
     def _scale(self) -> Array:
-        """1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
+        """1 + epsilon (..., 2) of the left and right track, or (..., 1) if they are equal."""
         return 1 + self._of_tracks(self.radius_errors)
 
     def _of_tracks(self, names: tuple[str, ...]) -> Array:
@@ -79,8 +79,8 @@ class _ConstantIcrs(IcrLaw):
 class ConstantIcr(_ConstantIcrs):
     """Both ICRs at a distance D outside their tracks, as Coulomb friction predicts for slow turns.
 
-    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa): for epsilon = 0, D / (R + b + D) outside and
-    -D / (R - b - D) inside.
+    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa): for epsilon = 0, D / (R + b + D) on the outer track and
+    -D / (R - b - D) on the inner one.
     """
 
     offset: float
@@ -114,9 +114,9 @@ class IcrSides(_ConstantIcrs):
     radius_errors = ("radius_error_left", "radius_error_right")
 
 
-MAX_COMPLIANCE = 1.2  # largest slip per traction over load [-]
+MAX_COMPLIANCE = 1.2  # largest slip per traction per unit load [-]
 MAX_LOAD = 0.8
-"""Largest magnitude of traction over load [-]; with the largest compliance, a track still moves."""
+"""Largest traction per unit load, in magnitude [-]; even at MAX_COMPLIANCE, a track still moves."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ class IcrLoad(IcrLaw):
 
         v = v' - t sqrt((C v')^2 + (S w')^2)        w = w'        u = -t_left (C |v| + S |w|)
 
-    Straight uphill the belts slip by C t; downhill the robot outruns them as much. In turns the tracks slide sideways
-    anyway, and yield to any other force as well. Where uphill is to the left, the robot drifts to the right: u < 0.
+    Straight uphill the belts slip by C t; downhill the robot outruns them by as much. In turns the tracks slide
+    sideways anyway, and yield to any other force as well. Where uphill is to the left, the robot drifts right: u < 0.
 
     For small tractions, C = 2 K / (mu L) with the ground's shear modulus K, its friction mu and the length L of the
     contact (Janosi and Hanamoto, 1961), and S = L / (2 mu) in turns that shear the ground to its limit.
@@ -141,22 +141,22 @@ class IcrLoad(IcrLaw):
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     compliance: float = 0.0
-    """C: slip per traction over load [-]."""
+    """C: slip per traction per unit load [-]."""
     turn_compliance: float = 0.0
-    """S: speed lost per yaw rate and traction over load [m]."""
+    """S: speed lost per yaw rate and traction per unit load [m]."""
     load: Array | tuple[float, float] = (0.0, 0.0)
-    """(t, t_left): traction that the robot needs over the load on its tracks, uphill; one, or one per motion [-]."""
+    """(t, t_left): traction needed, positive uphill, per load on the tracks; one pair, or one per motion [-]."""
     records_icr: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between(self, ("turn_compliance",), -np.inf, np.inf, "finite")
         for name, most in (("compliance", MAX_COMPLIANCE), ("load", MAX_LOAD)):
-            limit = most * 1.01  # for differences at the limit
+            limit = most * 1.01  # room for finite differences at the limit
             require_between(self, (name,), -limit, limit, f"between {-most} and {most}")
 
     def under(self, load: ArrayLike) -> IcrLoad:
-        """The law of a robot that needs tractions per unit load `load`, one (2,) or (..., 2) [-]."""
+        """The law for a robot that needs tractions per unit load `load`, one (2,) or many (..., 2) [-]."""
         return replace(self, load=np.asarray(load, float))
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -185,7 +185,7 @@ class IcrLoad(IcrLaw):
         return np.asarray(-self._tractions[1] * (self.compliance * v + self.turn_compliance * w))
 
     def yielding(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Velocities (..., 3), forwards, to the left and of yaw, that load adds at sprocket speeds omega (..., 2)."""
+        """Velocities (..., 3) (forwards, leftwards, yaw) that load adds at sprocket speeds omega (..., 2)."""
         twist = self.twist(omega, geometry)
         slower = twist[..., 0] - self.unloaded_law.twist(omega, geometry)[..., 0]
         return np.stack([slower, self.sideslip(twist), np.zeros_like(slower)], axis=-1)

@@ -1,4 +1,4 @@
-"""Constant ICRs of a robot that loses speed in turns, and of one that skids where turns are fast."""
+"""Constant ICRs for a robot that loses speed in turns, and for one that skids in fast turns."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.base import require_between
 from trackslip.laws.icr import IcrLaw
 
-_MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at every difference
+_MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at any speed difference
 _ITERATIONS = 60
 _CONVERGED = 1e-15  # last step, relative to the twist
 
 
 class _SpeedLost(IcrLaw):
-    """The yaw rate of constant ICRs, and a speed that turning diminishes."""
+    """The yaw rate of constant ICRs, and a speed that turning reduces."""
 
     offset: float
     turn_loss: float
@@ -44,13 +44,13 @@ class _SpeedLost(IcrLaw):
 
 @dataclass(frozen=True)
 class TurnLoss(_SpeedLost):
-    """Constant ICRs of a robot that loses speed in turns, as seen with fast skid-steered robots.
+    """Constant ICRs of a robot that loses speed in turns, as fast skid-steered robots do.
 
     With the belts' speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
 
         w = d / (b + D)        v = s (1 - g sin^2 theta)        tan theta = d / s
 
-    With g = 0 it is the constant ICR.
+    With g = 0, this is the law of constant ICRs.
     """
 
     offset: float
@@ -65,7 +65,7 @@ class TurnLoss(_SpeedLost):
 
 @dataclass(frozen=True)
 class TurnLossSides(_SpeedLost):
-    """TurnLoss with an epsilon for each side, as of tyres that are inflated unequally: the robot pulls to one side."""
+    """TurnLoss with an epsilon for each side, such as for unequally inflated tyres: the robot pulls to one side."""
 
     offset: float
     """D: distance of the ICRs outside the centre lines of the tracks [m]."""
@@ -83,13 +83,13 @@ class TurnLossSides(_SpeedLost):
 
 @dataclass(frozen=True)
 class Centrifugal(TurnLoss):
-    """Turn loss, and slip in proportion to the lateral acceleration, as of fast robots on ice.
+    """Turn loss, and slip in proportion to the lateral acceleration, as for fast robots on ice.
 
-    With the twist (v', w') of the same belts under TurnLoss,
+    If the same belt speeds produce the twist (v', w') under TurnLoss,
 
         v' = v (1 + k |v w|)        w' = w (1 + k |v w|)
 
-    Friction that holds the robot on its curve doesn't drive it, so that it skids along the same curve, but slower.
+    Friction that holds the robot on its curve can't drive it, so the robot skids along the same curve more slowly.
     """
 
     centrifugal_slip: float = 0.0
@@ -97,10 +97,10 @@ class Centrifugal(TurnLoss):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")  # with room for differences at 0
+        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")  # for differences at 0
 
     def __call__(self, kappa: ArrayLike) -> Array:
-        """Slips (..., 2) at curvatures (...) of slow driving."""
+        """Slips (..., 2) at curvatures (...) in slow driving."""
         return TurnLoss(self.offset, self.half_gauge, self.radius_error, self.turn_loss)(kappa)
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -112,7 +112,7 @@ class Centrifugal(TurnLoss):
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
 
-        The q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's formula.
+        The factor q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's formula.
         """
         slow = super().twist(omega, geometry)
         square = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
@@ -121,16 +121,16 @@ class Centrifugal(TurnLoss):
 
 
 def _sine(difference: Array, mean: Array) -> Array:
-    """sin theta (...) of belts' half differences and mean speeds (...); 0 at rest."""
+    """sin theta (...) from the belts' half speed differences and mean speeds (...); 0 at rest."""
     size = np.hypot(difference, mean)
     return difference / np.where(size == 0, 1.0, size)
 
 
 def _mean_speed(v: Array, difference: Array, loss: Array) -> Array:
-    """The s (...) with s (1 - g sin^2 theta) = v: the only real root of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
+    """The s (...) for which s (1 - g sin^2 theta) = v, the only real root of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
 
-    Newton's method on the speed itself, which grows with s; a step that leaves the interval known to hold the root is
-    replaced by a bisection.
+    Newton's method is applied to the speed itself, which grows with s; a step that leaves the interval known to contain
+    the root is replaced by a bisection.
     """
     size = np.maximum(np.abs(v), np.abs(difference))
     size = np.where(size == 0, 1.0, size)

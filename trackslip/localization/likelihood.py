@@ -8,12 +8,12 @@ half-planes. The likelihood has two parts:
 - the two edges of the silhouette: the outermost corners of the plate are uniformly distributed between the last beam
   that missed it and the first that hit it, so the middle of that gap measures the bearing of the corner with variance
   step^2 / 12. Without the edges, a plate seen broadside could slide freely along itself. An edge of the field of view
-  or of the scanner's reach is not an edge of the plate and measures nothing. If beams inside the cluster are missing
-  at a rate p, beams beyond its last return may be missing too: p / (1 - p) of them, with variance p / (1 - p)^2. An
-  edge made by an object in front of the plate is not the plate's either: the corner may be anywhere behind the object,
-  and only a pose whose corner sticks out beyond it, or does not reach the last return, adds to the cost.
+  or of the scanner's reach is not an edge of the plate and measures nothing. If beams inside the cluster are missing at
+  a rate p, beams beyond its last return may be missing too: p / (1 - p) are to be expected, with variance
+  p / (1 - p)^2. An edge made by an object in front of the plate is not the plate's either: the corner may be anywhere
+  behind the object, and only a pose whose corner sticks out beyond it, or does not reach the last return, costs more.
 
-Thus a beam that passes through the supposed plate adds to the cost by way of the edges, and a return where the pose
+Thus a beam that passes through the supposed plate adds to the cost through the edges, and a return where the pose
 leaves nothing to hit costs as much as if it had been measured at the near or far end of the plate.
 """
 
@@ -50,20 +50,20 @@ class PlateBeams:
     u_turned: Array  # (2, H) the same, turned by a right angle to the right
     range: Array  # (H,) [m]
     count: np.ndarray  # (M,) number of returns of each scan
-    first: np.ndarray  # (M,) place of its first one
+    first: np.ndarray  # (M,) index of its first return
     edges: Edges  # (M,)
-    noise: float  # of a range [m]
+    noise: float  # standard deviation of a range [m]
 
     @classmethod
     def of(cls, scan: Scan, cluster: Cluster) -> PlateBeams:
-        """The beams of each cluster of a scan; each has a return."""
+        """The beams of the clusters of a scan, each with at least one return."""
         step, count, bearing, distance = scan.beam_step, cluster.count, cluster.bearing, cluster.range
         first = count.cumsum() - count
         low, high = bearing[first], bearing[first + count - 1]
         middle = (low + high) / 2
         lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)  # of the beams inside the cluster
-        beyond = lost / (1 - lost)  # expected number of beams missed beyond it
-        hidden = cluster.hidden.T  # (2, M), as all that follows of the two edges
+        beyond = lost / (1 - lost)  # expected number of missing beams beyond the cluster
+        hidden = cluster.hidden.T  # (2, M), like all arrays of the two edges below
         seen = np.isfinite(hidden)
         slack = np.where(seen, hidden, 0.0) / 2
         reach = (high - low) / 2 + (0.5 + beyond) * step + slack
@@ -102,20 +102,20 @@ class PlateBeams:
 
 
 EDGE_ON = np.radians(2.0)
-"""Viewing angle below which a scan determines no pose: errors of the heading are three to five times as large as the
+"""Viewing angle below which a scan determines no pose: heading errors are three to five times as large as the
 likelihood's curvature says, because few beams graze the long face and the mirror image is nearly as likely [rad]."""
 UNKNOWN = 1e6  # variance of what a scan does not determine
 _BESIDE = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 _TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
-_DAMPING, _REFUSED = 1e-3, 1.0  # of steps: at first, and at least after one that led upwards
-_CONVERGED = 1e-2  # a climb ends with a step that promises less; what is left promises about the square of that
-_ROW, _COLUMN = np.triu_indices(3)  # of a Hessian's six elements
-_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # their places
+_DAMPING, _REFUSED = 1e-3, 1.0  # of steps: initially, and at least after a step that raised the cost
+_CONVERGED = 1e-2  # a climb ends with a step that promises less; the rest would gain about its square
+_ROW, _COLUMN = np.triu_indices(3)  # indices of a Hessian's six elements
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # their places in the matrix
 
 
 @dataclass(frozen=True)
 class View:
-    """Places of plates along and across their axes, seen from the LRF."""
+    """Positions of plates relative to the LRF, along and across the plates' axes."""
 
     plate: Plate
     place: Points  # (M,) the centre, along + i across [m]
@@ -151,7 +151,7 @@ def viewing_angle(pose: Array) -> Array:
 
 
 def in_axes(heading: Array) -> Array:
-    """Matrices (M, 3, 3) that turn changes of (x, y, phi) into those along and across plates of `heading` (M,)."""
+    """Matrices (M, 3, 3) that convert changes of (x, y, phi) into changes along and across plates at `heading` (M,)."""
     axes = np.zeros((len(heading), 3, 3))
     axes[:, 0, 0] = axes[:, 1, 1] = np.cos(heading)
     axes[:, 0, 1] = np.sin(heading)
@@ -162,7 +162,7 @@ def in_axes(heading: Array) -> Array:
 
 @dataclass(frozen=True)
 class Evaluation(Rows):
-    """The likelihood at M poses; derivatives with respect to the place along and across the plate and the heading."""
+    """The likelihood at M poses, with derivatives by the position along and across the plate and by the heading."""
 
     pose: Array  # (M, 3) in the LRF's frame
     cost: Array  # (M,) negative log likelihoods
@@ -176,7 +176,7 @@ class Evaluation(Rows):
         return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], back @ self.hessian @ axes)
 
     def newton(self, damping: Array) -> tuple[Array, Array]:
-        """Poses (M, 3) after steps damped by (M,), and the decreases of the cost (M,) that they promise."""
+        """Poses (M, 3) after steps with `damping` (M,), and the cost decreases (M,) that the steps promise."""
         step = np.linalg.solve(_regular(self.hessian, damping), -self.gradient[..., None])[..., 0]
         moved = self.pose + step
         moved[:, :2] = self.pose[:, :2] + se2.rotate(self.pose[:, 2], step[:, :2])
@@ -226,8 +226,8 @@ class PlateLikelihood:
     def climb(self, beams: PlateBeams, pose: Array, iterations: int) -> Evaluation:
         """The minima of the cost near poses (M, 3) in the LRF's frame, by damped Gauss-Newton steps (Levenberg).
 
-        A step that leads upwards crosses a kink of the cost, where beams leave a face of the plate: it is refused. A
-        row whose next step promises next to nothing takes that step and stays, whatever the others do.
+        A step that raises the cost has crossed a kink, where beams leave a face of the plate, and is refused. A row
+        whose next step promises almost no gain takes that step and stops, whatever the other rows do.
         """
         fit = self.evaluate(beams, pose.copy())
         climbing, damping = np.arange(len(pose)), np.full(len(pose), _DAMPING)
@@ -255,15 +255,15 @@ class PlateLikelihood:
         return weight, weighted * (size - weighted / 2)
 
     def _ranges(self, beams: PlateBeams, view: View) -> tuple[Array, Array, Array, Array]:
-        """Residuals (H,) of the ranges [standard deviations], and what their derivatives are made of.
+        """Residuals (H,) of the ranges [standard deviations], and the parts of their derivatives.
 
-        That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face
-        [standard deviations per m], and how far along it they are (H,) [m].
+        The parts are whether beams hit the long face (H,), the derivatives (H,) of residuals by the position of the
+        face [standard deviations per m], and how far along the face beams hit (H,) [m].
         """
         half = np.array([[self.plate.length], [self.plate.thickness]]) / 2
         of_scans = np.empty((10, len(view.place)))
         of_scans[0], of_scans[1] = view.axis.real, view.axis.imag
-        place = of_scans[2:4]  # along and across, as all pairs that follow
+        place = of_scans[2:4]  # along and across, like all pairs below
         place[0], place[1] = view.place.real, view.place.imag
         # signed distances of the planes of the short and the long face towards the LRF; 0 if both point away
         np.subtract(place, np.minimum(np.maximum(place, -half), half), out=of_scans[4:6])

@@ -11,7 +11,7 @@ from trackslip.localization.likelihood import in_axes
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
 
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
-_FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
+_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the angle to the line of sight above which a line is seen from the side
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
 _MIN_EXTENT = 0.35  # of a valid line [m]
 
@@ -20,8 +20,8 @@ _MIN_EXTENT = 0.35  # of a valid line [m]
 class LineLocator:
     """Total-least-squares line through the cluster: its slope is the heading, its mid-point the position.
 
-    Corrected are two points that the paper does not mention. The points lie on the face of the plate, half its
-    thickness closer to the LRF than its centre. And twice per turn the plate is seen edge-on, so that the line fits the
+    Two effects that the paper does not mention are corrected. The points lie on the face of the plate, half its
+    thickness closer to the LRF than its centre. And twice per turn the plate is seen edge-on, and the line fits the
     thin face, 90 degrees off: clusters shorter than _MIN_EXTENT are rejected.
     """
 
@@ -45,9 +45,9 @@ class LineLocator:
 class Line:
     """Lines through clusters, in the LRF's frame."""
 
-    heading: Array  # (S,) up to half a turn [rad]
+    heading: Array  # (S,) known up to half a turn [rad]
     middle: Array  # (S, 2) half-way between the outermost points [m]
-    extent: Array  # (S,) distance of the outermost points along the line [m]
+    extent: Array  # (S,) distance between the outermost points along the line [m]
 
 
 def fit_line(cluster: Cluster) -> Line:
@@ -87,11 +87,11 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
-    """Poses (S, K, 3) to start from.
+    """Poses (S, K, 3) from which fits start.
 
-    These have the heading of the line, its mirror image, and headings on both sides of edge-on; then follows the
-    expected pose. If the line is seen from the side, the edge-on starts are replaced by the pose of the line, shifted
-    slightly towards both ends or, if part of the plate is out of sight, as far as it may extend.
+    Their headings are the line's, its mirror image, and one on each side of edge-on; poses from `near` follow. If the
+    line is seen from the side, the edge-on starts are replaced by the pose of the line, shifted slightly towards both
+    ends or, if part of the plate is out of sight, as far as it may extend.
     """
     line = fit_line(cluster)
     distance = np.hypot(line.middle[:, 0], line.middle[:, 1])
@@ -119,6 +119,6 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
     for axis, size in ((e, plate.length), (n, plate.thickness)):
         low, high = cluster.extremes(x * axis[row, 0] + y * axis[row, 1])
         away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
-        near = np.where(away, low + size / 2, high - size / 2)  # unless almost all of a side is seen, its near end is
+        near = np.where(away, low + size / 2, high - size / 2)  # a side seen in part is seen at its near end
         centre += np.where(high - low > _WHOLE * size, (low + high) / 2, near)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)

@@ -2,9 +2,9 @@
 
 The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
 sight), so it is maximised from several starts, by damped Gauss-Newton steps for all scans and starts at once. If the
-climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Covariances are
-those of the likelihood's curvature. Where that says too little, a plate seen edge-on is no pose, and one seen from the
-side is known along itself only as well as from the edges of its silhouette.
+climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Covariances follow
+from the likelihood's curvature, except where it is misleading: a plate seen edge-on gives no valid pose, and one seen
+from the side is located along its length only as well as the edges of its silhouette allow.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from trackslip.localization.scan import (
     returns_at,
 )
 
-_AT_ONCE = 2000  # scans, which bounds the memory
+_AT_ONCE = 2000  # most scans fitted at once, to limit memory
 _HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
 _SCREENING = 4  # iterations from every start before the best one is selected
-_ITERATIONS = 8  # at most, from the best start
+_ITERATIONS = 8  # most iterations from the best start
 _MAX_MISFIT = 3.0  # rms residual of a valid pose [standard deviations]
 _MAX_HEADING_ERROR = np.radians(3.0)  # standard error of the heading of a valid pose [rad]
 _MAX_POSITION_ERROR = 0.05  # standard error of the position of a valid pose [m]
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
 _EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
 _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
-_ROUNDS = 2  # of selecting the returns by the pose
+_ROUNDS = 2  # rounds of selecting the returns by the pose
 _SCREENED = 24  # beams of a cluster used to screen the starts
-_ALIKE = 1e-3  # difference in cost of starts that led to the same pose: the first is taken, not one by rounding
+_ALIKE = 1e-3  # cost difference of starts that led to the same pose: the first is taken, rounding does not decide
 _FEW_BEAMS = 1.5  # beam steps that a short face spans if one or two beams fit on it
 _FROM_SIDE = np.radians(45.0)  # viewing angle above which the long face prevails
-_TINY = 1e-12  # keeps edges without information from dividing by zero
+_TINY = 1e-12  # avoids division by zero for edges without information
 _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
 
 
@@ -89,9 +89,9 @@ class PlateLocator:
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
-        Without an expected pose every cluster that could be a plate is tried, and what explains most is kept.
-        If a cluster may contain returns from something else, or lack some of its own, its returns are selected again
-        by the pose found.
+        Without an expected pose every cluster that could be a plate is tried, and the one that explains most is kept.
+        If a cluster may contain returns from something else, or miss some from the plate, its returns are selected
+        again using the pose found.
         """
         near = None if predicted is None else scan.from_world(predicted)
         found = PlateSolution.none(len(scan.ranges))
@@ -169,7 +169,7 @@ class PlateLocator:
     def _fit(
         self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
     ) -> tuple[Evaluation, Array]:
-        """The best fits and their misfits (S,), only from the expected poses if these explain the returns."""
+        """The best fits and their misfits (S,), started only from the expected poses if these explain the returns."""
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
@@ -193,12 +193,12 @@ class PlateLocator:
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
-    """Covariances (S, 3, 3) along and across plates at poses (S, 3), no smaller than the edges allow along the plate.
+    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along them where too small.
 
-    That is where one or two beams fit on the short face of a plate seen from the side. They would determine the place
-    along the plate precisely, but say nothing of it once the plate slides until they hit the long face instead.
-    `weight` (S, 2) are those of the edges [1/rad], and `short` is the distance at which one beam fits on a short face
-    that faces the LRF [m].
+    They are too small where one or two beams fit on the short face of a plate seen from the side. Such beams seem to
+    determine the position along the plate precisely, but say nothing about it once the plate slides so that they hit
+    the long face. The edges, with weights `weight` (S, 2) [1/rad], then limit the variance. `short` is the distance at
+    which one beam fits on a short face that faces the LRF [m].
     """
     angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
     information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]

@@ -1,7 +1,7 @@
-"""From poses of single scans to a track, scan by scan or through recorded scans.
+"""Joins poses from single scans into a track, scan by scan or through recorded scans.
 
-Half turns are resolved, outliers rejected, and gaps bridged by the encoders. Of recorded scans a few are located
-independently, which takes fits from several starts, then all of them near the track between these.
+Half turns are resolved, outliers rejected, and gaps bridged by the encoders. Of recorded scans, a few are located
+independently, by fits from several starts; then all are located near the track between these few.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
 GROWTH = 0.3
 """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
 BLIND_TURN = np.radians(60.0)
-"""Error of the predicted heading above which the robot is lost: with GATE_HEADING it must be below pi / 2 [rad]."""
+"""Heading error of the prediction above which the robot is lost; plus GATE_HEADING, it must be below pi / 2 [rad]."""
 
 
 class Tracker:
     """Follows N robots from scan to scan.
 
     The heading of a plate is known up to half a turn; the one nearest to the prediction is taken. The prediction
-    propagates the last pose by the encoders without slip, which is off by less than a millimetre over one scan.
+    propagates the last pose by the encoders without slip; over one scan it is off by less than a millimetre.
     """
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
@@ -61,7 +61,7 @@ class Tracker:
         return estimate.valid & ~far & ~turned & ~lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
+        """Continue the tracks with one estimate per robot; predictions, not valid, replace rejected ones."""
         pose, valid = self._unwrapped(estimate.pose), self.believes(estimate)
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0
@@ -94,7 +94,7 @@ EVERY = 8  # number of scans out of which one is located independently
 class Follower:
     """Follows N robots through recorded scans, which come in blocks.
 
-    What is found does not depend on the blocks if all but the last one have a multiple of EVERY scans.
+    The result does not depend on the blocks if all but the last one have a multiple of EVERY scans.
     """
 
     def __init__(self, locator: Locator, tracker: Tracker) -> None:
@@ -102,9 +102,9 @@ class Follower:
         self._locator, self._tracker, self._of_keys = locator, tracker, copy.deepcopy(tracker)
 
     def follow(self, scan: Scan, angle: Array) -> PoseEstimate:
-        """Poses (N, T) in the next scans, with ranges (N, T, B), of each robot.
+        """Poses (N, T) of each robot in its next scans, with ranges (N, T, B).
 
-        `angle` is how far the sprockets turned since the scan before each, (N, T, 2) [rad].
+        `angle` (N, T, 2) is how far the sprockets turned between the previous scan and each scan [rad].
         """
         rows = scan.ranges.shape[1]
         keys = np.append(np.arange(EVERY - 1, rows - 1, EVERY), rows - 1)

@@ -1,8 +1,8 @@
 """The plate in the raw scans of a stationary laser range finder.
 
-Its motion distinguishes the plate from its surroundings. What a beam meets in most scans between which the robot has
-moved is background, and left out. In what is left, every scan is located independently, and poses that contradict the
-encoders are rejected. No calibration is needed: how far the plate drives and turns per radian is measured.
+Its motion distinguishes the plate from its surroundings. What a beam measures in most scans, at different poses of the
+robot, is background and left out. In the rest, every scan is located independently, and poses that contradict the
+encoders are rejected. No calibration is needed: distances and turns of the plate per sprocket radian are measured.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_POSITION, GROWTH
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate, returns_at, returns_of
 
-_KEY_SCANS = 400  # between which the sprockets turn equally far, to find the background: a robot may stand for long
+_KEY_SCANS = 400  # scans, equal sprocket turns apart, to find the background: a robot may stand for long
 _FIRST_NOISE = 0.02  # assumed until the scanner's noise is known from the plate [m]
-_MAX_NOISE = 0.04  # more than any scanner's: what spreads more is neither background nor plate [m]
-_ROUNDS = 3  # of the background and noise by the plate, and the plate by these
+_MAX_NOISE = 0.04  # more than any scanner has: ranges that spread more are neither background nor plate [m]
+_ROUNDS = 3  # of finding background and noise given the plate, and the plate given these
 _ABOUT = 0.1  # distance from the plate within which returns say nothing about the background [m]
 _MIN_RETURNS = 8  # of a scan from which the noise is estimated
-_COMPARED = (1, 2, 3, 4)  # places of the poses before and after that a pose is compared with
-_MIN_LOCATED = 12  # scans
-_TOLD = 0.3  # share of the distance driven that the front end must lead, or the rear end
+_COMPARED = (1, 2, 3, 4)  # offsets of the poses before and after that a pose is compared with
+_MIN_LOCATED = 12  # fewest located scans
+_TOLD = 0.3  # fraction of the distance driven over which one end, front or rear, must lead
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class RawScans:
     time: Array  # (S,) of the first rays, ascending [s]
     bearings: Array  # (B,) of the beams in the scanner's frame, equally spaced, ascending [rad]
     ranges: np.ndarray  # (S, B) float32, NaN for no return [m]
-    lag: Array  # (B,) from the first ray to each beam [s]
+    lag: Array  # (B,) delay from the first ray to each beam [s]
     max_range: float  # nothing farther away gives a return [m]
 
     @classmethod
     def measured(cls, time: Array, ranges: np.ndarray, message: Any, upside_down: bool = False) -> RawScans:
-        """Scans (S, B) at the times (S,) of their first rays; a `sensor_msgs/LaserScan` has their angles and limits.
+        """Scans (S, B) at the times (S,) of their first rays; the `sensor_msgs/LaserScan` has angles and limits.
 
         Nothing came back where a range is not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams
         may run clockwise. Raises LogError for scans without beams, angles or returns.
@@ -63,15 +63,15 @@ class RawScans:
         return cls(np.asarray(time, float), bearings[order], kept, lag[order], float(reach))
 
     def seen(self, level: Array, noise: float, rows: np.ndarray | slice = slice(None)) -> Scan:
-        """The scans `rows` before a background (B,); at an edge, a beam may meet that of its neighbours."""
+        """The scans `rows` with a background (B,); at an edge, a beam may meet its neighbours' background."""
         beside = np.pad(level, 1, constant_values=np.nan)
         levels, ranges = np.stack([level, beside[:-2], beside[2:]]), self.ranges[rows].astype(float)
         return Scan(self.bearings, ranges, noise, np.zeros(3), self.max_range, background=levels)
 
     def opened(self, busy: np.ndarray) -> RawScans:
-        """A full circle that begins amid the quarter where least moves, so that the plate isn't across its ends.
+        """Scans of a full circle, begun amid the quarter where least moves, so that their ends don't cut the plate.
 
-        `busy` (B,) counts what moves in each beam. Scans of less than a full circle stay as they are.
+        `busy` (B,) counts moving returns in each beam. Scans of less than a full circle stay as they are.
         """
         beams, span = len(busy), self.bearings[-1] - self.bearings[0]
         step = span / (beams - 1)
@@ -88,7 +88,7 @@ class FollowedPlate:
     """The plate in each of S scans, in the scanner's frame."""
 
     time: Array  # (S,) when the beams met the plate [s]
-    estimate: PoseEstimate  # (S,) headings unwrapped, with the end ahead that leads when the sprockets turn forwards
+    estimate: PoseEstimate  # (S,) headings unwrapped; ahead is the end that leads when the sprockets turn forwards
     cluster: Cluster  # (S,) the returns from the plate
     scanner: Scan  # bearings and noise of the scanner, without ranges
     notes: tuple[str, ...]  # a line for each doubt
@@ -97,8 +97,8 @@ class FollowedPlate:
 def follow_plate(raw: RawScans, angle: Array, plate: Plate) -> FollowedPlate:
     """The poses of a plate of known size in all scans.
 
-    `angle` (S, 2) is by how much the sprockets have turned when the scans are taken [rad]. Raises LogError if they
-    hardly turn, or no such plate moves as they say.
+    `angle` (S, 2) is how far the sprockets have turned by each scan [rad]. Raises LogError if the sprockets hardly
+    turn, or if no plate of this size moves accordingly.
     """
     turned = np.append(0.0, np.abs(np.diff(angle, axis=0)).max(axis=1).cumsum())
     keys = np.unique(np.searchsorted(turned, np.linspace(0.0, turned[-1], _KEY_SCANS)))
@@ -132,8 +132,8 @@ def follow_plate(raw: RawScans, angle: Array, plate: Plate) -> FollowedPlate:
 def background(ranges: np.ndarray) -> Array:
     """Ranges (B,) of the background in scans (S, B) between which the robot has moved; NaN where there is none.
 
-    That is the median, if most returns are close to it. Ranges are NaN for no return, and -inf for a beam that met the
-    plate, which says nothing.
+    The background is the median, if most returns are close to it. Ranges are NaN for no return, and -inf for a beam
+    that met the plate, which says nothing about the background.
     """
     seen = np.where(np.isnan(ranges), np.inf, ranges)
     seen[ranges == -np.inf] = np.nan
@@ -161,13 +161,13 @@ def _scatter(scan: Scan, plate: Plate, estimate: PoseEstimate) -> float:
         return scan.noise
     beams, count = PlateBeams.of(scan, cluster.take(full)), cluster.count[full]
     squares = PlateLikelihood(plate, np.inf).misfit(beams, pose[full]) ** 2 * count
-    freedom = count - 2  # the fit of a face takes two
+    freedom = count - 2  # the fit of a face takes two degrees of freedom
     median = freedom * (1 - 2 / (9 * freedom)) ** 3  # of chi squared (Wilson and Hilferty, 1931)
     return beams.noise * float(np.sqrt(np.median(squares / median)))
 
 
 def _driven(angle: Array, estimate: PoseEstimate) -> tuple[Array, Array]:
-    """How far the tracks (S, 2) have driven [m] and the plate (S,) has turned [rad], by the encoders."""
+    """How far the tracks (S, 2) have driven [m] and the plate (S,) has turned [rad], according to the encoders."""
     rows = np.flatnonzero(estimate.valid)
     moved, (left, right) = estimate.pose[rows[2:]] - estimate.pose[rows[:-2]], (angle[rows[2:]] - angle[rows[:-2]]).T
     distance = _median_ratio(np.hypot(moved[:, 0], moved[:, 1]), np.abs(left + right) / 2)
@@ -187,7 +187,7 @@ def _median_ratio(y: Array, x: Array) -> float:
 def _plausible(tracks: Array, turn: Array, estimate: PoseEstimate) -> np.ndarray:
     """(S,) bool: valid poses that agree with most of those around them.
 
-    From one to the other, the plate turns as the encoders say, and gets no farther than the faster track.
+    Two poses agree if the plate turns between them as the encoders say, and moves no farther than the faster track.
     """
     rows = np.flatnonzero(estimate.valid)
     votes = np.zeros(len(turn))
@@ -203,9 +203,9 @@ def _plausible(tracks: Array, turn: Array, estimate: PoseEstimate) -> np.ndarray
 
 
 def _turn_round(tracks: Array, turn: Array, estimate: PoseEstimate) -> bool:
-    """Turn valid headings round, in place, so that they are unwrapped and the front leads; False if it isn't known.
+    """Turn valid headings round, in place, so that they are unwrapped and the front leads; False if that isn't known.
 
-    The encoders decide about half turns between poses. Where that is too far, a new piece begins, which decides anew.
+    The encoders resolve half turns between poses. Where poses are too far apart, a new piece begins with its own front.
     """
     rows = np.flatnonzero(estimate.valid)
     piece = np.append(0, np.cumsum(GROWTH * np.abs(np.diff(turn[rows])) > BLIND_TURN))

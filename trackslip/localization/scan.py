@@ -1,4 +1,4 @@
-"""Scans of a laser range finder (LRF), real or simulated, the points on the plate in them, and what locators give."""
+"""Scans of a real or simulated laser range finder (LRF), the points on the plate in them, and locators' results."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 
-Points = NDArray[np.complex128]  # points or directions of the scan plane, x + iy
+Points = NDArray[np.complex128]  # points or directions in the scan plane, x + iy
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
 whose returns can be that far apart when it is seen nearly edge-on."""
 FINER_GAPS = (0.25, 0.1)
 """Smaller gaps, tried where MAX_GAP does not separate the plate from a close object [m]."""
-MIN_RETURNS = 4  # of a pose: three fit exactly, and leave open which of them lie on the long face
+MIN_RETURNS = 4  # for a pose: three always fit exactly, whichever of them lie on the long face
 MIN_NOISE = 0.5e-3
 """Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
 _ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
@@ -35,9 +35,9 @@ class Plate:
     """The upright plate on the robot's axis of symmetry, a rectangle in the scan plane centred on the robot."""
 
     length: float = 0.60
-    """Along the robot [m]."""
+    """Size along the robot [m]."""
     thickness: float = 0.04
-    """Across it [m]."""
+    """Size across the robot [m]."""
 
     def __post_init__(self) -> None:
         require_positive("length", self.length)
@@ -46,7 +46,7 @@ class Plate:
             raise InvalidValueError("thickness", self.thickness, f"less than length = {self.length}")
 
     def outside(self, pose: Array, which: np.ndarray, x: Array, y: Array) -> Array:
-        """Distances (H,) of points from the plates `which` (H,) of those at poses (S, 3), negative inside [m]."""
+        """Distances (H,) of points, each from plate `which` (H,) of those at poses (S, 3), negative inside [m]."""
         places = np.array([pose[:, 0], pose[:, 1], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         p_x, p_y, cos, sin = places.take(which, axis=1)
         x, y = x - p_x, y - p_y
@@ -60,13 +60,13 @@ class Plate:
 class Scan:
     """One or more scans of a stationary LRF."""
 
-    bearings: Array  # (B,) of the beams in the LRF's frame, equally spaced, ascending [rad]
+    bearings: Array  # (B,) bearings of the beams in the LRF's frame, equally spaced, ascending [rad]
     ranges: Array  # (..., B), NaN where nothing came back [m]
     noise: float
     """Standard deviation of a range [m]."""
     mount: Array  # (3,) pose of the LRF in the world
     max_range: float = np.inf
-    """Nothing farther away gives a return [m]."""
+    """Range beyond which nothing gives a return [m]."""
     dropout: float = 0.0
     """Probability that a beam that hits an object gives no return, if known [-]."""
     background: Array | None = None
@@ -101,7 +101,7 @@ class Cluster:
     range: Array  # (H,) [m]
     count: np.ndarray  # (S,) number of returns; 0 where no cluster was found
     lost: np.ndarray  # (S,) beams between the first and the last return that nothing in front explains
-    hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf up to the edge [rad]
+    hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf if up to the edge [rad]
 
     @property
     def row(self) -> np.ndarray:
@@ -114,7 +114,7 @@ class Cluster:
         return Cluster(self.bearing[kept], self.range[kept], self.count[rows], self.lost[rows], self.hidden[rows])
 
     def among(self, where: np.ndarray) -> Cluster:
-        """The same as clusters of T scans, of which those in the mask `where` (T,) have one."""
+        """These clusters as clusters of T scans: the scans in the mask `where` (T,) have one each, the others none."""
 
         def spread(values: np.ndarray) -> np.ndarray:
             wider = np.zeros((len(where), *values.shape[1:]), values.dtype)
@@ -129,11 +129,11 @@ class Cluster:
         return cls(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in parts), strict=True)))
 
     def sums(self, values: Array) -> Array:
-        """Sums (S,) of values (H,) of the returns."""
+        """Sums (S,) in each scan of the returns' values (H,)."""
         return np.asarray(np.bincount(self.row, values, len(self.count)), float)
 
     def extremes(self, values: Array) -> tuple[Array, Array]:
-        """The least and the greatest (S,) of values (H,) of the returns; 0 where there are none."""
+        """The least and the greatest (S,) in each scan of the returns' values (H,); 0 where there are none."""
         low, high = np.zeros(len(self.count)), np.zeros(len(self.count))
         filled = self.count > 0
         first = (self.count.cumsum() - self.count)[filled]
@@ -175,12 +175,12 @@ class ReturnPieces:
 
     row: np.ndarray  # (P,) the scan
     label: np.ndarray  # (H,) the piece of each return
-    count: np.ndarray  # (P,) of returns
+    count: np.ndarray  # (P,) number of returns
     extent: Array  # (P,) the longer side of the box around it [m]
 
 
 def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
-    """Mask (P,) of the piece with the highest score of each row; the last of equal ones."""
+    """Mask (P,) of the piece with the highest score in each row; among equal scores, the last."""
     order = np.lexsort((score, row))
     best = np.zeros(len(row), bool)
     best[order[np.append(np.diff(row[order]) != 0, True)[: len(order)]]] = True
@@ -188,7 +188,7 @@ def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
 
 
 def places_of(count: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Places of the returns of the scans `rows`, if scans have `count` (S,) returns each."""
+    """Indices of the returns from the scans `rows`, if the scans have `count` (S,) returns."""
     first, count = (count.cumsum() - count)[rows], count[rows]
     end = count.cumsum()
     return np.repeat(first - end + count, count) + np.arange(end[-1] if end.size else 0)
@@ -198,9 +198,9 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     """The cluster of points on the plate (paper, Sec. III-B), for scans with ranges (S, B).
 
     If expected poses `near` (S, 3) in the LRF's frame are given, all pieces around them are taken: more than one if
-    something in front divides the plate. Otherwise, or if there are none, it is the piece nearest to `near`, or the one
-    with most returns, among those no larger than the plate; pieces are split where neighbours lie more than MAX_GAP
-    apart.
+    something in front divides the plate. Without such poses or pieces, the cluster is the piece nearest to `near`, or
+    the one with most returns, among those no larger than the plate; pieces are split where neighbours lie more than
+    MAX_GAP apart.
     """
     returns = returns_of(scan)
     mine = np.zeros(len(returns.row), bool)
@@ -246,7 +246,7 @@ def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
 
 
 def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
-    """Clusters of the scans `rows` (C,) from returns, given by their cluster (H,), ascending, and beam (H,)."""
+    """Clusters of the scans `rows` (C,) from returns, each given by its cluster (H,), ascending, and its beam (H,)."""
     count = np.bincount(cluster, minlength=len(rows))
     found = Cluster(scan.bearings[beam], scan.ranges[rows[cluster], beam], count, 0 * count, np.zeros((len(rows), 2)))
     filled = np.flatnonzero(count)
@@ -281,9 +281,9 @@ def returns_of(scan: Scan) -> Returns:
 def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Array:
     """Angles (C, 2) hidden by closer objects, below the beams `low` (C,) of the scans `rows` and above `high` (C,).
 
-    It is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate again.
-    If nothing hides the plate, the two returns that follow must be such, because a single one may be a mixture of plate
-    and background; one is enough where the background is known, which returns the same range there.
+    An angle is inf if the hidden part ends at the edge of the field of view or at a return that may again be from the
+    plate. If nothing hides the plate, the next two returns must be such, because a single one may be a mixture of plate
+    and background; one is enough if the background is known and returns the same range there.
     """
     last = scan.ranges.shape[1] - 1
     beside = scan.ranges[rows, np.maximum(low - 1, 0)], scan.ranges[rows, np.minimum(high + 1, last)]
@@ -342,7 +342,7 @@ class PoseEstimate(Rows):
 
     pose: Array  # (S, 3) [m, m, rad]
     covariance: Array  # (S, 3, 3) of (x, y, phi); NaN where a locator found no valid pose
-    valid: np.ndarray  # (S,) bool; where false, the pose of a locator is meaningless, that of a tracker is predicted
+    valid: np.ndarray  # (S,) bool; where false, a locator's pose is meaningless, a tracker's is predicted
 
 
 class Locator(Protocol):

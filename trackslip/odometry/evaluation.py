@@ -1,8 +1,8 @@
-"""Errors of odometry by a law on logs of drives: relative ones over stretches, alignment, and files for other tools.
+"""Errors of a law's odometry on logged drives: relative errors over stretches, alignment, and files for other tools.
 
 The relative error of a stretch is the estimated motion from its start to its end, seen from the start, minus the
-measured one; Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et al., "Are we ready
-for autonomous driving? The KITTI vision benchmark suite" (2012).
+measured one; see Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et al., "Are we
+ready for autonomous driving? The KITTI vision benchmark suite" (2012).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
 
-_TOLERANCE = 0.1  # how far the length of a stretch may be from that wanted [of that length], as evo has it
+_TOLERANCE = 0.1  # allowed deviation of a stretch's length, relative to the wanted length, as in evo [-]
 _ROUNDING = 1e-6  # of time stamps [s]
 
 
@@ -32,10 +32,10 @@ class Trajectory:
 
     name: str  # name of the drive
     time: Array  # (K,) stamps of the measured poses [s]
-    way: Array  # (K,) driven until then [m]
+    way: Array  # (K,) distance driven until then [m]
     measured: Array  # (K, 3) [m, m, rad]; NaN headings where none were measured
-    estimated: Array  # (K, 3) [m, m, rad], from any start
-    heading: Array  # (K,) at the start of stretches, measured or by the positions before [rad]; NaN if unknown
+    estimated: Array  # (K, 3) [m, m, rad], from an arbitrary start
+    heading: Array  # (K,) for starts of stretches, measured or from earlier positions [rad]; NaN if unknown
 
     @property
     def has_heading(self) -> bool:
@@ -44,19 +44,19 @@ class Trajectory:
 
     @property
     def placed(self) -> Array:
-        """Estimated poses (K, 3), moved onto the first one measured; onto all positions if no heading was."""
+        """Estimated poses (K, 3), moved onto the first measured with a heading; without any, onto all positions."""
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
         return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches, one from every start, of a length [m], to within a tenth of it."""
+    """`errors_between` the ends of stretches with a length [m], to within a tenth of it, one from every start."""
     return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches, one from every start, of a duration [s], to within half an interval."""
+    """`errors_between` the ends of stretches with a duration [s], to within half an interval, one from every start."""
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
     return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
 
@@ -64,7 +64,7 @@ def errors_after_seconds(drive: Trajectory, length: float) -> Array:
 def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Starts and ends (n,) of stretches of about this length on an ascending axis (K,): the closest end to each start.
 
-    Of equal ends, as of a robot at rest, it is the first; starts without an end within the tolerance are left out.
+    Among equally close ends, as at rest, it is the first; starts without an end within the tolerance are left out.
     """
     if len(axis) < 2:
         return np.zeros(0, int), np.zeros(0, int)
@@ -81,7 +81,7 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Arr
     """Errors (3, n) of stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known.
 
     They are the distance driven [m], that between the estimated and the measured end [m], and the absolute error of the
-    turn [rad], NaN where it was not measured.
+    turn [rad], NaN where no turn was measured.
     """
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]
@@ -94,7 +94,7 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Arr
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:
-    """Poses (K, 3) turned by `turn` [rad] about the point `pivot` (2,), which gets to `target` (2,)."""
+    """Poses (K, 3) turned by `turn` [rad] about the point `pivot` (2,), which moves to `target` (2,)."""
     return np.column_stack([target + rotate(turn, pose[:, :2] - pivot), pose[:, 2] + turn])
 
 
@@ -109,14 +109,14 @@ def best_fit(pose: Array, measured: Array) -> Array:
 
 
 def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
-    """Poses (K, 3) moved so that one of them is as measured (K, 3), with its heading."""
+    """Poses (K, 3) moved so that pose `row` equals the measured one out of (K, 3), heading included."""
     return moved(pose, float(measured[row, 2] - pose[row, 2]), pose[row, :2], measured[row, :2])
 
 
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
 
-    Poses lie in the plane z = 0. A heading that is NaN, as it was not measured, is written as 0.
+    Poses lie in the plane z = 0. A heading that is NaN because it was not measured is written as 0.
 
     Raises:
         InvalidValueError: if the numbers of times and poses differ.
@@ -141,12 +141,12 @@ _MIN_POSES = 2
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """Errors of odometry by one law."""
+    """Odometry errors of one law."""
 
     after_metres: Mapping[float, PredictionErrors]
-    """By the distance driven [m]."""
+    """Errors by the distance driven [m]."""
     after_seconds: Mapping[float, PredictionErrors]
-    """By the time passed [s]."""
+    """Errors by the time passed [s]."""
     trajectories: tuple[Trajectory, ...]
     """The compared trajectories."""
     notes: tuple[str, ...] = ()
@@ -158,14 +158,14 @@ def odometry_errors(
 ) -> OdometryErrors:
     """Errors of odometry against the measured poses of drives.
 
-    Relative errors are errors of the motion over stretches from every measured pose, after LENGTHS of way and time: the
-    way is the distance of the middle of the tracks by the encoders, without slip. They include the errors of the
-    measured poses at both ends of a stretch. Without measured headings, stretches start with the heading at which the
+    Relative errors are errors of the motion over stretches from every measured pose, after LENGTHS of distance and
+    time. The distance is what the middle of the tracks drove, by the encoders without slip. Relative errors include
+    errors of the measured poses at both ends. Without measured headings, stretches start with the heading at which the
     odometry fits the positions of the last 10 s.
 
     Args:
         logs: one or several drives.
-        odometry: of the robot; its pose and covariance do not matter. It takes the logs' gyro if it has one.
+        odometry: of the robot; its pose and covariance do not matter. It uses the logs' gyro if its `gyro` is set.
         mounting: of the sensor that measured the poses; at the turning centre by default.
         clock_offset: encoder clock minus pose clock [s].
 
@@ -182,7 +182,7 @@ def odometry_errors(
 
 
 def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> OdometryErrors:
-    """Errors of estimated trajectories, as `odometry_errors` gives those of odometry; raises LogError without any."""
+    """Errors of estimated trajectories, as in `odometry_errors`; raises LogError if there are none."""
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
     notes, errors = list(notes), {"m": dict[float, PredictionErrors](), "s": dict[float, PredictionErrors]()}
@@ -214,7 +214,7 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
 def estimated_trajectory(
     log: RunLog, estimate: Callable[[Array], Array], geometry: RobotGeometry, clock_offset: float
 ) -> Trajectory:
-    """Measured poses of a log, and those that `estimate` gives of the sensor at times (K,) of the encoders' clock.
+    """Measured poses of a log, and the sensor poses that `estimate` returns for times (K,) of the encoders' clock.
 
     Raises LogError if there are fewer than two.
     """
@@ -237,7 +237,7 @@ def estimated_trajectory(
 
 
 def _readings(log: RunLog, time: Array) -> Array | None:
-    """Mean yaw rates (T,) by the gyro since the time before of (T,), NaN where not measured; None without a gyro."""
+    """The gyro's mean yaw rates (T,) between successive times (T,), NaN where not measured; None without a gyro."""
     if log.gyro_sums is None:
         return None
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)

@@ -24,16 +24,16 @@ class LawInUse:
 
     name: str  # name of its family
     law: SlipLaw
-    geometry: RobotGeometry  # that the law was identified for
+    geometry: RobotGeometry  # of the robot for which the law was identified
     noise: SlipNoise | None = None  # slip that varies; None if it was not identified
     errors: LawErrors | None = None
     """Errors of the law's parameters, as wide as their 95 % intervals; None if they are not known."""
     drift: float = 0.0  # c, for a lateral speed of -c v w in turns [s]
     mounting: Mounting | None = None
-    """Mounting of the poses' sensor when the law was identified; None if not known."""
+    """Mounting of the pose sensor when the law was identified; None if not known."""
     clock_offset: float | None = None
-    """Encoder clock minus pose clock there, less the lag of the motion; None if not known [s]."""
-    gyro: Gyro | None = None  # errors of the gyroscope there; None without one
+    """Encoder clock minus pose clock at that time, less the lag of the motion; None if not known [s]."""
+    gyro: Gyro | None = None  # errors of the gyroscope used then; None without one
 
     def odometry(self, **start: Any) -> SlipOdometry:
         """Odometry by this law; `start` and `start_covariance` as for SlipOdometry."""
@@ -48,7 +48,7 @@ def no_slip(geometry: RobotGeometry) -> LawInUse:
 def identified_law(
     source: str | Path | Identification, name: str | None = None, robot: RobotGeometry | None = None
 ) -> LawInUse:
-    """A law of an identification, or of a JSON file of laws, which knows neither noise nor sensor.
+    """A law from an identification, or from a JSON file of laws, which says nothing about noise and sensor.
 
     Args:
         source: an identification, the folder of its results, or a file that `load_laws` reads.
@@ -71,12 +71,12 @@ def identified_law(
 
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
-    """Noise, errors, sensor and clock, from the fit to whole drives, else to steady stretches."""
+    """Noise, errors, sensor and clock, from the fit to whole drives, otherwise from the fit to steady stretches."""
     known: dict[str, Any] = {}
     fit = stored.fit(name)
     if fit.get("values") and fit.get("stderr"):
         errors = LawErrors.stored(fit)
-        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):  # what isn't known isn't certain
+        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):  # an unknown error isn't zero
             known["errors"] = errors
     drive = stored.content.get("drive")
     if not drive:

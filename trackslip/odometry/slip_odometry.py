@@ -6,11 +6,11 @@ d_k of the heading, which moves everything driven after it,
 
     dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter turn
 
-with m_k, the middle of arc k. So two sums of the errors' moments, taken once along the way, give the covariance at
-every pose, and odometry step by step is the same as that of a whole log, to the last bit.
+where m_k is the middle of arc k. So two sums of the errors' moments, built once along the path, determine the
+covariance at every pose, and step-by-step odometry equals that of a whole log to the last bit.
 
-Where a gyro is read, the turn is the gyro's: errors of laws last, which noise doesn't. While the sprockets stand and it
-reads next to nothing, the robot doesn't turn, and its mean reading is its bias.
+Where there are gyro readings, the turn comes from them: errors of laws persist, unlike noise. While the sprockets stand
+still and the gyro reads almost nothing, the robot doesn't turn, and the mean reading is the gyro's bias.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import arc_quotients
 
 _STILL = 1e-3  # sprocket speed of a robot at rest [rad/s]
-_MAX_DRIFT = 0.05  # reading of a gyro at rest, less its bias [rad/s]
-_TRUSTED = 5.0  # time at rest that is worth as much for the bias as its first value [s]
+_MAX_DRIFT = 0.05  # largest reading of a gyro at rest, less its bias [rad/s]
+_TRUSTED = 5.0  # time at rest whose readings count as much as the initial bias [s]
 
 
 @dataclass(frozen=True)
@@ -43,23 +43,23 @@ class OdometryPath:
 
 @dataclass(frozen=True)
 class _State:
-    """Sums along the path up to a time, or with T more axes at the front to many."""
+    """Sums along the path up to one time, or up to T times with one more axis (T,) at the front."""
 
     place: np.ndarray  # (...) complex, x + i y from the start [m]
     heading: Array  # (...) [rad]
     moments: Array  # (..., 3, 3) of the sums of e - d J m and of d
     swing: Array  # (..., p) derivatives of the heading by the parameters
-    drift: np.ndarray  # (..., p) complex, those of the place
+    drift: np.ndarray  # (..., p) complex, derivatives of the place
     rest: Array  # (..., 2) time at rest [s], and the gyro's turn meanwhile [rad]
 
 
 class SlipOdometry:
     """Dead reckoning of one or many robots by a slip law, with the covariance of the pose.
 
-    The pose belongs to the point that moves without lateral speed: near the middle of the tracks, or ahead of it or
-    behind it with the centre of turning. The covariance contains what it is at the start, slip that varies (`noise`)
-    and the errors of the law's parameters (`errors`), which are the same along the whole way; it does not contain
-    errors of the geometry, which the parameters take up, or slip by which the ground differs from the law's.
+    The pose is that of the point that moves without lateral speed: near the middle of the tracks, or ahead of or behind
+    it like the turning centre. The covariance contains the covariance at the start, varying slip (`noise`) and errors
+    of the law's parameters (`errors`), which are constant along the whole path. It does not contain errors of the
+    geometry, which the parameters absorb, or the slip by which this ground differs from the law's ground.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class SlipOdometry:
 
         Args:
             law: slip law of the robot on its ground.
-            geometry: for which the law was identified.
+            geometry: the robot's, for which the law was identified.
             noise: slip that varies; none by default.
             errors: of the law's parameters; none by default.
             drift: c, for a lateral speed of -c v w in turns, outwards [s].
@@ -99,7 +99,7 @@ class SlipOdometry:
         self.reset(start, start_covariance)
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
-        """Go on from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
+        """Continue from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
         self._start = _finite("pose", pose, (3,))
         known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, (3, 3))
         shape, p, bias = self._start.shape[:-1], len(self._errors), self.gyro.bias if self.gyro else 0.0
@@ -134,7 +134,7 @@ class SlipOdometry:
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
     def path(self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None) -> OdometryPath:
-        """Poses at all rows of a log, beginning with the present pose, which it does not change.
+        """Poses at all rows of a log, beginning with the present pose, which stays the same.
 
         Args:
             time: (T,) of the rows, ascending [s].
@@ -183,9 +183,9 @@ class SlipOdometry:
     def _with_gyro(
         self, gyro: Array, omega: Array, w: Array, dt: Array, variance: Array, slopes: Array
     ) -> tuple[Array, Array, Array]:
-        """Yaw rates (T, ...) and variances of turns, the law's but where a gyro is read, and sums at rest.
+        """Yaw rates (T, ...) and turn variances, from the gyro if it was read, otherwise the law; and sums at rest.
 
-        It changes the slopes in place.
+        Changes `slopes` in place.
         """
         known, errors = np.isfinite(gyro), self.gyro or Gyro()
         still = known & (np.abs(omega) < _STILL).all(axis=-1) & (np.abs(gyro - errors.bias) < _MAX_DRIFT)
@@ -200,9 +200,9 @@ class SlipOdometry:
         return turning, np.where(taken, (errors.noise / size) ** 2 * dt, variance), rest
 
     def _moments(self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array, variance: Array) -> Array:
-        """Moments (T, ..., 3, 3) of the errors of arcs, whose turns have a `variance` (T, ...).
+        """Error moments (T, ..., 3, 3) of arcs whose turns have a `variance` (T, ...).
 
-        The heading walks along an arc, too: as if its error arose in the middle, but for a scatter across the chord.
+        The heading error also grows along an arc, as if it arose in the middle, except for a scatter across the chord.
         """
         noise = self.noise
         forward = np.exp(1j * heading)
@@ -238,13 +238,13 @@ def _outer(vector: np.ndarray) -> Array:
 
 
 def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
-    """Sums (T + 1, ...) that begin with `first`; added one by one, as steps are."""
+    """Sums (T + 1, ...) that begin with `first`, added one by one as in single steps."""
     begin = np.broadcast_to(first, increments.shape[1:])[None]
     return np.cumsum(np.concatenate([begin, increments]), axis=0)
 
 
 def _readings(gyro: ArrayLike | None, omega: Array) -> Array:
-    """Readings of a gyro with sprocket speeds (..., 2), NaN for none."""
+    """Gyro readings (...) for sprocket speeds (..., 2), NaN for none."""
     array = np.full(omega.shape[:-1], np.nan) if gyro is None else np.asarray(gyro, float)
     require(array.shape == omega.shape[:-1], "gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
     require(not np.isinf(array).any(), "gyro", float(array[np.isinf(array)].sum()), "finite, or NaN for no reading")

@@ -14,13 +14,13 @@ from trackslip.laws.base import SlipLaw
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
 _NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]
-_DIFFERENCE = 1e-3  # of parameters for derivatives [standard errors]
-_ASYMMETRY = 1e-6  # of a covariance, relative to its variances
+_DIFFERENCE = 1e-3  # step of parameters for derivatives [standard errors]
+_ASYMMETRY = 1e-6  # allowed asymmetry of a covariance, relative to its variances
 
 
 @dataclass(frozen=True)
 class SlipNoise:
-    """Slip that varies: a random walk of the pose, whose variances grow with the mean distance of the two belts."""
+    """Varying slip: a random walk of the pose whose variances grow with the mean distance driven by the belts."""
 
     forward: float = 0.0
     """Standard deviation along the robot [m/sqrt(m)]."""
@@ -35,7 +35,7 @@ class SlipNoise:
 
     @classmethod
     def of(cls, noise: Mapping[str, float]) -> Self:
-        """Noise of a law fitted to drives, `DriveFit.noise`; entries of the poses are ignored.
+        """Noise of a law fitted to drives, `DriveFit.noise`; entries for the poses are ignored.
 
         Raises InvalidValueError if an entry is missing or not a standard deviation.
         """
@@ -58,7 +58,7 @@ class Gyro:
     scale_error: float = 0.0
     """Standard error of the scale [-]."""
     clock: float = 0.0
-    """Its clock minus encoder clock [s]: readings stamped t + clock belong to sprocket speeds stamped t."""
+    """Gyro clock minus encoder clock [s]: readings stamped t + clock belong to sprocket speeds stamped t."""
 
     def __post_init__(self) -> None:
         for name in ("bias", "scale", "clock"):
@@ -91,8 +91,7 @@ class LawErrors:
     def stored(cls, fit: Mapping[str, Any]) -> Self:
         """Errors of a stored fit: `values`, `stderr`, and perhaps `interval95` and `correlation`.
 
-        Errors are as wide as the 95 % intervals, which allow for slip that lasts. Parameters whose errors are not known
-        have none here.
+        Errors match the 95 % intervals, which allow for persistent slip. Parameters with unknown errors are left out.
         """
         intervals, fitted = fit.get("interval95") or {}, list(fit["stderr"])
         errors = {}
@@ -110,8 +109,8 @@ class LawErrors:
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by its parameters.
 
-        They are central differences, 0 for a parameter without error. Raises InvalidValueError if the law has no
-        parameter of one of the names.
+        They are central differences, 0 for a parameter without error. Raises InvalidValueError if one of the names is
+        not a parameter of the law.
         """
         slopes = np.zeros((*omega.shape, len(self.names)))
         for k, (name, variance) in enumerate(zip(self.names, np.diag(self.covariance).tolist(), strict=True)):

@@ -1,4 +1,4 @@
-"""Slip compensation: which law converts twists into sprocket speeds, fixed or learnt while driving."""
+"""Slip compensation: the law that converts twists into sprocket speeds, fixed or learnt while driving."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 MAX_CRAB_ANGLE = 0.3
 """Largest angle between the heading of a robot and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
-"""The law does not model the centre of turns, which shifts along the robot as it turns towards the slope."""
+"""Laws under load do not model how the turning centre shifts along a robot that turns towards the slope."""
 
 
 class Compensation(Protocol):
-    """Provides the slip laws of N robots; unless a subclass does more, runs leave no trace."""
+    """Provides the slip laws of N robots; by default it learns nothing from runs."""
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
         return
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs with some of the robots (R,), at poses (R, 3)."""
+        """Start new runs for some of the robots (R,), at poses (R, 3)."""
         return
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
@@ -55,7 +55,7 @@ class SensesLoad(Protocol):
         """Take tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+        """Angles (N,) from the robots' headings to their directions of motion at twists (N, 2), left positive [rad]."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class FixedLaw(Compensation):
 
 
 class LoadedLaw(Compensation):
-    """A fixed law of slip under load, at the load that is measured."""
+    """A fixed law of slip under load, evaluated at the measured load."""
 
     def __init__(self, known: IcrLoad) -> None:
         self._known = known
@@ -80,21 +80,21 @@ class LoadedLaw(Compensation):
         self._load: Array = np.zeros((len(start), 2))
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs with some of the robots (R,), without load."""
+        """Start new runs for some of the robots (R,), without load."""
         self._load[robots] = 0.0
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N, 2) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
+        """Take tractions per unit load (N, 2) [-]; larger ones are limited to MAX_LOAD."""
         self._load = np.clip(load, -MAX_LOAD, MAX_LOAD)
 
     def law(self) -> IcrLoad:
-        """The law at the load sensed last."""
+        """The law at the last sensed load."""
         return self._known.under(self._load)
 
     def crab_angle(self, twist: Array, drift: Array | float = 0.0) -> Array:
-        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad].
+        """Angles (N,) from the robots' headings to their directions of motion at twists (N, 2), left positive [rad].
 
-        `drift` (N,) is added to the speed to the left [m/s]. At most MAX_CRAB_ANGLE.
+        `drift` (N,) is added to the leftward speed [m/s]. Angles are limited to MAX_CRAB_ANGLE.
         """
         forward, leftward = twist[:, 0], self.law().sideslip(twist) + drift
         angle = np.arctan2(leftward * np.sign(forward), np.abs(forward))
@@ -102,7 +102,7 @@ class LoadedLaw(Compensation):
 
 
 def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
-    """Compensation by a known law; one of slip under load takes the load that is measured."""
+    """Compensation by a known law; a law of slip under load uses the measured load."""
     return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
 
 
@@ -120,7 +120,7 @@ class OnlineIcr(Compensation):
         self._started = IcrFilter(start, self._geometry, self._prior, self._tuning)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs with some of the robots (R,), at poses (R, 3)."""
+        """Start new runs for some of the robots (R,), at poses (R, 3)."""
         self._filter.start(robots, start)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
@@ -139,7 +139,7 @@ class OnlineIcr(Compensation):
 
 
 class LoadedOnlineIcr(OnlineIcr):
-    """Constant ICRs and the centre of turns, learnt while driving, with the slip under load of a known law."""
+    """Constant ICRs and the turning centre learnt while driving, plus slip under load from a known law."""
 
     def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
         super().__init__(geometry, prior.unloaded_law, tuning or _LOADED_TUNING)
@@ -151,7 +151,7 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.reset(start)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs with some of the robots (R,), at poses (R, 3), without load."""
+        """Start new runs for some of the robots (R,), at poses (R, 3), without load."""
         super().restart(robots, start)
         self._loaded.restart(robots, start)
 
@@ -160,20 +160,20 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.sense(load)
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+        """Angles (N,) from the robots' headings to their directions of motion at twists (N, 2), left positive [rad]."""
         return self._loaded.crab_angle(twist, drift=-self._filter.state[:, 5] * twist[:, 1])
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Update the filters with the motion of the robots, whose tracks slip under the load sensed before it."""
+        """Update the filters with the robots' motion, during which tracks slipped under the last sensed load."""
         self._filter.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
 
     def law(self) -> IcrLoad:
-        """The current estimates, with parameters (N,), at the load sensed last."""
+        """The current estimates, with parameters (N,), at the last sensed load."""
         learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
 
 
-_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}  # the laws that they start from
+_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}  # the laws from which learning starts
 
 
 def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPPED) -> Compensation:

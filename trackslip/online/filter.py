@@ -4,15 +4,15 @@ Between two scans the encoders measure how far the belts moved. With constant IC
 
     v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b / (b + D)
 
-with belt speeds s = r omega. The centre of a turn is not always beside the middle of the robot: with the centre of mass
+with belt speeds s = r omega. The turning centre is not always beside the middle of the robot: with the centre of mass
 ahead, or when a fast robot skids on slippery ground, it lies c ahead, and the middle drifts sideways at -c w. A scan
 measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas a filter
 linearised in D diverges when D is far off. The process noise of the constants grows with the distance and turn driven,
-not with time: what a motion does not excite (D on a straight path, everything at rest) keeps its value and its
-uncertainty. While a robot turns so slowly that it may be chance, g and c are considered but not updated: a controller
+not with time: a constant that a motion does not excite (D on a straight path, all at rest) keeps its value and its
+uncertainty. While a robot turns so slowly that it may be noise, g and c are considered but not updated: a controller
 responds to scan noise with small turns, and a misspecified noise model would be mistaken for slip.
 
-Two gates monitor the innovations. A pose whose innovation is too large for the noise of a scan is rejected; several in
+Two gates monitor the innovations. A pose whose innovation is too large for scan noise is rejected; several in
 a row mean that the filter is wrong. Small innovations with a persistent bias mean that the ground has changed. In both
 cases the filter restarts from the scanned pose, with the constants as uncertain as at the start.
 """
@@ -30,12 +30,12 @@ from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.scan import PoseEstimate
 
 _LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # of g [-], epsilon [-] and c [m]
-_KNOWN = 0.15  # share of the spreads of the constants where the filter starts from a known law
+_KNOWN = 0.15  # fraction of the constants' spreads used if the filter starts from a known law
 _LEAST_TURN = 0.015  # mean yaw rate above which g and c are updated [rad/s]
 _FLOOR = 1e-4  # least standard deviation of a measured pose [m and rad]
-_OUTLIER = 30.0  # normalised squared innovation of a pose that is rejected (chi-square, 3 degrees of freedom)
+_OUTLIER = 30.0  # normalised squared innovation above which a pose is rejected (chi-square, 3 degrees of freedom)
 _PATIENCE = 5  # poses rejected in a row after which the filter restarts
-_CHANGE = 60.0  # normalised squared mean innovation of ground that has changed (chi-square likewise)
+_CHANGE = 60.0  # normalised squared mean innovation that indicates changed ground (chi-square likewise)
 _MEMORY = 10.0  # scans in that mean
 
 
@@ -73,7 +73,7 @@ class IcrFilter:
         self.state = np.zeros((n, 6))
         """State (N, 6): x, y [m], phi [rad], g, epsilon [-], c [m]."""
         self._prior = np.tile([1.0, 0.0, 0.0], (n, 1))  # (N, 3): g, epsilon and c at the start
-        self._share = 1.0 if law is None else _KNOWN  # of the spreads, at the start
+        self._share = 1.0 if law is None else _KNOWN  # fraction of the spreads at the start
         if law is not None:
             self._prior[:, 0] = geometry.half_gauge / (geometry.half_gauge + law.offset)
             self._prior[:, 1] = law.radius_error
@@ -88,7 +88,7 @@ class IcrFilter:
         self.start(np.arange(n), pose)
 
     def start(self, robots: np.ndarray, pose: Array) -> None:
-        """Start anew with some robots (R,) at known poses (R, 3)."""
+        """Restart some robots (R,) at known poses (R, 3)."""
         self.state[robots, 3:] = self._prior[robots]
         self.restarts[robots], self._turning[robots] = 0, 0.0
         self._begin(robots, pose, np.zeros((len(robots), 3, 3)), self._share)
@@ -106,7 +106,7 @@ class IcrFilter:
     def update(self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None) -> None:
         """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards.
 
-        `known` velocities (N, 3), forwards, to the left and of yaw, are added to those of the constant ICRs.
+        `known` velocities (N, 3) (forwards, leftwards, yaw) are added to those of the constant ICRs.
         """
         self._predict(omega, duration, known)
         rows = np.flatnonzero(estimate.valid)
@@ -170,7 +170,7 @@ class IcrFilter:
         self._drift_variance[rows] = fade**2 * self._drift_variance[rows] + 1
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
-        """(Re)start at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
+        """(Re)start at poses (R, 3) with covariances (R, 3, 3), and the constants' spreads times `share`."""
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise

@@ -1,4 +1,4 @@
-"""Standard errors to expect from a drive, by the slopes of the residuals that identification fits: those of windows."""
+"""Standard errors to expect from a drive, from the slopes of the window residuals that identification fits."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.route import RATE
 
 _LENGTHS = (2.0, 10.0)  # of windows [s], for fine and for coarse poses
-_DETERMINED = 0.5  # largest standard error, over the prior's width, of a parameter that the driving determines
+_DETERMINED = 0.5  # largest standard error of a parameter that counts as determined, over the prior's width
 
 
 @dataclass(frozen=True)
 class PoseQuality:
-    """Poses that a drive will be measured with."""
+    """Quality of the poses with which a drive will be measured."""
 
     rate: float
     """Poses per second [Hz]."""
@@ -37,7 +37,7 @@ class PoseQuality:
         require(self.heading is None or self.heading > 0, "heading", self.heading, "a number > 0, or None")
 
     def thinned(self, rate: float) -> PoseQuality:
-        """About as good poses, but no more than `rate` per second [Hz]."""
+        """Poses that are about as good in total, but at most `rate` per second [Hz]."""
         if self.rate <= rate:
             return self
         share = np.sqrt(rate / self.rate)
@@ -46,14 +46,14 @@ class PoseQuality:
 
 @dataclass(frozen=True)
 class Expectation:
-    """Standard errors expected of an identification."""
+    """Standard errors expected from an identification."""
 
     stderr: Mapping[str, float]  # standard errors of the law's parameters and of the extras, in their units
     held: tuple[str, ...]  # parameters that the driving doesn't determine
 
 
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> PreparedDrive:
-    """A drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], `merge` of them taken together."""
+    """A drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], with `merge` periods combined into one."""
     edges, omega = merged(np.arange(len(speeds) + 1) / rate, speeds / radius, -(-len(speeds) // merge))
     time = np.arange(0.5 / poses.rate, edges[-1], 1 / poses.rate)
     pose = np.zeros((len(time), 3))
@@ -70,10 +70,10 @@ def expected(
     slip: Sequence[float],
     known: LawErrors | None = None,
 ) -> Expectation:
-    """Standard errors to expect, with all parameters but the lag free that the drives determine, as in `fit_drives`.
+    """Standard errors to expect if all parameters that the drives determine but the lag are free, as in `fit_drives`.
 
-    `values` (q,) are the law's expected parameters, `drives` as by `drive_to_measure`, `slip` is white: forwards,
-    sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]. `known` are errors of the law from an earlier identification.
+    `values` (q,) are the law's expected parameters, `drives` come from `drive_to_measure`, `slip` is white: forwards,
+    sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]. `known` are the law's errors from an earlier identification.
     """
     data, values = Drives.of(drives), np.concatenate([values, np.zeros(len(model.extras))])
     held = held_parameters(model, data)
@@ -104,18 +104,18 @@ def _covariance(
     free: np.ndarray,
     prior: Array,
 ) -> Array:
-    """Covariance (f, f) of the parameters `free` (f,) fitted to windows of a length [s], with precisions of a prior.
+    """Covariance (f, f) of the parameters `free` (f,) fitted to windows of `length` [s], with prior precisions.
 
-    `white` (3,) are the variances of poses, `slip` (3,) those of slip per way.
+    `white` (3,) are pose variances, `slip` (3,) slip variances per distance driven.
 
-    Residuals of windows depend on each other, as slip that varies is a random walk of the pose: each step of it pulls
-    at all later poses of its windows. So the scatter of the scores is not that of their slopes.
+    Window residuals depend on each other, because varying slip is a random walk of the pose: each step of the walk
+    shifts all later poses in its windows. So the scatter of the scores does not follow from their slopes alone.
     """
     windows, rows = (cut := Windows.cut(data, length)), cut.pose
     way = data.way(model.geometry.sprocket_radius)
     last = np.append(windows.first[1:], len(rows)) - 1
     typical = np.median(way[rows[last]] - way[rows[windows.first]])
-    variance = white + slip * typical / 6  # of a random walk less its mean
+    variance = white + slip * typical / 6  # slip: a random walk less its mean
     weight = data.known[:, rows] / variance[1:, None]
     found = residuals(model, data, windows, values, free, weight)
     pull = found.slope[:3] * np.where(found.known[:3], 1 / variance[:, None], 0.0)[:, None]
@@ -140,7 +140,7 @@ def _covariance(
 
 
 def _later(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Sums (f, R) over the rest of each window, from each row on, of values (f, R); 0 for the first rows."""
+    """Sums (f, R) of values (f, R) from each row to the end of its window; 0 for the first rows."""
     sums = np.cumsum(values, axis=1)
     rest = np.repeat(sums[:, last], last - first + 1, axis=1) - sums + values
     rest[:, first] = 0.0

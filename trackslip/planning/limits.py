@@ -13,20 +13,20 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.identified import LawInUse, identified_law
 
 TURNING = 2.0
-"""Half gauges from the middle of a usual robot to its corners: its tracks are 1.5 times as long as they are apart."""
+"""Half gauges from the middle of a typical robot to its corners, with tracks 1.5 times as long as they are apart."""
 _BOUNDS = {"max_speed": (1e-3, 10.0, "m/s"), "acceleration": (1e-3, 100.0, "m/s^2"), "duration": (10.0, 3600.0, "s")}
-_SIDES = (1e-3, 1000.0, "m")  # of an area
+_SIDES = (1e-3, 1000.0, "m")  # allowed sides of an area
 _MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
 MOST_DOUBT = 0.9  # largest relative error of what is known of a robot [-]
-_PATH_LAW = "icr_radius"  # by which paths are predicted
-_DEVIATIONS = 4.0  # of errors of an earlier identification that the area allows for
-_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # doubts that always remain [-]
+_PATH_LAW = "icr_radius"  # law that predicts paths
+_DEVIATIONS = 4.0  # standard errors of an earlier identification that the area allows for
+_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # least doubts after an identification [-]
 _LEAST_SLIP = 1e-4  # [m/sqrt(m), rad/sqrt(m)]
 
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """Limits of speed, acceleration, place and time."""
+    """Limits on speed, acceleration, place and time."""
 
     max_speed: float
     """Largest speed of a belt [m/s]."""
@@ -55,7 +55,7 @@ class DriveLimits:
 
     @property
     def room(self) -> Array:
-        """Length and width (2,) left to the middle of the robot [m]."""
+        """Length and width (2,) left for the middle of the robot [m]."""
         return np.array(self.area) - 2 * self.clearance
 
 
@@ -68,9 +68,9 @@ class Knowledge:
     radius_error: float = 0.0  # expected relative error of the effective sprocket radius [-]
     reach_doubt: float = 0.15  # largest relative error of b + D [-]
     radius_doubt: float = 0.02  # largest error of the radius error [-]
-    pull: float = 0.001  # largest difference of the radius errors of left and right [-]
+    pull: float = 0.001  # largest difference between the left and right radius errors [-]
     slip: tuple[float, float, float] = (0.002, 0.002, 0.005)
-    """White slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
+    """White slip forwards, sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]."""
 
     def __post_init__(self) -> None:
         require_within("doubt", self.reach_doubt, 0.0, MOST_DOUBT)
@@ -79,7 +79,7 @@ class Knowledge:
 
     @property
     def reach(self) -> float:
-        """b + D, by which the robot turns [m]."""
+        """b + D, the effective half gauge [m]."""
         return self.geometry.half_gauge + self.offset
 
     @property
@@ -100,7 +100,7 @@ def first_knowledge(geometry: RobotGeometry) -> Knowledge:
 
 
 def read_identification(path: str | Path, law: str | None = None) -> tuple[LawInUse, Knowledge]:
-    """A law, by default the best one, of an identification or of a file, and what it implies for the robot's paths.
+    """A law, by default the best one, from an identification or a file, and the knowledge of the robot that it implies.
 
     Raises InvalidValueError if the law is missing, LogError if it has no standard errors.
     """
@@ -120,7 +120,7 @@ def read_identification(path: str | Path, law: str | None = None) -> tuple[LawIn
     if "radius_error" in doubts:
         doubt = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT)
         knowledge = replace(knowledge, radius_error=float(known["radius_error"]), radius_doubt=float(doubt))
-    with suppress(InvalidValueError):  # where it has no such law
+    with suppress(InvalidValueError):  # if there is no such law
         sides = vars(identified_law(path, "icr_sides").law)
         pull = np.clip(abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT)
         knowledge = replace(knowledge, pull=float(pull))

@@ -20,10 +20,10 @@ from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path,
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
-_EVALUATIONS, _FEWEST = 1000, 200  # of routes: fewer of those longer than _LONG
+_EVALUATIONS, _FEWEST = 1000, 200  # routes that a search tries: fewer if longer than _LONG
 _LONG = 120.0  # [s]
-_POSES = 1200  # that a search reckons with; of more, a part, as good as all
-_THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
+_POSES = 1200  # poses that a search uses; more are replaced by fewer that are as good in total
+_THINNED = (2.0, 10.0)  # fewest and most poses per second [Hz]
 
 
 @dataclass(frozen=True)
@@ -31,24 +31,24 @@ class DrivePlan(PlacedRoute):
     """A planned drive."""
 
     law: str
-    """Name of the family that it is planned for."""
-    values: Array  # (q,) parameters of the law that it is planned with
+    """Name of the law family that the drive is planned for."""
+    values: Array  # (q,) expected parameters of the law
     limits: DriveLimits
     knowledge: Knowledge
     poses: PoseQuality
     known: LawErrors | None
     """Errors of the law from an earlier identification."""
     expectation: Expectation
-    """Standard errors to expect, together with what is known."""
+    """Standard errors to expect, including what is known."""
 
     @property
     def time(self) -> Array:
-        """Beginnings (T,) of the periods of the commands, and the end [s]."""
+        """Start times of the command periods, and the end time, (T,) [s]."""
         return np.arange(len(self.speeds)) / RATE
 
     @property
     def speeds(self) -> Array:
-        """Speeds (T, 2) of the belts from each time on [m/s]; at rest at last."""
+        """Belt speeds (T, 2) from each time on [m/s]; 0 at the end."""
         return np.concatenate([self.maneuvers.speeds(self.limits.duration), np.zeros((1, 2))])
 
     @property
@@ -58,7 +58,7 @@ class DrivePlan(PlacedRoute):
 
     @property
     def twist(self) -> Array:
-        """Commands (T, 2) to a controller that knows of no slip: v [m/s], w [rad/s]."""
+        """Commands (T, 2) for a controller that assumes no slip: v [m/s], w [rad/s]."""
         return twist_of_tracks(self.speeds, self.knowledge.geometry.half_gauge)
 
     @property
@@ -69,7 +69,7 @@ class DrivePlan(PlacedRoute):
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Sizes that errors of the law's parameters are relative to, in their units."""
+        """Sizes that the law's parameter errors are divided by, in their units."""
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
@@ -84,11 +84,11 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan the drive with the smallest largest relative standard error of a law's parameters, one of PLANNED_LAWS.
+    """Plan a drive whose largest relative standard error of the parameters of `law`, from PLANNED_LAWS, is smallest.
 
-    Prior `knowledge` of the robot's motion and expected `values` (q,) of the parameters are by default those of hard
-    ground; `known` are errors of the law from an earlier identification. `step` is called with 1.0 after each drive
-    that is tried. Raises InvalidValueError for an unknown law, or an area or duration in which no drive determines it.
+    Prior `knowledge` of the robot's motion and expected `values` (q,) of the parameters are by default typical of hard
+    ground; `known` are the law's errors from an earlier identification. `step` is called with 1.0 after each drive
+    tried. Raises InvalidValueError for an unknown law, or an area or duration in which no drive determines the law.
     """
     require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
     least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
@@ -125,20 +125,20 @@ def plan_drive(
 
 
 def evaluations(limits: DriveLimits) -> int:
-    """Number of drives that a search tries; fewer of long ones."""
+    """Number of drives that a search tries; fewer if they are long."""
     return int(np.clip(_EVALUATIONS * _LONG / limits.duration, _FEWEST, _EVALUATIONS))
 
 
 def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
-    """Largest relative standard error; infinite where a parameter of the law isn't determined."""
+    """Largest relative standard error; infinite if a parameter of the law isn't determined."""
     return max(expectation.stderr.get(name, np.inf) / size for name, size in sizes.items())
 
 
 def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
-    """Sizes that errors of parameters are relative to.
+    """Sizes that parameter errors are divided by.
 
-    Errors of D are relative to b + D, by which the robot turns; errors of epsilon to 1, as the belts run at
-    1 + epsilon, and so are errors of other pure numbers.
+    Errors of D are divided by b + D, the effective half gauge; errors of epsilon by 1, because belt speeds scale with
+    1 + epsilon; and errors of other pure numbers by 1, too.
     """
     return {
         name: geometry.half_gauge + value if parameter.unit == "m" else 1.0
@@ -147,7 +147,7 @@ def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict
 
 
 def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
-    """Parameters (q,) of a law for a robot of which only this is known."""
+    """Typical parameters (q,) of a law for a robot about which only `knowledge` is available."""
     values = laws.starts(knowledge.geometry.half_gauge)[0]
     for start in ("offset", "radius_error"):
         values[[name.startswith(start) for name in laws.names]] = getattr(knowledge, start)
@@ -161,7 +161,7 @@ def paper_runs(geometry: RobotGeometry) -> list[Array]:
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
-    """Errors to expect of the paper's runs; None if the robot is too large for them, or they determine nothing."""
+    """Errors to expect from the paper's runs; None if the robot is too large or they don't determine the law."""
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
     radius, merge = geometry.sprocket_radius, rate_of(plan.poses)
     runs = [np.tile(speeds, (count, 1)) for speeds in paper_runs(geometry)]

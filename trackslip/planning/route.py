@@ -1,9 +1,9 @@
-"""Routes: drives there and back between two of nine places of an area, with spins between.
+"""Routes: drives back and forth between two of nine places in an area, with spins in between.
 
-They consist of maneuvers, from rest to rest, in which the speeds of the belts keep their ratio.
+They consist of maneuvers from rest to rest, in which the ratio of the belt speeds is constant.
 
-The search varies routes. A route says where to go and how, not how far: its places move together until the robot stays
-in the area under every law that it may have. Each spin is followed by an equal one to the other side, so that the
+The search varies routes. A route says where to go and how, not how far: its places are moved closer together until the
+robot stays in the area under every law it may have. Each spin is followed by an equal one to the other side, so the
 heading after both does not depend on the law.
 """
 
@@ -18,44 +18,44 @@ import scipy.optimize
 from trackslip.kinematics import SIDES, Array, wrap_angle
 from trackslip.planning.limits import DriveLimits, Knowledge
 
-RATE = 50.0  # commands per second; maneuvers take multiples of its period [Hz]
+RATE = 50.0  # commands per second; maneuvers last multiples of this period [Hz]
 TURNING = 0.65
-"""Largest yaw rate, as a share of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate, so
-that faster spins would identify a law of unusual driving."""
-_LEAST = 1e-9  # distance of a maneuver that counts [m]
+"""Largest yaw rate, as a fraction of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate,
+so faster spins would identify a law for unusual driving."""
+_LEAST = 1e-9  # shortest maneuver that counts [m]
 WAYPOINTS = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
-"""Places (9, 2) in halves of the area's length and width, or of what can be driven in a larger one."""
+"""Places (9, 2), in half lengths and widths of the area, or of what can be driven if that is less."""
 BOW = np.radians(30.0)
 """Angles between the chord of a leg and its ends are multiples of this, straight or MOST_BOW to either side [rad]."""
 MOST_BOW = 2
-_FITTED = 8  # rounds in which the places move together
-_SLACK = 1e-3  # relative, by which they move further than they seem to have to
-_LONGEST = 0.25  # distance from the middle to a place in a large area, of what can be driven in all [-]
+_FITTED = 8  # most rounds in which places are moved closer together
+_SLACK = 1e-3  # relative margin by which they are moved closer than seems necessary
+_LONGEST = 0.25  # largest distance from the middle to a place, over the longest distance drivable [-]
 _SMALLEST = 0.02  # scale below which there is no room
-_PARTS = 8  # of each maneuver
-_DEVIATIONS = 3.5  # of slip that the area allows for
+_PARTS = 8  # parts of each maneuver
+_DEVIATIONS = 3.5  # standard deviations of slip that the area allows for
 _POPULATION = 40
-_SHARES, _PAIRS = (0.25, 0.35, 0.45, 0.55), (2, 3, 4, 6)  # of spins in the lines that it begins with
+_SHARES, _PAIRS = (0.25, 0.35, 0.45, 0.55), (2, 3, 4, 6)  # of spins, in the lines that a search begins with
 _LAST = len(WAYPOINTS) - 1
-_LOW = np.array([0, 0, 0, 0, -MOST_BOW, -MOST_BOW, 0.02, 1, 0.2, 0.0, 0.0])  # of the fields of a route
+_LOW = np.array([0, 0, 0, 0, -MOST_BOW, -MOST_BOW, 0.02, 1, 0.2, 0.0, 0.0])  # lower limits of a route's fields
 _HIGH = np.array([_LAST, _LAST, 1, 1, MOST_BOW, MOST_BOW, 0.6, 12, 1.0, 1.0, 0.05])
-_WHOLE = np.array([True] * 6 + [False, True, False, False, False])  # of them, those that are whole numbers
+_WHOLE = np.array([True] * 6 + [False, True, False, False, False])  # fields that are whole numbers
 
 
 @dataclass(frozen=True)
 class Route:
-    """Two legs, there and back, repeated until the time is up, and spins."""
+    """Two legs, out and back, repeated until the time is up, with spins in between."""
 
     start: int  # index of the first place in WAYPOINTS
     end: int  # index of the other one
-    backwards: tuple[bool, bool]  # whether the way there and the way back are driven backwards
-    bow: tuple[int, int]  # angle between the chord of each way and its ends [BOW]
-    spinning: float  # share of the time for spins to both sides [-]
+    backwards: tuple[bool, bool]  # whether the legs out and back are driven in reverse
+    bow: tuple[int, int]  # angle between each leg's chord and its ends [BOW]
+    spinning: float  # fraction of the time for pairs of spins, one to each side [-]
     pairs: int  # number of such pairs, spread over the route
-    size: float = 1.0  # distances of the places, relative to the largest useful ones [-]
+    size: float = 1.0  # distances between the places, relative to the largest useful ones [-]
     ends: float = 0.5
-    """Length of the first and the last pair over that of the others, which are measured for two legs [-]."""
-    shrink: float = 0.0  # relative reduction of the distance from the middle at each leg, as slip adds up [-]
+    """Length of the first and the last pair relative to the other pairs, which serve two legs each [-]."""
+    shrink: float = 0.0  # relative reduction of the distance from the middle at each leg, because slip adds up [-]
 
 
 @dataclass(frozen=True)
@@ -63,28 +63,28 @@ class PlacedRoute:
     """A route within limits."""
 
     maneuvers: Maneuvers
-    start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
-    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from that of the area [m]
+    start: Array  # (3,) first pose, relative to the middle of the area [m, m, rad]
+    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from the area's middle [m]
 
 
 @dataclass(frozen=True)
 class Maneuvers:
     """Distances driven by the belts, and the times that they take within the limits."""
 
-    way: Array  # (n, 2) of the left and the right belt, negative backwards [m]
+    way: Array  # (n, 2) driven by the left and the right belt, negative backwards [m]
     duration: Array  # (n,) multiples of the period [s]
     acceleration: float  # [m/s^2]
 
     @classmethod
     def of(cls, way: Array, limits: DriveLimits) -> Maneuvers:
-        """The fastest maneuvers (n, 2) within the limits; maneuvers that drive nowhere are left out."""
+        """The fastest maneuvers within the limits that drive `way` (n, 2) [m]; maneuvers of length 0 are left out."""
         way = way[np.abs(way).max(axis=1, initial=0.0) > _LEAST]
         return cls(way, durations(way, limits), limits.acceleration)
 
     def speeds(self, duration: float) -> Array:
-        """Speeds (T, 2) of the belts, mean over each period, until `duration` [s]; at rest after the last maneuver.
+        """Mean belt speeds (T, 2) in each period until `duration` [s]; 0 after the last maneuver.
 
-        The means of a speed within the limits are within them, too, and so are their differences.
+        If a speed is within the limits, its means over periods and their differences are, too.
         """
         edges = np.arange(round(duration * RATE) + 1) / RATE
         begin = np.concatenate([[0.0], np.cumsum(self.duration)])
@@ -96,7 +96,7 @@ class Maneuvers:
         return np.asarray(np.diff(before[k] + share * self.way[k], axis=0) * RATE)
 
     def _driven(self, into: Array, k: np.ndarray) -> Array:
-        """Way (T,) of the faster belt at the time `into` (T,) the maneuvers `k` (T,): a trapezoid of speed."""
+        """Distance (T,) driven by the faster belt at times `into` (T,) maneuvers `k` (T,), with trapezoidal speed."""
         a, whole, length = self.acceleration, self.duration[k], np.abs(self.way).max(axis=1)[k]
         peak = (a * whole - np.sqrt(np.maximum((a * whole) ** 2 - 4 * a * length, 0.0))) / 2
         ramp = peak / a
@@ -106,7 +106,7 @@ class Maneuvers:
 
 
 def durations(way: Array, limits: DriveLimits) -> Array:
-    """Shortest times (n,), in whole periods, of maneuvers that drive the belts (n, 2) [m], from rest to rest [s]."""
+    """Shortest times (n,) [s], in whole periods, of maneuvers from rest to rest that drive `way` (n, 2) [m]."""
     length = np.abs(way).max(axis=1)
     turn = np.abs(way[:, 1] - way[:, 0])
     v = limits.max_speed * np.minimum(1.0, 2 * TURNING * np.maximum(length, _LEAST) / np.maximum(turn, _LEAST))
@@ -116,7 +116,7 @@ def durations(way: Array, limits: DriveLimits) -> Array:
 
 
 def longest_spin(duration: float, limits: DriveLimits) -> float:
-    """Way of either belt in a spin of this duration, rounded down to periods [m]."""
+    """Distance driven by either belt in a spin of `duration`, rounded down to whole periods [m]."""
     whole = np.floor(max(duration, 0.0) * RATE + 1e-9) / RATE
     v, a = TURNING * limits.max_speed, limits.acceleration
     return float(v * (whole - v / a) if whole >= 2 * v / a else a * whole**2 / 4)
@@ -139,7 +139,7 @@ def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRou
 
 
 def _maneuvers(route: Route, scale: float, limits: DriveLimits, knowledge: Knowledge) -> tuple[Maneuvers, float]:
-    """The maneuvers, with places `scale` times as far apart as they can be, and the heading at the start."""
+    """A route's maneuvers, with places `scale` times as far apart as possible, and the heading at the start."""
     half = scale * np.minimum(limits.room / 2, _LONGEST * limits.max_speed * limits.duration)
     rounds = max(1, int(np.ceil(limits.duration * limits.max_speed / (2 * half.min()))))
     place = WAYPOINTS[[*[route.start, route.end] * rounds, route.start]]
@@ -154,7 +154,7 @@ def _maneuvers(route: Route, scale: float, limits: DriveLimits, knowledge: Knowl
 
 
 def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
-    """As many of the legs (n, 2, 2), each a spin and a maneuver, as there is time for, and pairs of spins between."""
+    """As many legs (n, 2, 2), each a spin and a maneuver, as there is time for, with pairs of spins in between."""
     for_legs = limits.duration * (1 - route.spinning)
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), for_legs + 1e-9))
@@ -170,20 +170,20 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
 
 
 def _ways(length: Array, turn: Array, knowledge: Knowledge) -> Array:
-    """Ways (n, 2) of the belts for lengths (n,) [m] and turns (n,) [rad] of the robot."""
+    """Distances (n, 2) of the belts [m] for path lengths (n,) [m] and turns (n,) [rad] of the robot."""
     real = length[:, None] + SIDES * knowledge.reach * turn[:, None]
     return np.asarray(real / (1 + knowledge.radius_error))
 
 
 def extent(maneuvers: Maneuvers, heading: float, knowledge: Knowledge) -> Array:
-    """Lowest and highest x and y (2, 2) of the robot's middle from the origin, with `heading` [rad] at the start."""
+    """Lowest and highest x and y (2, 2) of the robot's middle if it starts at the origin with `heading` [rad]."""
     places = np.stack(path(maneuvers, heading, knowledge.extremes))
     spread = _DEVIATIONS * _slipped(maneuvers, places, knowledge)
     return np.stack([(places - spread).min(axis=(1, 2)), (places + spread).max(axis=(1, 2))])
 
 
 def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Array]:
-    """Positions x, y (L, K) of the turning centre by laws (L, 3) of b + D [m] and 1 + epsilon of left and right."""
+    """Positions x, y (L, K) of the turning centre under laws (L, 3): b + D [m], and 1 + epsilon left and right."""
     way = np.repeat(maneuvers.way, _PARTS, axis=0) / _PARTS * laws[:, None, 1:]  # (L, M, 2)
     turn = (way[..., 1] - way[..., 0]) / (2 * laws[:, :1])
     after = heading + np.cumsum(turn, axis=1)
@@ -194,7 +194,7 @@ def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Arra
 
 
 def _slipped(maneuvers: Maneuvers, places: Array, knowledge: Knowledge) -> Array:
-    """Standard deviations (2, L, K) of places x, y (2, L, K) by white slip."""
+    """Standard deviations (2, L, K) of `places` (2, L, K) from white slip."""
     along, across, turning = knowledge.slip
     part = np.repeat(np.abs(maneuvers.way).mean(axis=1), _PARTS) / _PARTS
     driven = np.append(0.0, np.cumsum(part))
@@ -208,9 +208,9 @@ def _slipped(maneuvers: Maneuvers, places: Array, knowledge: Knowledge) -> Array
 
 
 def best_route(cost: Callable[[Route], float], evaluations: int, rng: np.random.Generator) -> tuple[Route, float]:
-    """The best of about so many routes, and its cost, by differential evolution (Storn and Price, 1997).
+    """The best of about `evaluations` routes, and its cost, by differential evolution (Storn and Price, 1997).
 
-    It begins with lines along the diagonal, with several shares and numbers of spins, and random routes.
+    The search begins with lines along the diagonal, with several shares and numbers of spins, and random routes.
     """
     first = rng.uniform(_LOW, _HIGH, (_POPULATION, len(_LOW)))
     lines = [(0, _LAST, 0, 1, 0, 0, share, pairs, 1.0, 0.5, 0.01) for share in _SHARES for pairs in _PAIRS]

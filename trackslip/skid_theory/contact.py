@@ -1,20 +1,20 @@
-"""Contact of tracks or wheels with the ground, its forces on them, and the twists at which they balance a load.
+"""Contact of tracks or wheels with the ground, the ground's forces, and the twists at which these balance a load.
 
 On Coulomb ground, the forces are minus the gradient of the dissipated power
 
     P(v, u, w) = sum_k N_k sqrt((mu_along s_x,k)^2 + (mu_across s_y,k)^2)
 
-which is convex: the robot turns with the twist that dissipates least. Forces depend only on the direction of sliding,
-so slip depends on the radius of the path, on mu_across / mu_along and on the length of contact, but not on speed,
-weight or the magnitude of friction.
+which is convex: the robot moves with the twist that dissipates least power. Forces depend only on the direction of
+sliding, so slip depends on the radius of the path, on mu_across / mu_along and on the contact length, but not on
+speed, weight or the magnitude of friction.
 
 On ground that shears, an element of track that entered the contact at its front end x_f has been in it for the time
-T = (x_f - x) / V. Over the ground it has moved since by
+T = (x_f - x) / V. Since then, it has moved over the ground by
 
     j = P(0, x) - P(-T, x_f)
 
-where P(t, x) is the place of the point x of the robot at time t, turning included (Wong and Chiang 2001). A belt that
-runs backwards takes the ground in at its rear end; under one that stands, every element has slid for ever.
+where P(t, x) is the place of the point x of the robot at time t, turning included (Wong and Chiang 2001). On a belt
+that runs backwards, elements enter at the rear end; on one that stands still, every element has slid for ever.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from trackslip.kinematics import Array
 
 @dataclass(frozen=True)
 class Load:
-    """A slope and a drawbar pull, which add to the weight of a robot on level ground."""
+    """A slope and a drawbar pull, in addition to the weight of a robot on level ground."""
 
     slope: float = 0.0
     """Angle of the ground to the horizontal [rad]."""
     uphill: float = 0.0
     """Direction of uphill in the robot's frame: 0 straight ahead, positive to the left [rad]."""
     pull: float = 0.0
-    """Drawbar force, backwards along the robot, over the robot's weight [-]."""
+    """Drawbar force, backwards along the robot, divided by the robot's weight [-]."""
     hitch_height: float = 0.0
     """Height of the drawbar above the ground [m]."""
 
@@ -50,12 +50,12 @@ class Load:
 
     @property
     def downhill(self) -> Array:
-        """Force of the slope (2,) along and across the robot that the ground balances, over the normal force [-]."""
+        """Force (2,) along and across the robot with which the ground balances the slope, per normal force [-]."""
         return math.tan(self.slope) * np.array([math.cos(self.uphill), math.sin(self.uphill)])
 
     @property
     def drawbar(self) -> float:
-        """The pull over the normal force [-]."""
+        """The pull divided by the normal force [-]."""
         return self.pull / math.cos(self.slope)
 
 
@@ -72,7 +72,7 @@ class Contact:
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Distance ahead and to the left of the middle between the tracks, and height above the ground [m]."""
     patch: tuple[Array, Array] | None = None
-    """Rear and front ends (K,) of the patch in which each point touches the ground; None for one patch a track [m]."""
+    """Rear and front ends (K,) of the patch in which each point touches ground; None for one patch per track [m]."""
 
     def __post_init__(self) -> None:
         require_positive("along", self.along)
@@ -87,7 +87,7 @@ class Contact:
 
     @property
     def ends(self) -> tuple[Array | float, Array | float]:
-        """Rear and front ends of the patches, those of tracks half a space beyond their outermost points [m]."""
+        """Rear and front ends of the patches; for tracks, half a point spacing beyond the outermost points [m]."""
         if self.patch is not None:
             return self.patch
         x = np.unique(self.x)
@@ -96,7 +96,7 @@ class Contact:
 
     def loads(self, acceleration: Array, drawbar_moment: float = 0.0) -> Array:
         """Fractions (..., K) of the weight on each point, at accelerations (..., 2) of the centre of mass along and
-        across the robot, in units of gravity, and under the moment of a drawbar over the weight [m].
+        across the robot, in units of gravity, and under a drawbar moment divided by the weight [m].
 
         A rigid robot on equal springs: the load is linear in position and balances the moments of weight and inertia.
         """
@@ -133,9 +133,9 @@ def wheel_contact(
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 20,
 ) -> Contact:
-    """Wheels on patches with uniform pressure, one on either side of each axle; else as `line_contact`.
+    """Wheels on patches of uniform pressure, one at each end of an axle; otherwise as `line_contact`.
 
-    `axles` are their distances ahead of the middle of all, whose mean is 0 [m]; `points` are those per patch.
+    `axles` are the axles' distances ahead of their common middle, with mean 0 [m]; `points` is the number per patch.
     """
     require_positive("half_gauge", half_gauge)
     require_positive("patch_length", patch_length)
@@ -146,19 +146,19 @@ def wheel_contact(
     return Contact(x, y, along, across, centre_of_mass, (middle - patch_length / 2, middle + patch_length / 2))
 
 
-_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of |s| at 0, relative to the belts' speed
+_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # smoothing of |s| at 0, relative to the belts' speed
 _STEP = 1e-6  # of finite differences, relative to the belts' speed
 _ITERATIONS = 100
 _HALVINGS = 30
 _TOLERANCE = 1e-10  # of the balance, relative to the weight
-_ACCEPTED = 1e-6  # the same where rounding stops the iteration
-_SLOWEST = 1e-9  # a belt slower than this part of the faster one stands
+_ACCEPTED = 1e-6  # tolerance of the balance where rounding stops the iteration
+_SLOWEST = 1e-9  # a belt slower than this fraction of the faster one counts as standing
 
 
 def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
     """Shear displacements (..., K, 2) [m] in the robot's frame, at twists (..., 3) and belt speeds (..., K) [m/s].
 
-    Where a belt stands, it is infinite.
+    They are infinite where a belt stands still.
     """
     v, u, w = (twist[..., k, None] for k in range(3))
     rear, front = contact.ends
@@ -179,13 +179,13 @@ def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
 
 
 def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shear: float) -> Array:
-    """Forces of the ground along and across the robot and their moment (..., 3), over the weight.
+    """Ground forces along and across the robot and their moment (..., 3), divided by the weight.
 
-    Twists (..., 3), belt speeds (..., K) [m/s], and fractions (..., K) of the weight on the points.
+    Takes twists (..., 3), belt speeds (..., K) [m/s], and fractions `load` (..., K) of the weight on the points.
     """
     v, u, w = (twist[..., k, None] for k in range(3))
     slide_x, slide_y = v - w * contact.y - belt, u + w * contact.x
-    # where an element pivots its force reverses, within a space between points: without that, nothing might balance
+    # where an element pivots, its force reverses over one point spacing: a jump might prevent a balance
     rear, front = contact.ends
     within = contact.across * w * (front - rear) / contact.x.size / 2
     size = np.sqrt((contact.along * slide_x) ** 2 + (contact.across * slide_y) ** 2 + within**2)
@@ -197,10 +197,10 @@ def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shea
 
 
 def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> Array:
-    """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), over the weight.
+    """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), divided by the weight.
 
     They minimise the power that belts at speeds (M, K) of order one dissipate under loads (M, K), plus the power of the
-    required forces. Newton's method with backtracking, with less and less smoothing where the sliding reverses.
+    required forces. Solved by Newton's method with backtracking, and less and less smoothing where sliding reverses.
     """
     x, y = contact.x, contact.y
     # the sliding velocity, weighted by friction, is linear in the twist
@@ -241,10 +241,10 @@ def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> 
 
 
 def balance(belt: Array, contact: Contact, load: Array, required: Array, shear: float, start: Array) -> Array:
-    """Twists (M, 3) at which the ground exerts `required` forces and moments (M, 3), over the weight.
+    """Twists (M, 3) at which the ground exerts `required` forces and moments (M, 3), divided by the weight.
 
     Belt speeds (M, K) are of order one; `load` (M, K) are the fractions of the weight on the points, `start` (M, 3) the
-    first guess. Newton's method with a line search. Raises InvalidValueError where nothing balances.
+    first guess. Solved by Newton's method with a line search. Raises InvalidValueError if no twist is a balance.
     """
     gauge = float(np.abs(contact.y).mean())
     unit = np.array([1.0, 1.0, 1 / gauge])  # of the twist

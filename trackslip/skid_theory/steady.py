@@ -25,8 +25,8 @@ def steady_twist(
     With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer
     track; both are found by fixed-point iteration. By default inertia is neglected and slip does not depend on speed.
     `shear` is the modulus K of ground that shears, 0 for Coulomb ground [m]. Where uphill is to the side of a turning
-    robot, the twist is that of the moment. Raises InvalidValueError for speeds that are not finite, or too fast for a
-    turn, and a load that the ground does not carry.
+    robot, the twist is momentary. Raises InvalidValueError for speeds that are not finite, or too fast for a turn, and
+    for a load that the ground does not carry.
     """
     speeds = np.asarray(surface_speeds, float)
     require(np.isfinite(speeds).all(), "surface_speeds", surface_speeds, "finite")
@@ -48,8 +48,8 @@ def steady_twist(
 class Turns:
     """M steady turns to the left, one for each radius."""
 
-    radius: Array  # (M,) driven [m]
-    belts: Array  # (M, 2) speeds of the belts, in units of the yaw rate [m]
+    radius: Array  # (M,) driven radius [m]
+    belts: Array  # (M, 2) belt speeds divided by the yaw rate [m]
     half_gauge: float  # half the distance between the tracks [m]
 
     @property
@@ -74,9 +74,9 @@ class Turns:
 
 
 def steady_turns(radius: ArrayLike, contact: Contact, shear: float = 0.0, load: Load = _UNLOADED) -> Turns:
-    """The turns to the left of radii (M,) driven [m]; arguments as for `steady_twist`.
+    """Turns to the left in which the robot drives radii (M,) [m]; arguments as for `steady_twist`.
 
-    Raises InvalidValueError for a load that the ground does not carry, and a radius that no belt speeds drive.
+    Raises InvalidValueError for a load that the ground does not carry, and for a radius that no belt speeds achieve.
     """
     radius = np.asarray(radius, float)
     half_gauge = float(np.abs(contact.y).mean())
@@ -94,7 +94,7 @@ def steady_turns(radius: ArrayLike, contact: Contact, shear: float = 0.0, load: 
 
 
 def _require_carried(load: Load, contact: Contact) -> None:
-    """Raise InvalidValueError unless friction carries a load, and the load leaves every point of the tracks loaded."""
+    """Raise InvalidValueError unless friction carries the load and all points of the tracks remain loaded."""
     along, across = load.downhill + np.array([load.drawbar, 0.0])
     shown = f"slope {load.slope:.3g} rad, pull {load.pull:.3g} of the weight"
     if not np.hypot(along / contact.along, across / contact.across) < 1:
@@ -111,7 +111,7 @@ def _acceleration(twist: Array, contact: Contact) -> Array:
 
 
 def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load) -> Array:
-    """Twists (M, 3) at which the forces of the ground produce accelerations (M, 2), in units of gravity."""
+    """Twists (M, 3) at which ground forces produce accelerations (M, 2), in units of gravity."""
     scale = np.abs(speeds).max(axis=1, keepdims=True)
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill

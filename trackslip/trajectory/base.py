@@ -26,7 +26,7 @@ class Reference(Protocol):
 
 
 class PiecewiseReference(ABC):
-    """Base of references at constant acceleration between knots."""
+    """Base class of references with constant acceleration between knots."""
 
     def __init__(self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike) -> None:
         """Durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at their starts and ends."""
@@ -66,11 +66,11 @@ class PiecewiseReference(ABC):
 
     @abstractmethod
     def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Poses (..., 3) in cells k (...), `way` (...) from their starts [m]."""
+        """Poses (..., 3) in cells k (...), at distances `way` (...) from the cells' starts [m]."""
 
     @abstractmethod
     def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Curvatures (...) there [1/m]."""
+        """Curvatures (...) at the same points [1/m]."""
 
 
 def cell(knots: Array, at: Array) -> NDArray[np.intp]:

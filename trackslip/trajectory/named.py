@@ -43,7 +43,7 @@ class ClothoidPath(PlanarPath):
         self._curvature = np.repeat([p.start_curvature for p in pieces], counts) + self._sharpness * fractions
         x, y, phi = np.asarray(start, float)
         turns = steps * (self._curvature + self._sharpness * steps / 2)
-        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), as the two before
+        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), like the two above
         chords = self._chord(np.arange(len(steps)), steps)
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
 
@@ -70,7 +70,7 @@ class ClothoidPath(PlanarPath):
 def clothoid(start: ArrayLike) -> ProfiledReference:
     """A left and a right bend of continuous curvature, from `start` (3,): clothoids join the straights and arcs.
 
-    Straights are 0.6 m long, arcs of 0.5 m radius 0.5 m, clothoids 1 m, and that between the arcs 2 m.
+    Straights are 0.6 m long, arcs 0.5 m with a radius of 0.5 m, clothoids 1 m, and the one between the arcs 2 m.
     """
     bend = 2.0  # [1/m]
     pieces = [
@@ -86,7 +86,7 @@ def clothoid(start: ArrayLike) -> ProfiledReference:
 
 
 def rounded_square(start: ArrayLike) -> ProfiledReference:
-    """Once to the left around a square of 2 m with corners of 0.4 m radius, from a pose (3,) amid a side."""
+    """Once anticlockwise around a 2 m square with corners of 0.4 m radius, from a pose (3,) in the middle of a side."""
     half, straight, corner = PathPiece(0.6), PathPiece(1.2), PathPiece(np.pi / 2 * 0.4, 2.5, 2.5)
     return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]))
 
@@ -108,9 +108,9 @@ def figure_eight(start: ArrayLike) -> ProfiledReference:
 
 
 def slalom(start: ArrayLike) -> ProfiledReference:
-    """Two periods of a sine about a line, 2 m long and 0.5 m wide each, from a minimum, first to the left.
+    """Two periods of a sine along a line, each 2 m long and 0.5 m wide, from a minimum and first to the left.
 
-    `start` (3,) is a pose along the line. The smallest radius is 0.4 m.
+    `start` (3,) is the first pose, with the line's heading. The smallest radius is 0.4 m.
     """
 
     def wave_line(x: Array, nu: int) -> Complex:
@@ -148,7 +148,7 @@ REFERENCES: dict[str, Callable[..., Reference]] = {
     "spiral": partial(spiral, start=(-1.5, 0.5, 0.0)),
     "stop_and_go": partial(stop_and_go, start=(-2.5, 1.0, np.pi / 4)),
 }
-"""Makers of references by name; each takes another `start` (3,) as a keyword."""
+"""Functions that make references, by name; each accepts a different `start` (3,) as a keyword."""
 
 
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:

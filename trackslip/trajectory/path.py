@@ -1,4 +1,4 @@
-"""Paths by arc length, and the fastest speeds along them within limits.
+"""Paths parametrised by arc length, and the fastest speeds along them within limits.
 
 Points are complex numbers x + iy [m], so that a rotation is a product.
 """
@@ -29,7 +29,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 class PlanarPath(ABC):
-    """Base of paths parametrised by arc length s, from 0 to their length."""
+    """Base class of paths parametrised by arc length s, from 0 to their length."""
 
     _s: Array
 
@@ -51,13 +51,13 @@ class PlanarPath(ABC):
 
 
 Curve = Callable[[Array, int], Complex]
-"""Points (...) at parameters (...) for 0, first and second derivatives for 1 and 2, as of SciPy's splines."""
+"""Returns points (...) at parameters (...) for 0, first and second derivatives for 1 and 2, like SciPy's splines."""
 
 
 class ParametricPath(PlanarPath):
     """A smooth curve parametrised by arc length.
 
-    The arc length between knots is a Gauss-Legendre integral of the parametric speed, its inverse a cubic Hermite
+    The arc length between knots is a Gauss-Legendre integral of the parametric speed, its inverse is a cubic Hermite
     polynomial. The knots are close enough for an error of 1e-12 m, so pose and curvature are those of the curve itself.
     """
 
@@ -138,7 +138,7 @@ _WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points of a cell withou
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """MotionLimits of the motion along a reference."""
+    """Limits on the motion along a reference."""
 
     speed: float = 0.15
     """Maximum speed [m/s]."""
@@ -172,7 +172,7 @@ class MotionLimits:
 
 
 LIMITS = MotionLimits()
-"""MotionLimits that the drives of the default robot can follow, slip included."""
+"""Limits that the default robot's motors can keep up with, slip included."""
 
 
 class ProfiledReference(PiecewiseReference):
@@ -185,7 +185,7 @@ class ProfiledReference(PiecewiseReference):
         speed_at: Callable[[Array], Array] | None = None,
         direction: int = 1,
     ) -> None:
-        """`speed_at` gives largest speeds (...) at arc lengths (...), below MIN_SPEED taken as that [m/s].
+        """`speed_at` returns the largest speeds (...) at arc lengths (...), raised to MIN_SPEED where lower [m/s].
 
         `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError for a path too tight to be driven at
         MIN_SPEED.

@@ -73,7 +73,7 @@ def circle(radius: float, speed: float, duration: float, start: ArrayLike = (0.0
 
 
 def stop_and_go(start: ArrayLike) -> SegmentedReference:
-    """2.5 m forwards, 1.6 m backwards on an arc of 1 m about a point to the left, 2.5 m forwards; 2 s at rest between.
+    """2.5 m forwards, 1.6 m backwards with 1 m radius about a point to the left, 2.5 m forwards; 2 s at rest between.
 
     `start` (3,) is the first pose.
     """

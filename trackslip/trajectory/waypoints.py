@@ -1,4 +1,4 @@
-"""A reference through waypoints from an array or a CSV file, with reversals where their headings say so."""
+"""A reference through waypoints from an array or a CSV file, with reversals where the headings require them."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from trackslip.logs.logfile import read_table
 from trackslip.trajectory.base import PiecewiseReference, Reference
 from trackslip.trajectory.path import LIMITS, MAX_LENGTH, MotionLimits, ParametricPath, ProfiledReference
 
-COLUMNS = ("x", "y", "yaw", "v")  # of a file [m, m, rad, m/s]; the last two are optional
+COLUMNS = ("x", "y", "yaw", "v")  # columns of a file [m, m, rad, m/s]; the last two are optional
 MIN_POINTS, MAX_POINTS = 3, 10_000  # allowed number of waypoints
 MAX_COORDINATE = 100.0  # maximum absolute coordinate of a waypoint [m]
 MIN_SPACING = 1e-3  # minimum distance between neighbouring waypoints [m]
-_ALONG = np.cos(np.radians(45))  # between a chord and the headings at its ends, at most
+_ALONG = np.cos(np.radians(45))  # cosine of the largest angle between a chord and the headings at its ends
 
 
 class Stretches(PiecewiseReference):
-    """References one after another; headings go on without whole turns."""
+    """References one after another; headings continue without jumps by whole turns."""
 
     def __init__(self, references: Sequence[ProfiledReference]) -> None:
         self._references = references
-        self._first = np.cumsum([0, *(len(each.knots) - 1 for each in references)])  # cell of each
+        self._first = np.cumsum([0, *(len(each.knots) - 1 for each in references)])  # first cell of each
         start, end = np.array([each.pose([0.0, each.duration])[:, 2] for each in references]).T
         self._turns = 2 * np.pi * np.append(0.0, np.cumsum(np.round((end[:-1] - start[1:]) / (2 * np.pi))))
         super().__init__(*np.concatenate([each.cells for each in references], axis=1))
@@ -50,7 +50,7 @@ class Stretches(PiecewiseReference):
         return curvatures
 
     def _driven_in(self, k: np.ndarray) -> Iterator[tuple[ProfiledReference, np.ndarray, int, float]]:
-        """Each reference, where it has the cells k (...), its first cell, and the turn of its headings [rad]."""
+        """Each reference, a mask (...) of the cells k in it, its first cell, and the turn of its headings [rad]."""
         for reference, first, end, turn in zip(
             self._references, self._first[:-1], self._first[1:], self._turns, strict=True
         ):
@@ -60,8 +60,8 @@ class Stretches(PiecewiseReference):
 def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
     """The reference through the points in a CSV file of columns x, y and, optionally, yaw and v: see `waypoints`.
 
-    Raises ReferenceFileError if the file cannot be read or driven; names the row, counted from 1 without the header,
-    and the column.
+    Raises ReferenceFileError if the file cannot be read or driven; the message names the row, counted from 1 without
+    the header, and the column.
     """
     try:
         table = read_table(path)
@@ -84,13 +84,13 @@ def waypoints(
 ) -> Reference:
     """A smooth reference through all points in order: a cubic spline parametrised by chord length.
 
-    The curvature is continuous and, without `yaw`, zero at both ends. Among the usual parameters, chord length gives
-    the widest bends for unevenly spaced points. The robot drives in reverse where the points go against the headings,
-    and stops where its direction changes.
+    The curvature is continuous and, without `yaw`, zero at both ends. Among the usual spline parameters, chord length
+    gives the widest bends for unevenly spaced points. The robot drives in reverse where the points go against the
+    headings, and stops where its direction changes.
 
     Args:
         points: (N, 2) in the world [m].
-        limits: of the motion.
+        limits: limits on the motion.
         yaw: headings (N,) [rad]; they say where the robot reverses, and are the headings where it starts and stops.
         speed: largest speeds (N,) [m/s]; their squares are linear in between.
 
@@ -105,7 +105,7 @@ def waypoints(
     _require_drivable(points, yaw, speed)
     directions = np.ones(len(points) - 1, int) if yaw is None else _directions(points, yaw)
     if speed is not None:
-        forwards = np.append(directions, 1) + np.insert(directions, 0, 1) == 2  # before and behind each point
+        forwards = np.append(directions, 1) + np.insert(directions, 0, 1) == 2  # before and after each point
         row, allowed = int(np.argmin(speed * forwards)), "at least 0, unless a column yaw says reverse"
         require(speed[row] >= 0 or not forwards[row], f"point {row + 1}, column v", float(speed[row]), allowed)
     ends = [0, *(np.flatnonzero(np.diff(directions)) + 1).tolist(), len(points) - 1]
