@@ -80,7 +80,7 @@ def replay(
 ) -> list[RunLog]:
     """Let simulated robots repeat logged drives.
 
-    A replay begins with the twist determined from poses in the first 0.3 s, or at rest if the sprockets rest then.
+    A replay starts with the twist from the first 0.3 s of poses, or at rest if the sprockets are still then.
 
     Args:
         log: a drive, or several, each of which is replayed from its own start.

@@ -123,7 +123,7 @@ class ClosedLoops:
         return {name: content(Path(name)) for name in sorted(names)}
 
     def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
-        """The cases with their ids; a user's controllers must have been imported before."""
+        """The cases with their ids; a user's controllers must already be imported."""
         config, world, files = self.config, self.world, self.files(cases)
         robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]

@@ -102,8 +102,7 @@ def _middles(count: int) -> Array:
 def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Array:
     """Replace a model's pads with those that a robot needs, and return the points (n,) of one side [m].
 
-    A pad has two points, unless it is `single`. Whatever their number, all points together carry the robot at the same
-    depth and creep equally slowly.
+    A pad has two points, unless it is `single`. The robot's sinkage and creep do not depend on the number of points.
     """
     chassis = spec.body("chassis")
     pads, plain = [geom for geom in chassis.geoms if "_pad" in geom.name], spec.pairs[0]

@@ -245,7 +245,7 @@ class Traverse(World):
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Mask (N,) of those of the driving robots `rows` (R,) whose simulation diverged in this period."""
+        """Mask (N,) of the driving robots, `rows` (R,), whose simulation diverged in this period."""
         broken = np.zeros(self.size, bool)
         first = self.tracked.free[1]
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)

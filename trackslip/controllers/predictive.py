@@ -126,7 +126,7 @@ class _LeastSquares(Horizon, ABC):
     def _optimum(self, plans: Array, deviation: Array, effect: Array, wanted: Array) -> Array:
         """The best plans (R, K, 2) if, under the present plans, poses deviate from the reference by (R, K, 3).
 
-        `effect` (R, 3 K, 2 K) is how plans change poses, `wanted` (K, 2) are the reference's track speeds.
+        `effect` (R, 3 K, 2 K) maps plans to pose changes; `wanted` (K, 2) is the reference's track speeds.
         """
         root = np.sqrt(self.weights).reshape(-1, 1)
         effect, deviation = root * effect, root * deviation.reshape(len(plans), -1, 1)

@@ -151,7 +151,7 @@ def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
 
 
 def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
-    """The measured poses, if the others were interpolated linearly between them: the ends of straight stretches.
+    """Drop poses interpolated linearly between measured ones, keeping only the ends of straight stretches.
 
     If a stretch ends between two rows, the measured pose is where the lines of both stretches meet.
     """

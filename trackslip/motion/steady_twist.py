@@ -84,7 +84,7 @@ _MAX_GAP_TURN = 2.5  # turn in a gap that an arc can bridge [rad]
 
 
 def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """The mean twist by the paper's smoothing (Sec. III-B) and differences; speeds are lengths of displacements.
+    """The mean twist from the paper's smoothing (Sec. III-B) and differencing; speeds are displacements over time.
 
     The filter is applied to the heading and, since the paper does not specify its low-pass, to the coordinates too. Its
     delay does not matter in a steady turn, but noise makes the displacements longer. Noise in the twists cancels in the
