@@ -48,7 +48,7 @@ def driven(tmp_path_factory):
     """Three teleoperated drives of 20 s by a robot with longer tracks, on another ground."""
     folder = tmp_path_factory.mktemp("driven")
     (folder / "true.toml").write_text(ROBOT.format(across=0.6))
-    options = ("--robot", str(folder / "true.toml"), "--drives", "3", "--duration", "20")
+    options = ("--robot", str(folder / "true.toml"), "--drives", "3", "--duration", "40")
     ran(folder / "out", "wander", *options)
     (folder / "start.toml").write_text(ROBOT.format(across=0.5).replace("0.02", "0.0"))
     return folder
