@@ -79,7 +79,7 @@ class ScannerFeed(Restorable):
             noise: standard deviation of ranges for each robot's scanner (N,); by default that of `scanner` [m].
 
         Raises:
-            InvalidValueError: for a wrong number of generators, and for an obstacle on the scanner.
+            InvalidValueError: for a wrong number of generators, negative noise, and an obstacle on the scanner.
         """
         if isinstance(generators, int):
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
@@ -87,6 +87,7 @@ class ScannerFeed(Restorable):
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
         self._noise = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
+        require(bool((self._noise >= 0).all()), "noise", self._noise.tolist(), "at least 0 m")
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])

@@ -13,6 +13,7 @@ from sim.drive.drive import Motor
 from sim.env import PathTrackingEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.robot.named import load_parameters
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import Wall
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
@@ -55,6 +56,7 @@ REFUSED = [
     (PoseSource, {"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
     (FLEET, {"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
     (FLEET, {"drive": Drive(period=0.007)}, "drive.period"),
+    (lambda noise: ScannerFeed(LaserScanner(), FLEET(), noise=noise), {"noise": -0.1}, "noise = [-0.1, -0.1]: must be"),
     (partial(Fleet, load_robot()), {"start": [[0.0, NAN, 0.0]]}, "start"),
     (ROVER, {"contact": "tracks"}, 'axles = (-0.256, 0.256): must be left out without contact = "wheels"'),
     (ROVER, {"axles": ()}, "axles = []: must be 2 to 10 positions"),
