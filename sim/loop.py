@@ -47,6 +47,10 @@ class Pilot:
     def _loaded(self) -> SensesLoad | None:
         return self.compensation if isinstance(self.compensation, SensesLoad) else None
 
+    @cached_property
+    def _sensing(self) -> SensesSprockets | None:
+        return self.controller if isinstance(self.controller, SensesSprockets) else None
+
     def begin(self, record: RunRecorder) -> None:
         """Begin new runs at the robots' current poses, to be recorded in `record`."""
         with self._failing(record, 0.0):
@@ -76,8 +80,8 @@ class Pilot:
         if self.preview > 0:
             pose = advance(pose, law.twist(omega, geometry), self.preview)
         with self._failing(record, time):
-            if isinstance(self.controller, SensesSprockets):
-                self.controller.sense(omega)
+            if self._sensing is not None:
+                self._sensing.sense(omega)
             twist = np.asarray(self.controller.twist(time + self.preview, pose, reference), dtype=float)
         record.wanted(k, self.robots, twist)
         return twist

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +47,7 @@ class PathTracking(Task):
         super().__init__(config, size, PERIOD, self.layout.elements, commanded)
         self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
+        self._senses_load = isinstance(self._compensation, SensesLoad)  # the check of a protocol is slow
         self._compensation.reset(begin)
         self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2), of actions
         self._reference: Index = np.zeros(size, int)
@@ -118,7 +119,7 @@ class PathTracking(Task):
 
     @property
     def _loaded(self) -> SensesLoad | None:
-        return self._compensation if isinstance(self._compensation, SensesLoad) else None
+        return cast(SensesLoad, self._compensation) if self._senses_load else None
 
     def _set_points(self, action: Array) -> Array:
         wanted = action * self._unit

@@ -73,8 +73,8 @@ class PlateBeams:
         weight, ahead = np.where(seen, 1 / spread, 0.0), np.exp(1j * middle)
         edges = Edges(ahead, (reach * _OUTWARDS).T, weight.T, slack.T)
         cos, sin = np.cos(bearing), np.sin(bearing)
-        turned = np.stack([sin, -cos])
-        return cls(np.stack([cos, sin]), turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
+        turned = np.array([sin, -cos])
+        return cls(np.array([cos, sin]), turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
 
     def take(self, rows: np.ndarray) -> PlateBeams:
         """The beams of the scans `rows` (R,), in that order, possibly repeated."""
@@ -137,11 +137,11 @@ class View:
         from_centre = np.array([[half], [half.conjugate()], [-half], [-half.conjugate()]])
         corners = from_centre + self.place + _BESIDE  # (4, M)
         bearing = np.angle(corners * (self.axis * ahead.conj()))
-        outermost = np.stack([bearing.argmin(axis=0), bearing.argmax(axis=0)])  # (2, M)
-        inverse = 1 / np.take_along_axis(corners, outermost, axis=0)  # a bearing is the imaginary part of the logarithm
+        outermost = np.array([bearing.argmin(axis=0), bearing.argmax(axis=0)])  # (2, M)
+        views = np.arange(len(ahead))
+        inverse = 1 / corners[outermost, views]  # a bearing is the imaginary part of the logarithm
         by_heading = inverse * from_centre[outermost, 0]
-        seen = np.take_along_axis(bearing, outermost, axis=0)
-        return np.stack([seen, inverse.imag, inverse.real, by_heading.real])
+        return np.array([bearing[outermost, views], inverse.imag, inverse.real, by_heading.real])
 
 
 def viewing_angle(pose: Array) -> Array:
@@ -180,7 +180,7 @@ class Evaluation(Rows):
         step = np.linalg.solve(_regular(self.hessian, damping), -self.gradient[..., None])[..., 0]
         moved = self.pose + step
         moved[:, :2] = self.pose[:, :2] + se2.rotate(self.pose[:, 2], step[:, :2])
-        return moved, np.sum(step * self.gradient, axis=1) / -2
+        return moved, (step * self.gradient).sum(axis=1) / -2
 
     def covariances(self) -> Array:
         """Inverses (M, 3, 3) of the Hessians; variances of what a scan does not determine are UNKNOWN."""
@@ -190,7 +190,7 @@ class Evaluation(Rows):
 def _regular(hessian: Array, damping: Array) -> Array:
     """The Hessians (M, 3, 3) with damping (M,) and a prior whose variances are UNKNOWN."""
     regular = hessian.copy()
-    diagonal = np.einsum("mii->mi", regular)  # a view
+    diagonal = regular.reshape(-1, 9)[:, ::4]  # a view
     diagonal *= 1 + damping[:, None]
     diagonal += 1 / UNKNOWN
     return regular
@@ -208,15 +208,15 @@ class PlateLikelihood:
         view = View.of(self.plate, pose)
         residual, on_long, slope, lever = self._ranges(beams, view)
         weight, cost = self.loss(residual)
-        jacobian = np.stack([np.where(on_long, 0.0, slope), np.where(on_long, slope, 0.0), lever * slope])  # (3, H)
+        jacobian = np.array([np.where(on_long, 0.0, slope), np.where(on_long, slope, 0.0), lever * slope])  # (3, H)
         weighted = weight * jacobian
         sums = beams.sums(np.concatenate([cost[None], weighted * residual, weighted[_ROW] * jacobian[_COLUMN]]))
-        missed, *edges = self.edges(beams.edges, view)  # (2, M) each
-        by_edges = np.stack(edges)
-        total = sums[0] + np.sum(missed**2, axis=0) / 2
-        gradient = sums[1:4] + np.sum(by_edges * missed, axis=1)
-        elements = sums[4:] + np.sum(by_edges[_ROW] * by_edges[_COLUMN], axis=1)
-        return Evaluation(pose, total, gradient.T, np.moveaxis(elements[_SYMMETRIC], -1, 0))
+        edges = self.edges(beams.edges, view)  # (4, 2, M)
+        missed, by_edges = edges[0], edges[1:]
+        total = sums[0] + (missed**2).sum(axis=0) / 2
+        gradient = sums[1:4] + (by_edges * missed).sum(axis=1)
+        elements = sums[4:] + (by_edges[_ROW] * by_edges[_COLUMN]).sum(axis=1)
+        return Evaluation(pose, total, gradient.T, elements[_SYMMETRIC].transpose(2, 0, 1))
 
     def misfit(self, beams: PlateBeams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
@@ -239,7 +239,8 @@ class PlateLikelihood:
             fit.cost[climbing[last]] -= fall[last]
             if not going.any():
                 break
-            climbing, beams, target = climbing[going], beams.take(np.flatnonzero(going)), target[going]
+            if not going.all():
+                climbing, beams, target = climbing[going], beams.take(np.flatnonzero(going)), target[going]
             trial = self.evaluate(beams, target)
             better = trial.cost < fit.cost[climbing]
             fit.put(climbing[better], trial.take(better))
@@ -291,5 +292,5 @@ class PlateLikelihood:
         """Residuals of the two edges of the silhouette, and their three derivatives, (4, 2, M)."""
         bearing, *slopes = view.silhouette(edges.ahead)
         slack, missed = edges.slack.T, bearing - edges.bearing.T
-        missed -= np.clip(missed, -slack, slack)
-        return np.stack([missed, *slopes]) * np.where((slack == 0) | (missed != 0), edges.weight.T, 0.0)
+        missed -= missed.clip(-slack, slack)
+        return np.array([missed, *slopes]) * np.where((slack == 0) | (missed != 0), edges.weight.T, 0.0)
