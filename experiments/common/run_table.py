@@ -15,8 +15,8 @@ COLUMNS = {
     column.name: column
     for column in (
         Column("run", NO_UNIT, "name of the run: its log in runs.parquet"),
-        Column("id", NO_UNIT, "hash of all that the run is: options, robot, ground, seed"),
-        Column("error", NO_UNIT, "why there is no run; null where there is one"),
+        Column("id", NO_UNIT, "hash of the run's options, robot, ground and seed"),
+        Column("error", NO_UNIT, "reason why the run failed; null if it succeeded"),
         Column("omega_l", "rad/s", "measured speed of the left sprocket"),
         Column("omega_r", "rad/s", "measured speed of the right sprocket"),
         Column("v", "m/s", "measured forward speed"),
@@ -26,7 +26,7 @@ COLUMNS = {
         Column("slip_r", PURE, "measured slip of the right track"),
         Column("true_slip_l", PURE, "true slip of the left track"),
         Column("true_slip_r", PURE, "true slip of the right track"),
-        Column("note", NO_UNIT, "what of the run could not be used, and why; null where all could"),
+        Column("note", NO_UNIT, "parts of the run that could not be used, and why; null if there are none"),
         Column("rmse_x", "m", "root mean square error of the poses along x"),
         Column("rmse_y", "m", "root mean square error of the poses along y"),
         Column("rmse_heading", "rad", "root mean square error of the headings"),
