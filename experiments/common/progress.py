@@ -15,7 +15,7 @@ Advance = Callable[[float], None]  # called with the amount done since the last 
 
 @contextmanager
 def progress(stage: str, total: float | None, unit: str = "s", done: float = 0.0) -> Iterator[Advance]:
-    """Show the progress of a stage, by default in simulated seconds; `done` is the amount done earlier."""
+    """Show a stage's progress, by default in simulated seconds; `done` is the amount done before the block."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _logged(stage, total, unit, done)

@@ -36,19 +36,19 @@ class Config(ResultsOptions):
     """
 
     path: tyro.conf.Positional[Path]
-    """A .csv or .parquet log, a ROS bag, the folder of a drive, a grid or bags, or a .toml file of a data set."""
+    """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's .toml file."""
     law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
-    """none, an identification's folder (its best law), a file of laws, either with :NAME, or a name to fit by folds."""
+    """none; a folder (its best law) or file of laws, either also with :NAME; with --folds, the name of a law to fit."""
     robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
     """A robot to simulate: a name, or a file as written by calibrate."""
     ground: GroundOptions = field(default_factory=GroundOptions)
-    """The ground of the simulated robots, and properties that differ from the named one's."""
+    """Ground of the simulated robots, and properties that differ from the named ground."""
     inputs: Literal["encoders", "commands"] = "encoders"
     """Inputs of simulated robots: measured sprocket speeds, or the logged commands through the robot's drive."""
     folds: Annotated[int | None, Whole(2, MAX_FOLDS), default_is("nothing is fitted", "INT")] = None
-    """Number of parts of the log, each predicted by laws, gains and robots fitted to the others."""
+    """Number of parts of the log, each predicted by laws, gains and robots fitted to the other parts."""
     free: Annotated[tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")] = None
-    """Parameters of the first robot to fit to the other parts, as calibrate does."""
+    """Parameters of the first robot to fit to the log's other parts, as calibrate does."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
