@@ -1,4 +1,4 @@
-"""A controller of your own, compared with the built-in ones on the same path and ground."""
+"""A controller of your own, compared with built-in controllers on the same path and ground."""
 
 import numpy as np
 

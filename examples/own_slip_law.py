@@ -22,7 +22,7 @@ class Linear(trackslip.SlipLaw):
         return np.stack([self.offset - self.gain * kappa, self.offset + self.gain * kappa], axis=-1)
 
 
-# where fits start, limits, a change that matters, unit, symbol, meaning; lengths are in half gauges
+# initial values of fits, both limits, a significant change, unit, symbol, meaning; lengths are in half gauges
 PARAMETERS = {
     "offset": Parameter((0.0,), -0.5, 0.5, 0.01, "", "o", "slip on a straight path"),
     "gain": Parameter((0.3,), -5.0, 5.0, 0.3, "m", "k", "growth of slip with curvature"),

@@ -57,7 +57,7 @@ _KERNEL = ("__init__", "__main__", "cli")  # files here that are not commands
 
 @functools.cache
 def commands() -> dict[str, str]:
-    """A sentence on every command, by name; commands are the files here and the folders with a command.py."""
+    """All commands by name, each with a sentence; a command is a file here or a folder with a command.py."""
     sources = {file.stem: file for file in _ROOT.glob("*.py") if file.stem not in _KERNEL}
     sources |= {file.parent.name: file.with_name("__init__.py") for file in _ROOT.glob("*/command.py")}
     return {name: _sentence(sources[name]) for name in sorted(sources)}
@@ -155,7 +155,7 @@ def _examples(examples: Sequence[tuple[str, str]]) -> str:
 
 
 def _refused_value(stop: SystemExit) -> InvalidValueError | None:
-    """The error of a refused value, if that made tyro stop; its field is the option's full name, as ground.across."""
+    """The error for a refused value, if it made tyro stop, with the option's full name, such as ground.across."""
     group, error = "", stop.__context__
     while error is not None and not isinstance(error, InvalidValueError):
         group, error = getattr(error, "arg", ""), error.__context__  # name of a group of options

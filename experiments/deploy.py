@@ -28,7 +28,7 @@ class Config(Options):
     to: Literal["ros2_control", "ros_control", "json", "c", "python"] = "ros2_control"
     """Parameters of diff_drive_controller (YAML for ROS 2 or 1), JSON, a C header, or a Python module."""
     law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
-    """The law; diff_drive_controller accepts none, icr, icr_radius and icr_sides."""
+    """Name of the law; diff_drive_controller accepts none, icr, icr_radius and icr_sides."""
     controller: str = "diff_drive_controller"
     """Name of the robot's controller, such as platform_velocity_controller."""
     accept: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

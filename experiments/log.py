@@ -165,7 +165,7 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
             raise OutputError(f"{target}: exists already; --overwrite replaces it")
     read = read_runs_of(path, choice)
 
-    def write_both(draft: Path) -> None:  # both files or neither
+    def write_both(draft: Path) -> None:  # writes both files or neither
         write_csv(read.runs, draft)
         write_output(units, lambda columns: _write_units(draft, columns))
 

@@ -101,7 +101,7 @@ def run(config: Config) -> None:
         return
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
-    loss, nominal = float(turns.loss.mean()), 1 + config.radius_error  # converts to slips of the nominal sprocket
+    loss, nominal = float(turns.loss.mean()), 1 + config.radius_error  # nominal: for slips of the nominal sprocket
     law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
     ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
     slip, straight = 1 - nominal * (1 - turns.slip), float(1 - nominal * ahead)

@@ -39,9 +39,9 @@ class Config(options.Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
-    """Controller, as linear:stiffness=160, the paper's Eq. 31; ppo:FOLDER from train, or MODULE:CLASS for your own."""
+    """Controller, such as linear:stiffness=160 (the paper's Eq. 31), ppo:FOLDER from train, or MODULE:CLASS (yours)."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """A LAW in --laws; online starts from its icr_radius, online_load from its icr_load, online_cold from no slip."""
+    """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws, online_cold from no slip."""
     preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0
     """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"

@@ -128,7 +128,7 @@ class Search:
         return [digest([search, k]) for k in range(self.config.evaluations // _POPULATION * _POPULATION)]
 
     def drive(self, pool: Workers, store: Store, report: Progress, generation: Mapping[str, Gains]) -> list[Row]:
-        """The candidates of a generation of gains, given by id; candidates missing from the store are driven."""
+        """The candidates of a generation (gains by id), of which those missing from the store are driven."""
         missing = {
             id: self.cases(gains)
             for id, gains in generation.items()

@@ -18,7 +18,7 @@ from trackslip import se2
 from trackslip.kinematics import Array
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
-"""Axes along which a benchmark's runs differ, which are fields of BenchmarkCase."""
+"""Axes along which a benchmark's runs differ; each is a field of BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _GROUNDS = ("stone", "ice", "sticky")

@@ -27,13 +27,13 @@ class Config(ClosedLoopOptions):
     """
 
     suite: Literal["paper", "fair", "full"] = "fair"
-    """Runs: paper is its Sec. IV, fair has tuned controllers on drawn plants, full adds all paths and three grounds."""
+    """Runs: the paper's Sec. IV, tuned controllers on drawn plants (fair), or on all paths and three grounds (full)."""
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
-    """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER from train, or MODULE:CLASS for your own."""
+    """Controllers, such as linear or linear:stiffness=160, ppo:FOLDER from train, or your own MODULE:CLASS."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{COMPENSATIONS} ...")] = (
         None
     )
-    """A LAW in --laws; online starts from its icr_radius, online_load from its icr_load, online_cold from no slip."""
+    """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws, online_cold from no slip."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
     """Paths that take more than 12 s; a .csv file has waypoints in the columns x,y[,yaw][,v]."""
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None

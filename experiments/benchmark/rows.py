@@ -93,7 +93,7 @@ def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
 
 
 def _means(group: Sequence[Row], names: Sequence[str]) -> Row:
-    """A row for a group of runs: the columns `names` that they share, counts, and mean measures (None if all lack it).
+    """A row for a group of runs: the columns `names` that they share, counts, and means of measures (None if unknown).
 
     `success` is the share of runs that stayed within 0.5 m of the reference; failed runs count as unsuccessful.
     """

@@ -1,4 +1,4 @@
-"""Calibration of the simulated robot: targets to fit, and fits as tables and results."""
+"""Calibration of the simulated robot: reading targets, and showing fits in tables and results."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Test:
 def first_candidate(
     robot: str, ground: GroundOptions, sensor: tuple[float, float, float] | None, clock: float | None
 ) -> Candidate:
-    """The robot before calibration, on the ground that the options name or, if they name none, the robot's own."""
+    """The robot before calibration, on the ground that the options name or, without a name, the robot's own ground."""
     parameters, own = load_parameters(robot)
     named = load_ground(ground.source) if ground.source else own
     return Candidate(parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0)

@@ -91,7 +91,7 @@ def printed_unit(unit: str) -> tuple[float, str]:
 
 
 def with_interval(value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")) -> str:
-    """Format a value with its 95 % interval, all rounded to two significant digits of the half-width.
+    """Format a value with its 95 % interval, rounded to two significant digits of the half-width.
 
     `unit` is the factor from SI and the name of the printed unit; `ends` is None or NaN if there is no interval.
     """

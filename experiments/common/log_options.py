@@ -32,7 +32,7 @@ class BagOptions:
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic with the poses, or tf:PARENT:CHILD for a frame's pose, as in tf:map:base_link."""
     imu: Annotated[str | None, default_is("found", "TOPIC")] = None
-    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate; none to use no gyro."""
+    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate, or none for no gyro."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
     """Find a plate of this size on the robot, such as 0.5x0.02, in scans from a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None

@@ -71,8 +71,8 @@ def controller(
 def tunable(name: str) -> tuple[dict[str, float], list[str]]:
     """Gains in a controller's constructor with their defaults, and the names of its other parameters.
 
-    Gains are parameters with positive floats as defaults that do not describe the robot. Raises InvalidValueError for
-    an unknown name, a name with arguments, or a controller without gains.
+    Gains are parameters that default to positive floats and do not describe the robot. Raises InvalidValueError for an
+    unknown name, a name with arguments, or a controller without gains.
     """
     parameters: Mapping[str, inspect.Parameter] = {}
     if not has_arguments(name):

@@ -38,7 +38,7 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
-    """Those of seed, model hash and ground that all runs share; empty for runs of a real robot."""
+    """Seed, model hash and ground, each only if all runs share it; empty for runs of a real robot."""
     first = logs[0].metadata if logs else {}
     keys = [key for key in ("seed", "model_sha256", "ground") if first.get(key) is not None]
     return {key: first[key] for key in keys if all(log.metadata.get(key) == first[key] for log in logs)}

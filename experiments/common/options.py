@@ -80,7 +80,7 @@ class Distinct(Bound):
     item: str = "value"
 
     def check(self, name: str, value: Sequence[Any] | None) -> None:
-        """See Bound."""
+        """Raise InvalidValueError for an empty sequence or duplicates; None is allowed."""
         if value is None:
             return
         if not value:

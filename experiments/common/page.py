@@ -28,7 +28,7 @@ class Drawn:
     svg: str
     """Text of a reproducible SVG file, with letters as outlines so that no font is needed."""
     pdf: bytes = b""
-    """Contents of a PDF file; empty without one."""
+    """Contents of a PDF file, if one was drawn."""
     is_narrow: bool = False
     """True for a single panel, which is not stretched to the page's width."""
 
@@ -71,7 +71,7 @@ class Plot:
 
 
 def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
-    """Draw a plot's figure or its panels; empty if there is no figure."""
+    """Draw a plot's figure or its panels; the result is empty if the plot has no figure."""
     figure = plot.figure() if callable(plot.figure) else plot.figure
     if figure is None:
         return ()
@@ -103,7 +103,7 @@ class Section:
     blocks: Sequence[Union["Block", None]]
     """Contents of the section. None and empty sections are left out. A str is a paragraph; Markup keeps its tags."""
     folded: bool = False
-    """Whether the section is collapsed until its heading is clicked, as for methods and rarely needed details."""
+    """Whether the section is collapsed until its heading is clicked; for methods and rarely needed details."""
 
     @property
     def anchor(self) -> str:

@@ -38,7 +38,7 @@ def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     """A folder to write results into, which are moved to `out` when the block ends, or deleted if it fails.
 
     `out` must be new or empty or, with `overwrite`, contain a command's results, which are replaced. No other command
-    can write to `out` during the block. Hidden files, such as runs of an unfinished sweep, are deleted at its end.
+    can write to `out` during the block. Hidden files, such as runs of an unfinished sweep, are deleted afterwards.
 
     Raises OutputError before the block starts if `out` can't be used, and later if the disk is full.
     """
@@ -124,7 +124,7 @@ def write_output(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:
-    """A file name with this ending for each run name (n,), all different even if upper and lower case are equal."""
+    """File names (n,) with this ending for run names (n,), all different even on file systems that ignore case."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST_NAME] or "run"
@@ -162,7 +162,7 @@ def write_bags(
     options: Callable[[RunLog], dict[str, Any]] = lambda log: {},
     done: Callable[[float], None] = lambda bags: None,
 ) -> dict[str, str]:
-    """Write each run as a bag, called as in `names`, to `folder`/BAGS_FOLDER; returns paths in `folder` by name.
+    """Write each run as a bag, named as in `names`, to `folder`/BAGS_FOLDER; returns paths in `folder` by name.
 
     `options` returns further arguments of `write_bag` for a run; `done` is called with 1 after each bag.
     """

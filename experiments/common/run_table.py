@@ -39,7 +39,7 @@ _SHOWN = 10  # most axis values that a message lists
 
 
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:
-    """Names of the runs for which every NAME=VALUE of `where` holds.
+    """Names of the runs for which every NAME=VALUE in `where` holds.
 
     Raises InvalidValueError for an axis or value that is not in the sweep, LogError for a folder without a run table.
     """

@@ -77,7 +77,7 @@ def mark_span(axis: Axes, begin: float, end: float) -> None:
 
 
 def law_line(name: str, **more: Any) -> dict[str, Any]:
-    """Keywords of matplotlib for the line of the slip law or compensation `name`."""
+    """Keywords for matplotlib to draw a line for the slip law or compensation `name`."""
     return {"color": shown(name).colour, "linestyle": shown(name).dashes, **more}
 
 

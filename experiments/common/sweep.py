@@ -1,6 +1,6 @@
 """Sweeps: runs are driven fleet by fleet on any workers and stored as they finish, so that a killed command can resume.
 
-The store has two files per fleet: its rows as JSON and its logs as Parquet. A run's id hashes all but the code.
+The store has a JSON file of rows and a Parquet file of logs per fleet. A run's id hashes everything but the code.
 """
 
 import contextlib
@@ -220,7 +220,7 @@ def drive_missing(
 def resumable(config: Any, ids: Collection[str], what: str = "runs driven") -> Iterator[tuple[Run, Store]]:
     """The run of a command that can be stopped and resumed, and its store, which is deleted when results are complete.
 
-    If the command is stopped, the error's message contains how much was kept, and that the same command resumes.
+    The error raised when the command is stopped says how much was kept, and that the same command resumes.
     """
     with Run(config) as run:
         store = Store(Path(config.out), ids, config.overwrite)

@@ -77,7 +77,7 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[str | Cell]]
     align: str = "lr"
-    """A letter per column, l or r; the last one applies to all further columns."""
+    """A letter per column, l or r; the last letter applies to all further columns."""
     note: str = ""
     """Text below the table, only on the page."""
 

@@ -70,7 +70,7 @@ class DrivenCourse:
 def drive_course(
     world: Traverse, driver: Driver, progress: Callable[[float], None] = lambda seconds: None
 ) -> DrivenCourse:
-    """Drive until the run or its driver ends; `progress` is called with the seconds simulated since the last call."""
+    """Drive until there is an outcome or the driver returns None; `progress` is called with newly simulated seconds."""
     rows = [_row(world, Command(np.zeros((1, 2)), world.servo.angle))]
     while world.outcome[0] == Outcome.DRIVING and (command := driver(world)) is not None:
         world.step(command)

@@ -88,7 +88,7 @@ class PolicyDriver:
         self._rows, self._command = 0, Command(np.zeros((1, 2)), world.servo.angle)
 
     def __call__(self, world: Traverse) -> Command:
-        """See `Driver`."""
+        """Set points from the policy, renewed at the policy's period."""
         if self._rows % self._every == 0:
             action = self._policy.action(self._layout.observation(world, [0]))
             self._command = self._actions.command(action)
@@ -110,7 +110,7 @@ class PathDriver:
         self._speed, self._half_gauge = speed, half_gauge
 
     def __call__(self, world: Traverse) -> Command | None:
-        """See `Driver`; returns None when the robot is beside the end of the path."""
+        """Set points that follow the path; None when the robot is beside the end of the path."""
         position = world.state.position[:, :2]
         ahead = self._points[self._beside : self._beside + _SEARCH]
         self._beside += int(np.argmin(np.hypot(*(ahead - position).T)))

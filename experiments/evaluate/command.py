@@ -1,4 +1,4 @@
-"""`trackslip evaluate`: how well slip laws and simulated robots predict a log."""
+"""`trackslip evaluate`: measure how well slip laws and simulated robots predict a log."""
 
 import sys
 from collections.abc import Sequence

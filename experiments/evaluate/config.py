@@ -38,7 +38,7 @@ class Config(ResultsOptions):
     path: tyro.conf.Positional[Path]
     """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's .toml file."""
     law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
-    """none; a folder (its best law) or file of laws, either also with :NAME; with --folds, the name of a law to fit."""
+    """none, a folder (its best law) or file of laws, optionally with :NAME, or, to fit a law by --folds, its name."""
     robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
     """A robot to simulate: a name, or a file as written by calibrate."""
     ground: GroundOptions = field(default_factory=GroundOptions)

@@ -43,14 +43,14 @@ class Model:
     """A model that predicts the motion of the pose sensor."""
 
     label: str
-    """Label in tables and files: the name, and the file if other models have the same name."""
+    """Label in tables and files: the name, made unique if several models share it."""
     name: str
     """The law's name, or one of TODAY, GAINS, ROBOT and CALIBRATED."""
     sensor: Mounting
     clock_offset: float
     """Encoder clock minus pose clock [s]."""
     trajectories: Callable[[Sequence[RunLog], Sequence[RunLog]], list[Trajectory]]
-    """Returns measured and predicted poses from prepared drives, and from the same drives with encoders as read."""
+    """Function of drives, and of the same drives with encoders as read, that returns measured and predicted poses."""
 
 
 def _law_model(label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: Gyro | None = None) -> Model:
@@ -96,7 +96,7 @@ def known_geometry(config: Config) -> RobotGeometry | None:
 def models_of(
     config: Config, source: Source, part: np.ndarray, k: int, robots: Mapping[str, Sequence[Candidate]]
 ) -> list[Model]:
-    """The models for part k of a log, whose drives are in `part` (n,): laws, robots and, with folds, two baselines."""
+    """Models that predict the drives labelled k in `part` (n,): laws, robots and, with folds, no slip and two gains."""
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
     geometry, models = source.geometry, list[Model]()

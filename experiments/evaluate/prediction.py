@@ -93,7 +93,7 @@ def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
 
 
 def winner(predictions: Sequence[Prediction]) -> tuple[Prediction, float, str]:
-    """The prediction with the smallest median position error, and the time or distance ahead of it with its unit."""
+    """The prediction with the smallest median position error, and the compared time or distance ahead with its unit."""
     for length, unit in reversed(AHEAD):
         errors = [prediction.ahead(length, unit) for prediction in predictions]
         medians = [each.position.median for each in errors if each is not None and each.position is not None]

@@ -33,7 +33,7 @@ class RunGrid(GridSlips):
 
     @classmethod
     def of_rows(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> "RunGrid":
-        """Means over the speeds at every radius, errors over all runs."""
+        """A grid from the rows of its runs: means over the speeds at every radius, errors over all runs."""
         slip, true_slip = _values(rows, "slip_l", "slip_r"), _values(rows, "true_slip_l", "true_slip_r")
         commanded, observed = _values(rows, "radius", "observed_radius").T
         slips = GridSlips.of(commanded, observed, slip, true_slip)

@@ -30,7 +30,7 @@ class Turns:
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> Self:
-        """The turns among samples; the inner track is the left track for positive curvature, otherwise the right."""
+        """The turns among samples; the inner track is the left track for positive curvature, else the right track."""
         turning = samples.take((np.abs(samples.radius) < _STRAIGHT) & np.isfinite(samples.slip).all(axis=1))
         left = turning.curvature > 0
         errors = _errors(turning, left, geometry)

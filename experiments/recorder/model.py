@@ -126,7 +126,7 @@ def _shape(model: mujoco.MjModel, i: int) -> Any:
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Array:
-    """Triangles (F, 3, 3) on a height field's surface, the same that MuJoCo uses."""
+    """Triangles (F, 3, 3) on a height field's surface, the same as MuJoCo's."""
     rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     length, width, high, _ = model.hfield_size[field]
     x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))

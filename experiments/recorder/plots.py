@@ -28,8 +28,8 @@ class Panel:
 
     title: str
     entities: Sequence[str]
-    height: float = 1.0  # relative to the other panels
-    tab: str = "Slip and errors"  # the tab with the panel, if there are several
+    height: float = 1.0  # height relative to the other panels
+    tab: str = "Slip and errors"  # the tab with the panel, if there are several tabs
     has_outliers: bool = False  # if true, the axis shows most values rather than all of them
 
 

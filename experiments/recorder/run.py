@@ -111,7 +111,7 @@ def parameters_of(log: RunLog) -> RobotParameters:
 
 
 def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
-    """Looks of the robot in a run, in `colour` or in its own colours; a plain robot if its file is missing."""
+    """Looks of the robot in a run, in `colour` or its own colours; a plain robot if the file with looks is missing."""
     parameters, paint = parameters_of(log), () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
     try:
         return robot_looks(parameters, paint)
@@ -149,7 +149,7 @@ def _send_paths(recording: Recording, root: str, traces: Traces, colour: str, es
 
 
 def _within(runs: Sequence[Traces]) -> Array:
-    """Points (n, 2) on paths, references and scanners, between which everything of interest lies [m]."""
+    """Points (n, 2) [m] on paths, references and scanners, between which everything of interest lies."""
     points = [traces.pose[:, :2] for traces in runs]
     points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
     points += [traces.log.scans.scan.mount[None, :2] for traces in runs if traces.log.scans is not None]

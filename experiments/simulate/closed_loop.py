@@ -43,13 +43,13 @@ class ClosedLoopRun:
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
-    """Name of a slip compensation; runs that share both names share one controller and one compensation."""
+    """Name of a slip compensation; runs with the same two names share a controller and a compensation."""
     start: Array
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None
     """The run's own ground; None for the world's."""
     plant: Plant | None = None
-    """The run's own robot, ground and scanner; None for the world's, on `ground`."""
+    """The run's own robot, ground and scanner; None for the world's robot and scanner on `ground`."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def setting(self, world: World) -> Setting:

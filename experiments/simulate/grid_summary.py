@@ -73,7 +73,7 @@ class GridSlips:
 
     @classmethod
     def of(cls, commanded: Array, observed: Array, slip: Array, true_slip: Array) -> "GridSlips":
-        """Summarize runs with radii (n,) [m] and slips (n, 2), observed values NaN for runs without a sample."""
+        """Summarize runs with radii (n,) [m] and slips (n, 2); the values measured in runs without a sample are NaN."""
         radii = tuple(dict.fromkeys(commanded.tolist()))
 
         def means(values: Array) -> Array:
@@ -125,7 +125,7 @@ class GridSummary(GridSlips):
 
     @classmethod
     def of_logs(cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry) -> "GridSummary":
-        """Summarize a grid's runs, ordered by radius, and the samples from those that have one."""
+        """Summarize a grid's runs, ordered by radius, and the samples that some of these runs have."""
         slip, true_slip = np.full((2, len(logs), 2), np.nan)
         observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
         rows = [names.index(name) for name in samples.run]
@@ -174,5 +174,5 @@ def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
 
 
 def saturation_warning(run: str, share: float) -> str:
-    """The line for a run with a motor at its limit for a share of the time."""
+    """The warning on a run with a motor at its limit for a share of the time."""
     return f"run {run!r}: a motor is at its limit for {share:.1%} of the time"

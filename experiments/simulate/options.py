@@ -188,7 +188,7 @@ class Simulation(Repeatable, Equipment):
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:
-    """Raise InvalidValueError for a speed [m/s] that is not positive, almost zero, or above `top_speed`."""
+    """Raise InvalidValueError unless a speed is positive, not almost zero, and at most `top_speed` [m/s]."""
     require_positive(name, speed)
     if speed > top_speed:
         raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")

@@ -51,7 +51,7 @@ class Config(ResultsOptions):
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, 10_000)] = 300
-    """Number of unseen courses that test the policy, for each of three difficulties or of several --courses."""
+    """Number of unseen courses that test the policy, for each of three difficulties or each of several --courses."""
     network: Annotated[tuple[int, ...], Whole(1, 4096)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4

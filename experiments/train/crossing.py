@@ -20,7 +20,7 @@ def crossing_rates(
 ) -> list[dict[str, Any]]:
     """Let the scripted controller and the policy cross `trials` unseen courses of each kind; returns rows of results.
 
-    A single kind is tested at the lowest, middle and highest difficulty; several kinds over the whole range.
+    A single kind is tested at the lowest, middle and highest difficulty; several kinds at any difficulty in the range.
     """
     config = from_options(TraverseConfig, policy.options)
     task, everyone = Crossing(config, trials, threads), range(trials)

@@ -38,7 +38,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
     torch.set_num_threads(1)  # PyTorch's threads would take processors from the simulation
     checkpoint, first = last_checkpoint(config.out), config.learning_rate
     settings: dict[str, Any] = {
-        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # left: share of steps
+        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # left: remaining share of steps
         "n_steps": config.horizon,
         "batch_size": config.batch,
         "n_epochs": config.epochs,
@@ -54,7 +54,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
         rate = {"learning_rate": settings.pop("learning_rate")}
         model = PPO.load(io.BytesIO(checkpoint.read_bytes()), task.robots, custom_objects=rate, **settings)
     except Exception as error:  # a broken file may raise anything
-        reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # an error about spaces lists all bounds
+        reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # errors about spaces list all bounds
         raise LogError(f"{checkpoint}: can't be resumed ({reason})") from error
     layers = tuple(model.policy_kwargs["net_arch"])
     if layers != config.network:

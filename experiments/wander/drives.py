@@ -17,7 +17,7 @@ from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-_AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
+_AT_REST = 1e-3  # mean speed of the tracks below which a robot is at rest [m/s]
 _REACH = 1.27  # (b + D) / b of the shipped robot on stone, with which the driver respects the tracks' largest speed [-]
 _IN_FRONT = 3.0  # distance of the start from the scanner, in whose view most one-minute drives stay [m]
 _ON_TIME = 1e-6  # rounding error of a reading's time as a multiple of the period [periods]
