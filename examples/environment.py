@@ -1,4 +1,4 @@
-"""A policy in a few lines: in the environment, it follows the paper's path on ground that it was not tuned for."""
+"""A short policy in the learning environment, which follows the paper's path on ground it was not tuned for."""
 
 import gymnasium as gym
 import numpy as np

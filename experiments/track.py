@@ -39,7 +39,7 @@ class Config(options.Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
-    """Controller, such as linear:stiffness=160 (the paper's Eq. 31), ppo:FOLDER from train, or MODULE:CLASS (yours)."""
+    """Controller, such as linear:stiffness=160 (the paper's Eq. 31), ppo:FOLDER from train, or your MODULE:CLASS."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws, online_cold from no slip."""
     preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0
@@ -49,7 +49,7 @@ class Config(options.Simulation):
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
     """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x,y[,yaw][,v]."""
     circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = 1.25
-    """Radius of the circle, to the left; needs --reference circle [m]."""
+    """Radius of the circle, which turns left; needs --reference circle [m]."""
     circle_speed: float = 0.15
     """Speed on the circle; needs --reference circle [m/s]."""
     circle_duration: Annotated[float, Within(1.0, options.MAX_DURATION, "s")] = 45.0
@@ -79,7 +79,7 @@ class Config(options.Simulation):
 
 
 def run(config: Config) -> None:
-    """Drive once, store the run and print its errors."""
+    """Drive the path once, store the run, and print its errors."""
     if config.bag:
         require_rosbags()
     world = World.of(config)

@@ -29,7 +29,7 @@ class Config(ClosedLoopOptions):
     suite: Literal["paper", "fair", "full"] = "fair"
     """Runs: the paper's Sec. IV, tuned controllers on drawn plants (fair), or on all paths and three grounds (full)."""
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
-    """Controllers, such as linear or linear:stiffness=160, ppo:FOLDER from train, or your own MODULE:CLASS."""
+    """Controllers, such as linear or linear:stiffness=160, ppo:FOLDER from train, or your MODULE:CLASS."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{COMPENSATIONS} ...")] = (
         None
     )

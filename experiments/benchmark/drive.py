@@ -45,7 +45,7 @@ class ClosedLoops:
     gains: Gains = field(default_factory=Gains)
     """Gains for the controllers."""
     sizes: ClassVar[tuple[int, int]] = (400, 400)
-    """Runs on the same path form one fleet, because localization and controllers cost little more in a large fleet."""
+    """Fleet sizes: a path's runs form one fleet, as localization and controllers cost little more in a large fleet."""
 
     @property
     def world(self) -> World:

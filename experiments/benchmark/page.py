@@ -1,4 +1,4 @@
-"""A benchmark's output: answer and leaderboard for the terminal and the page, and the page's other rows."""
+"""A benchmark's output: answer and leaderboard, for the terminal and the page, and a page with all rows."""
 
 import math
 import textwrap

@@ -99,7 +99,7 @@ def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
 
 
 def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
-    """Errors of base and fit on the log `config.test`, each with its own clock offset if the clock is free."""
+    """Errors of `base` and `fit` on the log `config.test`, each with its own clock offset if the clock is free."""
     if config.test is None:
         return None
     target = read_target(str(config.test), config, base)
@@ -140,7 +140,7 @@ def parameter_table(title: str, fit: Calibration) -> Table:
 
 
 def parameter_rows(fit: Calibration) -> list[tuple[str, str]]:
-    """Rows with the name of a parameter, and its value with its interval."""
+    """Rows with each parameter's name, and its value with interval."""
     return [(name, _parameter_text(name, estimate)) for name, estimate in fit.estimates.items()]
 
 

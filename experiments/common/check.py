@@ -12,7 +12,7 @@ _SHARE = 0.2  # errors, lengths and speeds with smaller bounds are printed in pe
 
 @dataclass(frozen=True)
 class Check:
-    """A measured number that must lie near an expected one, or within a range."""
+    """A measured number that must lie near an expected number, or within a range."""
 
     case: str
     """Subject of the measurement, such as a robot."""

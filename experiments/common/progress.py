@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-_PAUSE = 60.0  # between lines in a log [s]
+_PAUSE = 60.0  # time between lines in a log [s]
 
 Advance = Callable[[float], None]  # called with the amount done since the last call
 

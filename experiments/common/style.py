@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
-INNER, OUTER = ORANGE, BLUE  # tracks
+INNER, OUTER = ORANGE, BLUE  # colours of the tracks
 BAND = "#d5e6d5"  # background of values too small to matter
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -38,7 +38,7 @@ DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "rou
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 
 Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
-Lines = Sequence[tuple[Any, dict[str, Any]]]  # points and look
+Lines = Sequence[tuple[Any, dict[str, Any]]]  # points, and keywords for their line
 styled = matplotlib.rc_context(STYLE)
 
 

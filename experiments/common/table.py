@@ -1,4 +1,4 @@
-"""Tables, printed on the terminal and shown on a page, and how numbers are printed."""
+"""Tables for the terminal and for pages, and the format of printed numbers."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -51,7 +51,7 @@ class Config(ResultsOptions):
     seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
     """Seed for the course's random parts."""
     policy: Annotated[Path | None, default_is("none", "FILE")] = None
-    """Policy that drives, from train --env traverse: its .npz file, or the folder with that file."""
+    """Policy from train --env traverse that drives the robot: its .npz file, or the folder with that file."""
     pictures: Annotated[int, Whole(0, 1000)] = 0
     """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False

@@ -26,7 +26,7 @@ SENTENCES = {
     "time": "It ran out of time",
     "stopped": "The driver stopped",
 }
-_PICTURES = 12  # approximate number on the page
+_PICTURES = 12  # approximate number of pictures on the page
 _EARTH = "#b9b2a6"  # colour of the ground
 _TABLE_NOTE = "Slip is weighted by the distance that the belt runs. Work is negative where a belt holds the robot back."
 _SLIP_CAPTION = (

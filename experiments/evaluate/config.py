@@ -56,7 +56,7 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("1", "FLOAT")] = None
-    """wheel_separation_multiplier of odometry that is used instead of encoders [-]."""
+    """wheel_separation_multiplier of the odometry that is used instead of encoders [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
     """Position of the pose sensor, ahead and to the left of the turning centre, and its heading [m, m, rad]."""
     clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None

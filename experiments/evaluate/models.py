@@ -33,7 +33,7 @@ from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 
 ROBOT, CALIBRATED = "robot", "calibrated"
-"""Names of simulated robots."""
+"""Model names for simulated robots, as given and as fitted."""
 _FITTED = (REFERENCE, "turn_loss", "turn_loss_sides", "centrifugal")
 """Laws that folds fit by default; on the shipped logs, other laws were never best."""
 

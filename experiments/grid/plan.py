@@ -29,7 +29,7 @@ class Setting:
     id: str
     """Hash of everything that a run's numbers depend on, except radius, speed and seed."""
     fleet: str
-    """Hash of everything that the runs of a fleet share; robots on shearing ground have different pads."""
+    """Hash of everything that a fleet's runs share, including whether the ground shears, which changes the pads."""
     scans: str
     """Hash of everything that the scans depend on, except radius, speed and seed."""
 

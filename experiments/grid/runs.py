@@ -29,7 +29,7 @@ class GridRuns:
     threads: int
     """Threads per fleet; 0 means one thread per processor, or a single thread in a worker process."""
     sizes: ClassVar[tuple[int, int]] = (64, 128)
-    """Smaller fleets are slow; larger fleets are hardly faster, and lose more work when a worker is stopped."""
+    """Fleet sizes: smaller fleets are slow; larger fleets are hardly faster, and lose more when a worker is stopped."""
 
     def drive(self, runs: Sequence[PlannedRun], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive runs as one fleet."""

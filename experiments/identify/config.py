@@ -51,7 +51,7 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("none", "FLOAT")] = None
-    """wheel_separation_multiplier of odometry that is used instead of encoders [-]."""
+    """wheel_separation_multiplier of the odometry that is used instead of encoders [-]."""
     method: Annotated[
         Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
     ] = None

@@ -62,7 +62,7 @@ def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
 
 
 def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
-    """Facts on a plan: start, extent, parameters that it does not determine, and errors after the paper's runs."""
+    """Facts on a plan: start, extent, undetermined parameters, and the errors expected from the paper's runs."""
     (x, y, heading), (across, up), knowledge = plan.start, np.ptp(plan.places, axis=0), plan.knowledge
     where = f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f}°"
     reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"

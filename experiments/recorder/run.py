@@ -102,7 +102,7 @@ def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
-    """Parameters of the robot in a run, as stored in its log; parameters missing there are the shipped robot's."""
+    """Parameters of the robot in a run, from its log; parameters missing in the log are the shipped robot's."""
     known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
     with contextlib.suppress(*MALFORMED):  # also raised for a robot of another kind

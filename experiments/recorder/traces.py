@@ -29,7 +29,7 @@ class Traces:
         self.estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
         """Measured poses (T, 3), NaN in rows without a pose."""
         self.pose = _filled(self.estimate) if truth is None else truth.pose
-        """True poses (T, 3), or measured poses with gaps filled if the log has no true ones."""
+        """True poses (T, 3), or measured poses with gaps filled if the log has no true poses."""
         path = reference_of(log)
         self.reference = None if path is None else path.pose(log.time)
         """Desired poses (T, 3)."""

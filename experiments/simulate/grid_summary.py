@@ -41,7 +41,7 @@ class ErrorStatistics:
 
     @classmethod
     def of(cls, error: Array) -> Self:
-        """Statistics of errors (n,) [-], leaving out NaN."""
+        """Statistics of errors (n,) [-] that are not NaN."""
         known = error[~np.isnan(error)]
         return cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
 

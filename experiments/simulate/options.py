@@ -19,7 +19,7 @@ Motion = Literal["paper", "arc", "bundle"]
 Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
 """Method to estimate a twist from a run; None if the user chooses none."""
 RobotSource = Annotated[str, tyro.conf.arg(metavar=ROBOTS)]
-"""Name of a robot, or its file."""
+"""A robot's name or file."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """Identified laws that `reproduce` uses for compensation, besides no law and the published law."""
 
@@ -65,7 +65,7 @@ class GroundOptions:
 
 
 OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
-"""A property whose default is the value of the robot's drive."""
+"""An option whose default is the value in the robot's drive."""
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ class Config(ResultsOptions):
     epochs: Annotated[int, Whole(1)] = 6
     """Number of passes over the collected data in each update."""
     discount: Annotated[float, Positive(1.0)] = 0.97
-    """Discount of the reward per control period [-]."""
+    """Discount factor for rewards per control period [-]."""
     seed: Annotated[int, Whole(0, 2**32 - 1)] = 0  # the largest seed of NumPy's legacy generators
     """Seed for all random numbers."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0

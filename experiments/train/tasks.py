@@ -29,7 +29,7 @@ class LearningTask:
     policy: Callable[[Network], Policy]
     """Makes the policy from a trained network."""
     env: Any
-    """The environment under `robots`, which describes its observations and actions."""
+    """The environment that `robots` wraps, which describes the observations and actions."""
     deviation: float
     """Natural logarithm of the actions' initial standard deviation."""
 

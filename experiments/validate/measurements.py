@@ -51,21 +51,21 @@ class Setup:
 
 @dataclass(frozen=True)
 class Turns:
-    """M steady turns, in theory and simulated."""
+    """M steady turns, from theory and simulation."""
 
     omega: Array  # (M, 2) speeds of the sprockets [rad/s]
     belts: Array  # (M, 2) speeds of the belts [m/s]
-    twists: Array  # (2, M, 3) by theory and simulated [m/s, m/s, rad/s]
+    twists: Array  # (2, M, 3) from theory and simulation [m/s, m/s, rad/s]
     geometry: RobotGeometry
 
     @property
     def half_width(self) -> Array:
-        """b + D, half the distance between the tracks' ICRs, by theory and simulated (2, M) [m]."""
+        """b + D, half the distance between the tracks' ICRs, from theory and simulation (2, M) [m]."""
         return np.asarray((self.belts[:, 1] - self.belts[:, 0]) / (2 * self.twists[..., 2]))
 
     @property
     def slip(self) -> Array:
-        """Slips by theory and simulated (2, M, 2) [-]."""
+        """Slips from theory and simulation (2, M, 2) [-]."""
         return np.stack([track_slip(self.omega, twist[:, [0, 2]], self.geometry) for twist in self.twists])
 
 
