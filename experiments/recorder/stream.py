@@ -103,7 +103,7 @@ def about_vertical(heading: Array) -> Array:
 
 
 def at_height(pose: Array, height: float) -> Array:
-    """Positions (T, 3) of poses (T, 2 or 3) at a height above the ground [m]."""
+    """Positions (T, 3) [m] of poses (T, 2 or 3), at a height above the ground [m]."""
     return np.column_stack([pose[:, :2], np.full(len(pose), height)])
 
 

@@ -43,7 +43,7 @@ class ClosedLoopRun:
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
-    """Name of a slip compensation; runs with the same two names share a controller and a compensation."""
+    """Name of a slip compensation; runs with equal controller and compensation names share both objects."""
     start: Array
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None

@@ -179,7 +179,7 @@ class ClosedLoopOptions(Equipment):
 
 @dataclass(frozen=True)
 class Simulation(Repeatable, Equipment):
-    """The simulated world, the same for every command that drives."""
+    """Options of the simulated world, which are the same for every command that drives."""
 
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named ground."""
