@@ -18,7 +18,7 @@ LENGTH, TRACK = 0.5, 0.07  # length of the robot and width of a track, as drawn 
 
 
 def drive() -> dict[str, RunLog]:
-    """Runs of the paper's feedforward control, by the compensation's name."""
+    """Simulate the paper's feedforward control; returns a run for each slip law, by the law's name."""
     robot, path = sim.load_robot(), trackslip.paper_reference()
     laws = {"none": trackslip.NoSlip(), "icr_radius": trackslip.load_laws(robot=robot.geometry)["icr_radius"]}
     fleet = sim.Fleet(robot, np.tile(path.pose(0.0), (len(laws), 1)))
@@ -57,7 +57,7 @@ def main(file: Path = Path("animation.gif"), frames: int = 80) -> None:
             for patch in robots[name]:
                 patch.set_transform(Affine2D().rotate(heading).translate(x, y) + axes.transData)
 
-    pause = frames // 4  # at the end
+    pause = frames // 4  # frames at the end
     FuncAnimation(figure, draw, frames=frames + pause).save(file, writer="pillow", fps=16)
     plt.close(figure)
 

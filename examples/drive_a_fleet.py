@@ -10,7 +10,7 @@ from trackslip.logs.logfile import write_parquet
 
 
 def main(file: Path = Path("fleet.parquet"), duration: float = 10.0) -> None:
-    """Each robot drives at constant sprocket speeds; the logged poses are measured ones."""
+    """Drive each robot at constant sprocket speeds, and log the poses that the scanner measures."""
     robot = sim.load_robot()
     start = np.array([[-1.5, 0.5, 0.0], [-1.5, 0.5, 0.0], [-1.5, 0.5, 0.0]])  # x, y [m], phi [rad]
     grounds = [sim.Ground(along=0.8, across=0.8), sim.Ground(along=0.8, across=0.8), sim.Ground(along=0.4, across=0.3)]

@@ -1,11 +1,11 @@
-"""A policy of a few lines in the environment: it follows the paper's path on ground that it was not tuned for."""
+"""A short policy in the learning environment, which follows the paper's path on ground it was not tuned for."""
 
 import gymnasium as gym
 import numpy as np
 
 
 def policy(observation: np.ndarray) -> np.ndarray:
-    """The reference twist, corrected by the errors; all in the observation's units (see sim.path_tracking)."""
+    """The reference twist plus proportional feedback, in the units of the observation (see sim.path_tracking)."""
     ahead, left, turn = observation[:3]
     v, w = observation[3:5]
     return np.clip([v + 1.5 * ahead, w + 4.0 * left + 3.0 * turn], -1.0, 1.0)

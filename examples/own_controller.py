@@ -1,4 +1,4 @@
-"""A controller of your own, compared with the built-in ones on the same path and ground."""
+"""A controller of your own, compared with built-in controllers on the same path and ground."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ class Proportional:
     """Feedback proportional to the errors ahead, to the left and in heading, in the robot's frame."""
 
     def reset(self):
-        """A new run begins: nothing to forget."""
+        """Start a new run; this controller has no state to reset."""
 
     def twist(self, time, pose, reference):
         """Twists (N, 2) [m/s, rad/s] to drive at `time` [s] from measured poses (N, 3)."""

@@ -1,4 +1,4 @@
-"""PPO in one file, as in CleanRL's ppo_continuous_action.py without its options, on a batch of robots."""
+"""PPO in one file, like CleanRL's ppo_continuous_action.py but without options, on a batch of robots."""
 
 import gymnasium as gym
 import torch
@@ -15,7 +15,7 @@ def network(inputs: int, outputs: int) -> nn.Sequential:
 
 
 def main(steps: int = 200_000, robots: int = 32) -> None:
-    """Train for `steps` control periods of all robots together."""
+    """Train for `steps` control periods, summed over robots."""
     torch.manual_seed(0)
     options = {"action": "twist", "compensation": "icr_radius", "reference": ("circle", "slalom")}
     batch = gym.make_vec("sim:trackslip/PathTracking-v0", num_envs=robots, autoreset_mode="SameStep", **options)

@@ -1,4 +1,4 @@
-"""Drive a small sweep and read its table with polars: slip over radius for two grounds."""
+"""Drive a small sweep and read its table with polars: slip against radius on two grounds."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ SWEEP = "grid --radii 0.6 1.0 2.0 --speeds 0.1 0.2 --duration 8 --vary ground=st
 
 
 def main(folder: Path = Path("out/sweep")) -> None:
-    """Print the mean and spread over seeds and speeds."""
+    """Drive the sweep, and print means and spreads over seeds and speeds."""
     command = [sys.executable, "-m", "experiments", *SWEEP.split(), "--out", str(folder)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     table = pl.read_parquet(folder / "table.parquet")

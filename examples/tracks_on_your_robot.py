@@ -14,7 +14,7 @@ ROBOT = """<mujoco><worldbody><body name="robot"><freejoint/>
 
 
 def main(duration: float = 16.0) -> None:
-    """Drive up three steps at 0.3 m/s with the flippers raised by 0.3 rad, and print how it went."""
+    """Drive up three steps at 0.3 m/s with the flippers raised by 0.3 rad, and print position and slips."""
     spec = mujoco.MjSpec.from_string(ROBOT)
     course = Course((Stairs(rise=0.15, run=0.28, number=3),), friction=0.8)
     ground, grip = course.add_to(spec), (course.friction, course.friction)

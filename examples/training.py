@@ -6,7 +6,7 @@ from sim.sb3 import PathTrackingVecEnv
 
 
 def main(steps: int = 200_000, robots: int = 32) -> None:
-    """Train for `steps` control periods of all robots together."""
+    """Train for `steps` control periods, summed over robots."""
     batch = PathTrackingVecEnv(robots, action="twist", compensation="icr_radius", ground=("stone", "gravel"))
     model = PPO("MlpPolicy", batch, n_steps=64, batch_size=256, gamma=0.97, seed=0, device="cpu")
     model.learn(steps)

@@ -8,7 +8,7 @@ from types import FrameType
 from typing import NoReturn
 
 PACKAGES = ("models", "sim", "trackslip")
-"""Packages that a module of the same name, earlier on Python's path, would hide."""
+"""Packages that a module with the same name, earlier on Python's path, would hide."""
 
 
 def main() -> None:
@@ -34,7 +34,7 @@ def main() -> None:
     except SystemExit:
         if not signals:
             raise
-    except BaseException:  # of any type, if a module is half imported
+    except BaseException:  # an interrupted import may raise any type
         if not signals:
             raise
         print("trackslip: interrupted", file=sys.stderr)

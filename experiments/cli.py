@@ -1,4 +1,4 @@
-"""The `trackslip` command line: find a command, parse its options, run it; a mistake gets one line and exit code 2."""
+"""The `trackslip` command line: find a command, parse its options, run it; errors print a line and exit with 2."""
 
 import ast
 import contextlib
@@ -39,7 +39,7 @@ _GROUPS = {
     "robots": ("calibrate", "validate"),
     "logs": ("log", "view"),
 }
-"""Headings of the help; commands under no heading come last."""
+"""Headings in the help, with their commands; commands without a heading come last."""
 _INSTEAD = {
     "bag": "trackslip log BAG",
     "export": "trackslip log PATH --out FILE",
@@ -57,14 +57,14 @@ _KERNEL = ("__init__", "__main__", "cli")  # files here that are not commands
 
 @functools.cache
 def commands() -> dict[str, str]:
-    """Every command with a sentence on it: from the files here, and from the folders with a command.py."""
+    """All commands by name, each with a sentence; a command is a file here or a folder with a command.py."""
     sources = {file.stem: file for file in _ROOT.glob("*.py") if file.stem not in _KERNEL}
     sources |= {file.parent.name: file.with_name("__init__.py") for file in _ROOT.glob("*/command.py")}
     return {name: _sentence(sources[name]) for name in sorted(sources)}
 
 
 def _sentence(file: Path) -> str:
-    """The docstring of a command's module, without the command's name."""
+    """First paragraph of the docstring of a command's module, without the command's name."""
     text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
     return " ".join(text.partition("\n\n")[0].partition(": ")[2].split())
 
@@ -82,7 +82,7 @@ def run_module(command: str) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; exits with 2 if it has a mistake, and with 130 when interrupted."""
+    """Run a command; exits with 2 after an error, and with 130 when interrupted."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         with warnings.catch_warnings():
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(str(interrupt) or "interrupted", 130)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+        if isinstance(error, BrokenPipeError):  # the reader closed the pipe
             sys.exit(1)
         _fail(f"can't write ({error.strerror or error})", 2)
 
@@ -120,11 +120,11 @@ def _run(arguments: Sequence[str]) -> None:
 
 
 def parse(arguments: Sequence[str]) -> Any:
-    """The options of a command line, an instance of the command's Config.
+    """Parse a command line into an instance of the command's Config.
 
     Raises:
         TrackslipError: for an unknown command, and for a value that the options refuse.
-        SystemExit: after help, and for arguments that tyro rejects, once it has explained them.
+        SystemExit: after printing help, or tyro's explanation of the arguments that it rejects.
     """
     name, *options = arguments
     if name not in commands():
@@ -155,17 +155,17 @@ def _examples(examples: Sequence[tuple[str, str]]) -> str:
 
 
 def _refused_value(stop: SystemExit) -> InvalidValueError | None:
-    """The options' own error if it is why tyro stops; its field gets the option's name, such as ground.across."""
+    """The error for a refused value, if it made tyro stop, with the option's full name, such as ground.across."""
     group, error = "", stop.__context__
     while error is not None and not isinstance(error, InvalidValueError):
-        group, error = getattr(error, "arg", ""), error.__context__  # of a group of options
+        group, error = getattr(error, "arg", ""), error.__context__  # name of a group of options
     if error is None or not group:
         return error
     return InvalidValueError(f"{group}.{error.field}".removesuffix(".force"), error.value, error.allowed)
 
 
 def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:
-    """Show a warning in one line, once, without the line of code that issued it; see `warnings.showwarning`."""
+    """Print a warning once, in one line, without the code that issued it; see `warnings.showwarning`."""
     line = " ".join(str(message).split())
     if line not in shown:
         shown.add(line)

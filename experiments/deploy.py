@@ -24,11 +24,11 @@ class Config(Options):
     """Print or write an identified law for another program: parameters of ros2_control, JSON, a C header or Python."""
 
     path: Annotated[Path | None, tyro.conf.Positional, default_is("the laws shipped with trackslip", "LAWS")] = None
-    """Folder of results with laws, or a JSON file of laws."""
+    """Results folder with laws, or a JSON file of laws."""
     to: Literal["ros2_control", "ros_control", "json", "c", "python"] = "ros2_control"
     """Parameters of diff_drive_controller (YAML for ROS 2 or 1), JSON, a C header, or a Python module."""
     law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
-    """The law; diff_drive_controller accepts none, icr, icr_radius and icr_sides."""
+    """Name of the law; diff_drive_controller accepts none, icr, icr_radius and icr_sides."""
     controller: str = "diff_drive_controller"
     """Name of the robot's controller, such as platform_velocity_controller."""
     accept: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -45,7 +45,7 @@ class Config(Options):
 
 
 def run(config: Config) -> None:
-    """Print the law, or write it."""
+    """Print the deployed law, or write it to a file."""
     if config.out is not None and config.out.exists() and not config.overwrite:
         raise OutputError(f"{config.out}: exists already; --overwrite replaces it")
     program = deployed(config.path or SHIPPED, config.to, config.law, config.controller, config.accept)

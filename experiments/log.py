@@ -41,10 +41,10 @@ _FORMATS = (".parquet", ".csv")
 
 @dataclass(frozen=True)
 class Config(Options):
-    """Show what a folder of results, a table of runs or a ROS bag contains; with --out, write it as a table."""
+    """Show what a results folder, a table of runs or a ROS bag contains; with --out, write the runs as a table."""
 
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PATH")]
-    """Folder of results, a .parquet or .csv log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
+    """Results folder, .parquet or .csv log, or ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     out: Annotated[Path | None, default_is("none", "FILE")] = None
@@ -79,7 +79,7 @@ def run(config: Config) -> None:
     except LogError as error:
         if not bags:
             raise
-        _print_warnings((*damage, str(error)))  # the topics are an answer, too: they show the choices
+        _print_warnings((*damage, str(error)))  # the printed topics show what options can select
         return
     _columns_table(read.runs).print()
     _runs_table(f"Runs in {config.path}", read.runs).print()
@@ -103,7 +103,7 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
 
 
 def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
-    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those that the choice selects."""
+    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD), by name; a star marks what `choice` selects."""
     found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
     found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
@@ -139,7 +139,7 @@ def _runs_table(title: str, logs: Sequence[RunLog]) -> Table:
 
 
 def _print_sources(read: ReadRuns, choice: BagChoice) -> None:
-    """Print which topics were used, and what the scans reveal about the scanner."""
+    """Print which topics were used and, for a plate in scans, the scanner's estimated pose and noise."""
     for line in (*read.taken, *(_scanner_lines(read.runs) if choice.plate is not None else ())):
         print(line)
 
@@ -158,14 +158,14 @@ def _print_warnings(lines: Sequence[str]) -> None:
 
 
 def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
-    """Write the runs to `file`, and the units of a CSV file beside it; raises OutputError for files that exist."""
+    """Write the runs to `file`, and for CSV also a file with units; raises OutputError for files that exist."""
     parquet, units = file.suffix.lower() == ".parquet", file.with_suffix(".columns.csv")
     for target in (file,) if parquet else (file, units):
         if target.exists() and not overwrite:
             raise OutputError(f"{target}: exists already; --overwrite replaces it")
     read = read_runs_of(path, choice)
 
-    def write_both(draft: Path) -> None:  # or neither
+    def write_both(draft: Path) -> None:  # writes both files or neither
         write_csv(read.runs, draft)
         write_output(units, lambda columns: _write_units(draft, columns))
 
@@ -180,7 +180,7 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
 
 
 def _write_units(table: Path, file: Path) -> None:
-    """Write unit and meaning of each column of a CSV file to another one."""
+    """Write the unit and description of each column in the CSV file `table` to the CSV file `file`."""
     with table.open(newline="", encoding="utf-8") as text:
         names = next(csv.reader(text))
     with file.open("w", newline="", encoding="utf-8") as text:

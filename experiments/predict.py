@@ -41,9 +41,9 @@ class Config(ResultsOptions):
     turns: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
     """Turns on the spot according to wheel odometry, as commanded or as counted; needs --measured [-]."""
     measured: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
-    """Turns that the robot actually made in that time; needs --turns [-]."""
+    """Turns that the robot actually made meanwhile; needs --turns [-]."""
     multiplier: Annotated[float, Within(*MULTIPLIERS)] = 1.0
-    """wheel_separation_multiplier of that odometry; needs --turns [-]."""
+    """wheel_separation_multiplier that the odometry used; needs --turns [-]."""
     robot: RobotSource = SHIPPED
     """Robot that supplies the values not given below."""
     half_gauge: Annotated[float | None, Positive(100.0), _ROBOTS] = None
@@ -90,7 +90,7 @@ class Config(ResultsOptions):
 
 
 def run(config: Config) -> None:
-    """Compute the slips, store and print them."""
+    """Compute the slips, and store and print them."""
     robot, ground, load = predicted_world(config)
     if config.turns is not None and config.measured is not None:
         multiplier = config.multiplier * config.turns / config.measured
@@ -101,7 +101,7 @@ def run(config: Config) -> None:
         return
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
-    loss, nominal = float(turns.loss.mean()), 1 + config.radius_error  # of slips with respect to the nominal sprocket
+    loss, nominal = float(turns.loss.mean()), 1 + config.radius_error  # nominal: for slips of the nominal sprocket
     law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
     ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
     slip, straight = 1 - nominal * (1 - turns.slip), float(1 - nominal * ahead)
@@ -134,7 +134,7 @@ def run(config: Config) -> None:
 
 
 def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
-    """The robot, its centre of mass midway between the tracks; the level ground; and the load from slope and pull."""
+    """The robot with its centre of mass midway between the tracks, level ground, and the load from slope and pull."""
     robot, ground = load_parameters(config.robot)
     given = {name: getattr(config, name) for name in ("half_gauge", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})

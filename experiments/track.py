@@ -39,17 +39,17 @@ class Config(options.Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
-    """Controller, such as linear:stiffness=160, the paper's Eq. 31; ppo:FOLDER from train; MODULE:CLASS, your own."""
+    """Controller, such as linear:stiffness=160 (the paper's Eq. 31), ppo:FOLDER from train, or your MODULE:CLASS."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
+    """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws, online_cold from no slip."""
     preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0
-    """Time by which the controller looks ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
+    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"
-    """Source of the controller's poses: scans by the plate or the line method, or the true pose."""
+    """Source of the controller's poses: scans, by the plate or line method, or the true pose (truth)."""
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
     """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x,y[,yaw][,v]."""
     circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = 1.25
-    """Radius of the circle, to the left; needs --reference circle [m]."""
+    """Radius of the circle, which turns left; needs --reference circle [m]."""
     circle_speed: float = 0.15
     """Speed on the circle; needs --reference circle [m/s]."""
     circle_duration: Annotated[float, Within(1.0, options.MAX_DURATION, "s")] = 45.0
@@ -59,7 +59,7 @@ class Config(options.Simulation):
         Within(-options.MAX_COORDINATE, options.MAX_COORDINATE),
         default_is("that of the path", "X Y PHI"),
     ] = None
-    """Start pose; that of the paper's linear controller is 0.3 -0.2 1.0472 [m, m, rad]."""
+    """Start pose; the paper's linear controller starts at 0.3 -0.2 1.0472 [m, m, rad]."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
     bag: bool = False
@@ -73,13 +73,13 @@ class Config(options.Simulation):
     )
 
     def check(self, drive: Drive) -> None:
-        """See Equipment."""
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
         super().check(drive)
         options.require_speed("circle_speed", self.circle_speed, drive.top_speed)
 
 
 def run(config: Config) -> None:
-    """Drive once, store the run and print its errors."""
+    """Drive the path once, store the run, and print its errors."""
     if config.bag:
         require_rosbags()
     world = World.of(config)

@@ -1,4 +1,4 @@
-"""`trackslip tune`: find gains of controllers, for each slip compensation on equal terms."""
+"""`trackslip tune`: find controller gains, for each slip compensation on equal terms."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -36,12 +36,12 @@ EXAMPLES = (
     ("your own controller", "trackslip tune my_controller:MyController --out out/mine"),
 )
 _MAX_EVALUATIONS = 10_000
-_POPULATION = 12  # candidates in a generation
+_POPULATION = 12  # number of candidates in a generation
 _COMPARED = ("none", "icr_radius", "online")
-_FLEETS = (3, 32)  # robots of the smallest and the largest fleet worth driving
+_FLEETS = (3, 32)  # numbers of robots in the smallest and the largest fleet worth driving
 
 Gains = dict[str, float]
-"""Gains of a controller by name."""
+"""A controller's gains by name."""
 
 
 @dataclass(frozen=True)
@@ -49,24 +49,24 @@ class Config(ClosedLoopOptions):
     """Find gains that minimise the position error on training paths and drawn plants, below a limit on roughness.
 
     Every controller and compensation gets the same number of evaluations. Each evaluation drives four paths, which are
-    not in benchmark's suite fair, each on the plants of all --seeds. An interrupted search resumes when it is run again
-    with the same options.
+    not in benchmark's fair suite, with a plant for each of the --seeds. An interrupted search resumes when it is run
+    again with the same options.
     """
 
     controllers: tyro.conf.Positional[
         Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="[CONTROLLER ...]")]
     ] = CONTROLLER_NAMES[1:]
-    """Names, or MODULE:CLASS for your own; parameters of the constructor that default to positive floats are gains."""
+    """Names, or MODULE:CLASS for your own; constructor parameters that default to positive floats are gains."""
     compensations: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{COMPENSATIONS} ...")] = _COMPARED
     """Compensations to tune for."""
     evaluations: Annotated[int, Whole(_POPULATION, _MAX_EVALUATIONS)] = 60
-    """Candidates for each controller and compensation, in generations of 12."""
+    """Number of candidates for each controller and compensation, in generations of 12."""
     roughness: float = ROUGHNESS_LIMIT
     """Limit on the root mean square rate of change of the set points, averaged over the training runs [rad/s^2]."""
     seeds: Annotated[tuple[int, ...], Distinct(), Whole()] = (100,)
-    """Seeds of training plants, random starts and the scanner's noise."""
+    """Seeds for training plants, random starts and scanner noise."""
     seed: Annotated[int, Whole()] = 0
-    """Root seed of the search."""
+    """Root seed for the search."""
     threads: Annotated[int, Whole(0, 1024)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/tune")
@@ -78,7 +78,7 @@ class Config(ClosedLoopOptions):
 
 
 def run(config: Config) -> None:
-    """Search, store and print."""
+    """Search for gains, and store and print them."""
     loops = ClosedLoops(config, "drawn")
     searches = [Search(config, loops, *pair) for pair in product(config.controllers, config.compensations)]
     loops.check([case for search in searches for case in search.cases({})])
@@ -105,7 +105,7 @@ def run(config: Config) -> None:
 
 @dataclass(frozen=True)
 class Search:
-    """The search for the gains of a controller with a compensation.
+    """The search for a controller's gains with a compensation.
 
     A candidate is a row: its `gains`; the means over the training runs of the `position` error after the transient [m]
     (0.5 m for a run that lost the path) and of the `roughness` [rad/s^2]; and the `error` of a run that failed.
@@ -122,13 +122,13 @@ class Search:
         return [BenchmarkCase(controller, self.compensation, path, "stone", "random", seed) for path, seed in runs]
 
     def ids(self) -> list[str]:
-        """Ids of all candidates: digests of what the search depends on and the candidate's number."""
+        """Ids of all candidates: digests of everything that the search depends on, and of the candidate's number."""
         runs = [case.id for case in self.loops.identified(self.cases({}))]
         search = [runs, self.config.seed, self.config.roughness]
         return [digest([search, k]) for k in range(self.config.evaluations // _POPULATION * _POPULATION)]
 
     def drive(self, pool: Workers, store: Store, report: Progress, generation: Mapping[str, Gains]) -> list[Row]:
-        """The candidates with these gains, by id; those that are missing from the store are driven."""
+        """The candidates of a generation (gains by id), of which those missing from the store are driven."""
         missing = {
             id: self.cases(gains)
             for id, gains in generation.items()
@@ -152,17 +152,17 @@ class Search:
         return [store.rows[id] for id in generation]
 
     def cost(self, candidate: Row) -> float:
-        """The position error [m]; above the roughness limit, more than any error, increasing with roughness."""
+        """The position error [m]; above the roughness limit, a value above any error, which grows with roughness."""
         if candidate["error"] is not None:
             return np.inf
         excess = candidate["roughness"] / self.config.roughness
         return float(candidate["position"] if excess <= 1 else LOST * (1 + excess))
 
     def best(self, drive: Callable[[Mapping[str, Gains]], list[Row]]) -> Row:
-        """The best gains, within a factor of ten of the defaults of the controller's class.
+        """The best gains within a factor of ten of the defaults in the controller's class.
 
-        The search is in the logarithms of the gains, and the defaults are the first candidate, and are kept if no
-        candidate is smooth enough. Raises TrackslipError if a run fails with each of the candidates.
+        The search uses the logarithms of the gains. The defaults are the first candidate, and are kept if no candidate
+        is smooth enough. Raises TrackslipError if runs fail with every candidate.
         """
         (defaults, _), ids = tunable(self.controller), self.ids()
         candidates: list[Row] = []
@@ -207,7 +207,7 @@ class Search:
 
 
 def gains_table(rows: Sequence[Row]) -> Table:
-    """The gains, and errors and roughness with them and with the defaults."""
+    """A table of the gains, and of errors and roughness with these gains and with the defaults."""
     header = ("controller", "compensation", "error [mm]", "by default", "rough [rad/s²]", "by default", "gains")
     cells = [
         [

@@ -26,10 +26,10 @@ EXAMPLES = (
 
 @dataclass(frozen=True)
 class Config(Options):
-    """Show stored runs in the rerun viewer: one, or several side by side on the same time line."""
+    """Show stored runs in the rerun viewer: a single run, or several runs on the same timeline."""
 
     path: tyro.conf.Positional[Path]
-    """Folder of results, or a .parquet or .csv log, also of a real robot."""
+    """Results folder, or a .parquet or .csv log, also from a real robot."""
     run: Annotated[
         tuple[str, ...],
         tyro.conf.UseAppendAction,
@@ -37,7 +37,7 @@ class Config(Options):
     ] = ()
     """Name of a run; repeat the option to compare runs."""
     web: bool = False
-    """Show them in the browser, until interrupted."""
+    """Show the runs in the browser, until interrupted."""
     save: Annotated[Path | None, default_is("none", "FILE")] = None
     """Write an .rrd file instead, for `rerun FILE`."""
 
@@ -52,9 +52,9 @@ class Config(Options):
 
 
 def run(config: Config) -> None:
-    """Read, choose, show."""
+    """Read runs, choose some of them, and show or save them."""
     recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
-    if recording.is_file():  # it shows the course, which is not in the log
+    if recording.is_file():  # the recording shows the course, which is not in the log
         if config.run:
             raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
         if config.save is None:

@@ -1,4 +1,4 @@
-"""The runs of a benchmark: suites, single cases, and plants that differ from the one the laws were identified on."""
+"""A benchmark's runs: suites, single cases, and plants that differ from the plant used to identify the laws."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from trackslip import se2
 from trackslip.kinematics import Array
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
-"""Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
+"""Axes along which a benchmark's runs differ; each is a field of BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _GROUNDS = ("stone", "ice", "sticky")
@@ -28,7 +28,7 @@ _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # limits for a random start [
 
 
 class Suite(NamedTuple):
-    """Full factorial designs over FACTORS, and the defaults of `--plants` and `--gains`."""
+    """Full factorial designs over FACTORS, and the suite's defaults for `--plants` and `--gains`."""
 
     plants: str
     gains: str
@@ -44,7 +44,7 @@ SUITES = {
     "fair": Suite("drawn", "tuned", [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]),
     "full": Suite("drawn", "tuned", [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))]),
 }
-"""Suites by name."""
+"""The suites by name."""
 
 
 @dataclass(frozen=True)
@@ -62,17 +62,17 @@ class BenchmarkCase:
 
     @property
     def name(self) -> str:
-        """The run's name."""
+        """Name of the run: the values of its factors, separated by spaces."""
         return " ".join(map(str, self.axes.values()))
 
     @property
     def axes(self) -> dict[str, Any]:
-        """The values of FACTORS."""
+        """The values of the FACTORS, by name."""
         return {name: getattr(self, name) for name in FACTORS}
 
     @property
     def fleet(self) -> str:
-        """See Planned: robots on the same reference are driven together."""
+        """Key for runs that are driven together: the reference."""
         return self.reference
 
     @property
@@ -82,7 +82,7 @@ class BenchmarkCase:
 
     @property
     def key(self) -> str:
-        """Key for the random numbers, in addition to the seed: the reference's name, without the folder of its file."""
+        """Key for random numbers, besides the seed: the reference's name, without its file's folder or ending."""
         return Path(self.reference).stem
 
     def start_pose(self) -> Array:
@@ -98,7 +98,7 @@ class BenchmarkCase:
 
 
 def planned_cases(config: Config) -> list[BenchmarkCase]:
-    """All runs, without duplicates."""
+    """All cases that the options describe, without duplicates."""
     options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
     cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:
@@ -108,9 +108,9 @@ def planned_cases(config: Config) -> list[BenchmarkCase]:
 
 
 def plant_ranges(robot: RobotParameters) -> Randomization:
-    """Ranges around a robot's values, from which each property is drawn uniformly and independently.
+    """Ranges around a robot's parameters, from which a plant's properties are drawn uniformly and independently.
 
-    Raises InvalidValueError for a robot so close to the limits that it could not stand or be simulated.
+    Raises InvalidValueError for a robot so close to its limits that a drawn plant might not stand or be simulated.
     """
     nominal, lag, shift = robot.radius_error, robot.drive.lag, 0.1 * robot.half_gauge
     ranges = Randomization(

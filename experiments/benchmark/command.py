@@ -1,4 +1,4 @@
-"""`trackslip benchmark`: compare controllers and slip compensations; drive the missing runs, gather, report."""
+"""`trackslip benchmark`: drive the missing runs, and compare controllers and slip compensations in all runs."""
 
 import shlex
 import textwrap
@@ -20,7 +20,7 @@ from trackslip.errors import counted
 
 
 def run(config: Config) -> None:
-    """Drive the missing runs, gather, store and print."""
+    """Drive the missing runs, and store, report and print all results."""
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
     loops = ClosedLoops(config, config.plants or suite.plants, gains)

@@ -27,15 +27,15 @@ class Config(ClosedLoopOptions):
     """
 
     suite: Literal["paper", "fair", "full"] = "fair"
-    """Runs: Sec. IV of the paper, tuned controllers on drawn plants, or the same on all paths and three grounds."""
+    """Runs: the paper's Sec. IV, tuned controllers on drawn plants (fair), or on all paths and three grounds (full)."""
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
-    """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER from train, MODULE:CLASS for your own."""
+    """Controllers, such as linear or linear:stiffness=160, ppo:FOLDER from train, or your MODULE:CLASS."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{COMPENSATIONS} ...")] = (
         None
     )
-    """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
+    """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws, online_cold from no slip."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
-    """Paths of more than 12 s; a .csv file lists waypoints in the columns x,y[,yaw][,v]."""
+    """Paths that take more than 12 s; a .csv file has waypoints in the columns x,y[,yaw][,v]."""
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None
     """Grounds; sticky is stone whose friction rises after 20 s, robot is the ground of the --robot file."""
     starts: Annotated[tuple[Start, ...] | None, Distinct(), default_is("the suite's", "{zero,paper,random} ...")] = None
@@ -43,9 +43,9 @@ class Config(ClosedLoopOptions):
     seeds: Annotated[tuple[int, ...] | None, Distinct(), Whole(), default_is("the suite's", "INT ...")] = None
     """Seeds for plants, random starts and scanner noise, the same for all controllers and compensations."""
     plants: Annotated[Literal["nominal", "drawn"] | None, default_is("the suite's", "{nominal,drawn}")] = None
-    """Robots: the one that the laws were identified on, or robots, grounds and scanners drawn around it."""
+    """Robots: nominal for the robot that the laws belong to, drawn for random changes of robot, ground and scanner."""
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
-    """Controller gains: the classes' defaults, the shipped tuned ones, or tune's in FOLDER (shipped ones if absent)."""
+    """Controller gains: class defaults, the shipped tuned gains, or tune's gains in FOLDER (shipped where missing)."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")

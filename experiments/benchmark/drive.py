@@ -1,4 +1,4 @@
-"""Driving and measuring the cases of a benchmark, fleet by fleet."""
+"""How a benchmark's cases are driven and measured, fleet by fleet."""
 
 import contextlib
 import functools
@@ -31,8 +31,8 @@ from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
 
 _NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_TIMED_STEPS = 21  # steps of a controller that are timed
-_SPACING = 0.05  # time between the points of a path on which patches may lie [s]
+_TIMED_STEPS = 21  # number of controller steps that are timed
+_SPACING = 0.05  # time between points on the path where ground patches may lie [s]
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class ClosedLoops:
 
     config: ClosedLoopOptions
     plants: str = "nominal"
-    """"nominal" for the robot that the laws were identified on, or "drawn" for random ones around it."""
+    """"nominal" for the robot that the laws were identified with, or "drawn" for random robots around it."""
     gains: Gains = field(default_factory=Gains)
-    """Gains of the controllers."""
+    """Gains for the controllers."""
     sizes: ClassVar[tuple[int, int]] = (400, 400)
-    """A path is one fleet: localization and controllers cost little more for a large fleet than for a small one."""
+    """Fleet sizes: a path's runs form one fleet, as localization and controllers cost little more in a large fleet."""
 
     @property
     def world(self) -> World:
@@ -53,7 +53,7 @@ class ClosedLoops:
         return _world(self.config)
 
     def plant(self, case: BenchmarkCase) -> Plant | None:
-        """The plant of a case, the same for all controllers and compensations; None for the nominal one."""
+        """The plant for a case, the same for all controllers and compensations; None for the nominal plant."""
         if self.plants == "nominal":
             return None
         world, path, rng = self.world, reference(case.reference), generator(case.seed, f"plant {case.key}")
@@ -76,7 +76,7 @@ class ClosedLoops:
         return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def check(self, cases: Sequence[BenchmarkCase]) -> None:
-        """Raise TrackslipError for unknown names, gains and plants that aren't allowed, before anything is driven."""
+        """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed, before driving."""
         controllers = [case.controller for case in cases]
         controllers += [self.gains.specification(case.controller, case.compensation) for case in cases]
         look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
@@ -102,7 +102,7 @@ class ClosedLoops:
             raise InvalidValueError(f"{error.field} of drawn plants", error.value, error.allowed) from error
 
     def step_time(self, controller: str, reference_name: str) -> float:
-        """Median time that a controller takes for a step with one robot, while it follows a reference [s]."""
+        """Median computing time per step of a controller that follows a reference with one robot [s]."""
         path, follower = reference(reference_name), self.controller(controller)
         follower.reset()
         taken = []
@@ -115,7 +115,7 @@ class ClosedLoops:
         return float(np.median(taken)) if taken else 0.0
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
-        """SHA-256 of laws, policies, a user's modules, paths and grounds, by file; None if not a file."""
+        """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if there is no file."""
         laws = self.config.laws or SHIPPED
         names = {name for case in cases for name in (case.reference, case.ground)}
         names |= {str(path) for case in cases if (path := policy_path(case.controller))}
@@ -123,7 +123,7 @@ class ClosedLoops:
         return {name: content(Path(name)) for name in sorted(names)}
 
     def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
-        """The cases with their ids; a user's controllers must already be imported."""
+        """The cases with their ids; the modules of a user's controllers must already be imported."""
         config, world, files = self.config, self.world, self.files(cases)
         robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
@@ -132,7 +132,7 @@ class ClosedLoops:
         return [replace(case, id=digest([common, case.axes, own])) for case, own in zip(cases, gains, strict=True)]
 
     def drive(self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
-        """Drive cases that share a reference, as one fleet."""
+        """Drive cases that share a reference as one fleet."""
         loops = [
             ClosedLoopRun(
                 name=case.name,
@@ -154,7 +154,7 @@ class ClosedLoops:
         )
 
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
-        """Errors and expense of a run."""
+        """Errors and expense of a run, by column."""
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius

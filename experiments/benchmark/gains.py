@@ -1,4 +1,4 @@
-"""Gains of controllers that `trackslip tune` found, by controller and compensation."""
+"""Controller gains from `trackslip tune`, by controller and compensation."""
 
 import json
 from collections.abc import Mapping
@@ -10,21 +10,21 @@ from experiments.common.lookup import has_arguments
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"
-"""File of gains in a folder of results and, for trackslip's controllers, beside this module."""
+"""Name of the file with gains, in the results of `tune` and, for the shipped gains, beside this module."""
 ROUGHNESS_LIMIT = 2.0
-"""Limit above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
+"""Roughness above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
 TUNED = "tuned"
-"""Source that stands for the shipped gains of trackslip's controllers."""
+"""Source name for the shipped gains of trackslip's controllers."""
 
 Arguments = Mapping[tuple[str, str], Mapping[str, float]]
 """Constructor arguments by controller and compensation."""
 
 
 class Choice(NamedTuple):
-    """The gains of a controller with a compensation."""
+    """The gains chosen for a controller with a compensation."""
 
     gains: str
-    """Their source: "tuned", the name of a `tune` result, "given" (with the controller), or "default"."""
+    """Source of the gains: "tuned", the path of a `tune` result, "given" (with the controller's name), or "default"."""
     arguments: Mapping[str, float]
 
 
@@ -33,11 +33,11 @@ class Gains:
     """Constructor arguments of tuned controllers; other controllers keep their classes' defaults."""
 
     tables: Mapping[str, Arguments] = field(default_factory=dict)
-    """Tables by source; the first one that contains a controller counts."""
+    """Tables by source; the first table that contains a controller is used."""
 
     @classmethod
     def load(cls, source: str) -> Self:
-        """Gains by name: "default" for the classes' defaults, "tuned" for the shipped ones, or a `tune` result.
+        """Load gains: "default" for the classes' defaults, "tuned" for the shipped gains, or a path of `tune` results.
 
         Controllers missing from a `tune` result get the shipped gains. Raises InvalidValueError for any other source.
         """
@@ -53,8 +53,8 @@ class Gains:
     def choice(self, controller: str, compensation: str) -> Choice:
         """The gains of a controller with a compensation.
 
-        Without gains for this compensation, those for a similar one are used: for `online` if it learns, otherwise for
-        `icr_radius`.
+        If the tables have none for this compensation, the gains for `online` are used if it learns online, otherwise
+        those for `icr_radius`.
         """
         if has_arguments(controller):
             return Choice("given", {})
@@ -67,7 +67,7 @@ class Gains:
         return Choice("default", {})
 
     def specification(self, controller: str, compensation: str) -> str:
-        """A controller's name with its tuned arguments; unchanged if there are none."""
+        """A controller's name with its tuned arguments, if there are any."""
         return specified(controller, self.choice(controller, compensation).arguments)
 
 
@@ -80,6 +80,6 @@ def _arguments(path: Path) -> Arguments:
 
 
 def specified(controller: str, arguments: Mapping[str, float]) -> str:
-    """A controller with constructor arguments, in the form that `lookup.controller` expects."""
+    """A controller's name with constructor arguments, in the form that `lookup.controller` expects."""
     listed = ",".join(f"{name}={value!r}" for name, value in arguments.items())
     return f"{controller}:{listed}" if listed else controller

@@ -1,4 +1,4 @@
-"""The output of a benchmark: answer and leaderboard, on the terminal too, and a page with all rows."""
+"""A benchmark's output: answer and leaderboard, for the terminal and the page, and a page with all rows."""
 
 import math
 import textwrap
@@ -19,7 +19,7 @@ from experiments.common.table import MISSING, Table, number
 
 _CAPTION = "Means over references, grounds and seeds, with 95 % intervals; runs that lose the path count 500 mm."
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
-_MOST = 3  # largest number of entries named as being as good as the best one
+_MOST = 3  # largest number of entries named as indistinguishable from the best entry
 _NUMBERS = {  # column header: key in a row, factor from SI, decimals
     "kept [%]": ("success", 100.0, 0),
     "error [mm]": ("score", 1e3, 1),
@@ -41,7 +41,7 @@ BOARD_LEGEND = (
 
 
 def answer(entries: Sequence[Row], next_command: str, steps: Mapping[str, float], period: float) -> Answer:
-    """The leaderboard's first entry with its error, gain over no compensation and rivals; and warnings.
+    """The answer: the leaderboard's first entry with error, gain from compensation and closest rivals, and warnings.
 
     `steps` are the controllers' computing times per step, `period` is the time between two commands [s].
     """
@@ -88,12 +88,12 @@ def _millimetres(value: float, ends: Sequence[float] | None = None) -> str:
 def _interval(ends: Sequence[float] | None, scale: float = 1.0, share: str = "95 %: ") -> str:
     if ends is None:
         return ""
-    low, high = (round(scale * end, 1) + 0.0 for end in ends)  # no minus zero
+    low, high = (round(scale * end, 1) + 0.0 for end in ends)  # avoids minus zero
     return f" ({share}{low:.1f} to {high:.1f})"
 
 
 def board_table(entries: Sequence[Row]) -> Table:
-    """The leaderboard."""
+    """The leaderboard as a table."""
     starts = ENTRY[2:] if len({entry["start"] for entry in entries}) > 1 else ()
     names = (*ENTRY[:2], "gains", *starts)
     title = "Position errors, means over references, grounds and seeds"
@@ -116,7 +116,7 @@ def _cell(row: Row, header: str) -> str:
 def page(
     answer: Answer, entries: Sequence[Row], rows: Sequence[Row], failures: Sequence[str], manifest: Mapping[str, Any]
 ) -> Page:
-    """The page with these leaderboard entries and with means over seeds."""
+    """The page, with the leaderboard's `entries` and with `rows` of means over seeds."""
     plot = Plot("leaderboard", board_figure(entries), "Position error by controller and compensation", _CAPTION)
     return Page(
         "Controllers of a tracked robot, with and without compensation of slip",
@@ -133,7 +133,7 @@ def page(
 
 @styled
 def board_figure(entries: Sequence[Row]) -> Figure:
-    """Position errors with their 95 % intervals, by controller, the best first."""
+    """Position errors with their 95 % intervals by controller, the best controller first."""
     lines = list(dict.fromkeys((entry["controller"], entry["start"]) for entry in entries))
     compensations = sorted({entry["compensation"] for entry in entries})
     looks = {name: law_line(name, marker=marker) for name, marker in zip(compensations, cycle(_MARKERS), strict=False)}

@@ -1,4 +1,4 @@
-"""The rows of a benchmark as in summary.json: means over seeds, and the leaderboard."""
+"""A benchmark's rows in summary.json: means over seeds, and the leaderboard."""
 
 import dataclasses
 from collections.abc import Iterable, Sequence
@@ -17,36 +17,36 @@ MEASURES = (
     *(f.name for f in dataclasses.fields(Expense)),
     *("valid_fraction", "icr_offset", "icr_radius_error"),
 )
-"""Errors and expense of a run, as in `trackslip.metrics`; the share of the scans that gave a pose [-]; and the final
-estimates of online compensation: longitudinal offset of the ICRs [m] and error of the sprocket radius [-]."""
+"""Errors and expense of a run, as in `trackslip.metrics`; the share of scans with a pose [-]; and online
+compensation's final estimates: offset D of the ICRs [m] and relative error in the sprocket radius [-]."""
 SETTING = FACTORS[:-1]
 """Columns that identify a mean over seeds: all factors but the seed."""
 ENTRY = ("controller", "compensation", "start")
 """Columns that identify an entry of the leaderboard."""
-_PLACE = itemgetter("reference", "seed", "ground")  # columns on which compared runs agree
+_PLACE = itemgetter("reference", "seed", "ground")  # columns in which compared runs agree
 _RESAMPLES = 2000
 
 
 def score(run: Row) -> float:
-    """The number that ranks a run [m]: its position error after the transient, LOST if it lost the path or failed."""
+    """The score that ranks a run [m]: its position error after the transient, or LOST if it lost the path or failed."""
     kept = run["error"] is None and run["success"]
     return float(run["rms_position_after_12s"]) if kept else LOST
 
 
 def over_seeds(runs: Sequence[Row]) -> list[Row]:
-    """A row for the runs that differ only in their seeds, in order."""
+    """Rows of means, each over the runs that differ only in their seeds, in order."""
     return [_means(group, SETTING) for group in _groups(runs, SETTING)]
 
 
 def board(runs: Sequence[Row]) -> list[Row]:
     """The leaderboard: an entry for each controller, compensation and start, in order of their mean scores.
 
-    Entries are compared pair by pair: runs on the same plant and path, from the same start. `behind` is the mean of the
-    differences from the best entry; `gain` is the mean score without compensation over the entry's. Both have 95 %
-    intervals from 2000 bootstrap samples of the seeds, drawn separately for each path; the grounds of a seed,
-    which share plant, start and noise, stay together. Each sample has one seed fewer than there are, so that the
-    variance is unbiased (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). The `rank` of an entry is that of the first
-    entry from which it can't be distinguished.
+    Entries are compared by pairs of runs on the same plant and path from the same start. `behind` is the mean
+    difference from the best entry; `gain` is the mean score without compensation divided by the entry's mean score.
+    Both have 95 % intervals from 2000 bootstrap samples of the seeds, drawn separately for each path; runs on
+    different grounds with the same seed, which share plant, start and noise, stay together. Each sample has one seed
+    fewer than the benchmark, so that the variance is unbiased (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). The
+    `rank` of an entry is that of the first entry from which it can't be distinguished.
     """
     groups = sorted(_groups(runs, ENTRY), key=lambda group: np.mean([score(run) for run in group]))
     scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])  # (E, P)
@@ -71,7 +71,7 @@ def board(runs: Sequence[Row]) -> list[Row]:
 
 
 def _resampled(scores: Array) -> Array:
-    """Means (E, B) of bootstrap samples of scores by path and seed (E, R, S); B = 0 for a single seed."""
+    """Means (E, B) of bootstrap samples from scores (E, R, S) by entry, path and seed; B = 0 for a single seed."""
     entries, paths, seeds = scores.shape
     if seeds == 1:
         return np.empty((entries, 0))
@@ -85,7 +85,7 @@ def _interval95(samples: Array) -> list[float] | None:
 
 
 def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
-    """The rows with the same values of all of these columns, in order."""
+    """Groups of rows that have the same values in all the columns `names`, in order."""
     groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
@@ -93,7 +93,7 @@ def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
 
 
 def _means(group: Sequence[Row], names: Sequence[str]) -> Row:
-    """The shared columns `names` of some runs, counts, and the mean of each measure, None if no run has it.
+    """A row for a group of runs: the columns `names` that they share, counts, and means of measures (None if unknown).
 
     `success` is the share of runs that stayed within 0.5 m of the reference; failed runs count as unsuccessful.
     """

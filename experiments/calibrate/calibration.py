@@ -1,4 +1,4 @@
-"""Calibration of the simulated robot: targets, and fits as tables and as results."""
+"""Calibration of the simulated robot: reading targets, and showing fits in tables and results."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ _METRICS = {
     "heading": ("heading", float(np.degrees(1.0)), 1, "°"),
 }
 """Label, factor from SI, decimals and unit of each error, by the first part of its name."""
-_MIN_STEADY = 0.5  # least share of steady driving for simulated runs to be compared by their steady samples [-]
+_MIN_STEADY = 0.5  # least share of steady driving at which simulated runs are compared by steady samples [-]
 _STATISTICS = {"median": "median", "p90": "90 %"}
 
 
 @dataclass(frozen=True)
 class Test:
-    """Errors on another log, to which only the clock is fitted, if it is free."""
+    """Errors on another log, to which only the clock offset is fitted, if it is free."""
 
     before: dict[str, float]
     calibrated: dict[str, float]
@@ -50,14 +50,14 @@ class Test:
 def first_candidate(
     robot: str, ground: GroundOptions, sensor: tuple[float, float, float] | None, clock: float | None
 ) -> Candidate:
-    """The robot before calibration, on the ground that the options name or, if they name none, on its own."""
+    """The robot before calibration, on the ground that the options name or, without a name, the robot's own ground."""
     parameters, own = load_parameters(robot)
     named = load_ground(ground.source) if ground.source else own
     return Candidate(parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0)
 
 
 def read_target(name: str, config: Config, base: Candidate) -> Target:
-    """The published target or one from a file; a log without a geometry gets the base's. Raises LogError."""
+    """The published target, or a target from a file; a log without a geometry gets that of `base`. Raises LogError."""
     if name == "published":
         return PublishedTurns(config.threads)
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
@@ -70,7 +70,7 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
 
 
 def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -> Source:
-    """A log; if neither it nor the options state the robot's size, the `known` one is used."""
+    """Read a log; if neither the log nor the options state the robot's size, the `known` geometry is used."""
     try:
         return read_source(path, reading)
     except InvalidValueError:
@@ -81,7 +81,7 @@ def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -
 
 
 def _steady(source: Source) -> bool:
-    """True if the runs are mostly steady, as in a grid."""
+    """Whether the runs are mostly steady, as in a grid."""
     try:
         return source.sampling.steady_share >= _MIN_STEADY
     except LogError:
@@ -89,7 +89,7 @@ def _steady(source: Source) -> bool:
 
 
 def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
-    """Fold labels (n,) of a target's errors; folds are consecutive parts of the log. None without folds."""
+    """Fold labels (n,) for a target's errors; folds are consecutive parts of the log. None without folds."""
     layout = target.layout
     if folds is None:
         return None
@@ -99,7 +99,7 @@ def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
 
 
 def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
-    """Errors of the base and of the fit on the log `config.test`, each with its own clock if that is free."""
+    """Errors of `base` and `fit` on the log `config.test`, each with its own clock offset if the clock is free."""
     if config.test is None:
         return None
     target = read_target(str(config.test), config, base)
@@ -111,7 +111,7 @@ def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
 
 
 def fit_summary(fit: Calibration) -> dict[str, Any]:
-    """A fit as an entry of a summary: parameters with their errors, remaining errors, and values from each fold."""
+    """A fit as an entry in summary.json: parameters with their errors, remaining errors, and values from each fold."""
     parameters = {
         name: {**vars(estimate), "identifiable": not estimate.vague} for name, estimate in fit.estimates.items()
     }
@@ -121,7 +121,7 @@ def fit_summary(fit: Calibration) -> dict[str, Any]:
 
 
 def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
-    """A calibration as a summary."""
+    """Content of summary.json for a calibration."""
     place = fit.candidate.sensor
     summary = fit_summary(fit) | {
         "sensor": {"x": place.x, "y": place.y, "yaw": place.yaw, "clock_offset": fit.candidate.clock},
@@ -135,12 +135,12 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
 
 
 def parameter_table(title: str, fit: Calibration) -> Table:
-    """Parameters with intervals."""
+    """A table of the parameters with their intervals."""
     return Table(title, ("parameter", "fit (95 % interval)"), parameter_rows(fit))
 
 
 def parameter_rows(fit: Calibration) -> list[tuple[str, str]]:
-    """Names of the parameters, and values with intervals."""
+    """Rows with each parameter's name, and its value with interval."""
     return [(name, _parameter_text(name, estimate)) for name, estimate in fit.estimates.items()]
 
 
@@ -151,7 +151,7 @@ def _parameter_text(name: str, estimate: Estimate) -> str:
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:
-    """Errors on the target, the held-out part and another log, before and after the fit."""
+    """A table of the errors on the target, the held-out part and another log, before and after the fit."""
     columns = {"before": fit.before, "calibrated": fit.metrics}
     if fit.held_out is not None and fit.held_out_before is not None:
         columns |= {"held out, before": fit.held_out_before, "held out": fit.held_out}
@@ -176,7 +176,7 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
-    """Lines on parameters that the target does not determine, and on the other log's clock."""
+    """Lines on parameters that the target does not determine, and on the clock offset in the test log."""
     lines = [f"{name}: {estimate.vague}" for name, estimate in fit.estimates.items() if estimate.vague]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")

@@ -1,4 +1,4 @@
-"""`trackslip calibrate`: the simulated robot fitted to published slips, or to the log of a robot."""
+"""`trackslip calibrate`: fit the simulated robot to published slips or to a robot's log."""
 
 from experiments.calibrate.calibration import (
     error_table,
@@ -22,7 +22,7 @@ from trackslip.se2 import Mounting
 
 
 def run(config: Config) -> None:
-    """Fit, store, report and print."""
+    """Fit the robot, and store, report and print the results."""
     with Run(config) as run:
         base = first_candidate(config.robot, config.ground, config.sensor, config.clock_offset)
         target = read_target(config.target, config, base)

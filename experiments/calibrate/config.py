@@ -31,7 +31,7 @@ EXAMPLES = (
 class Config(ResultsOptions):
     """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
 
-    A log can be any that identify reads: drives or windows with poses, or steady samples.
+    Any log that identify reads can be used: drives or windows with poses, or steady samples.
     """
 
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
@@ -47,7 +47,7 @@ class Config(ResultsOptions):
     robot: RobotSource = SHIPPED
     """Robot with the initial values, and with the values of the parameters that are not fitted."""
     ground: GroundOptions = field(default_factory=GroundOptions)
-    """The ground with the initial values."""
+    """Ground with the initial values."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("the middle", "X Y YAW")] = None
@@ -57,9 +57,9 @@ class Config(ResultsOptions):
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
-    """Number of parts of the log, each predicted by a fit to the others."""
+    """Number of parts of the log, each predicted by a fit to the other parts."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None
-    """Another log to predict, for which only the clock is fitted."""
+    """Another log to predict, for which only the clock offset is fitted."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of worker threads, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/calibrate")

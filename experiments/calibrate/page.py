@@ -1,4 +1,4 @@
-"""The page of a calibration: its parameters, its gain, and measured and simulated motion."""
+"""The page on a calibration: its parameters, its gain, and measured and simulated motion."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -20,7 +20,7 @@ from trackslip.odometry.evaluation import from_pose
 def page(
     fit: Calibration, base: Candidate, target: Target, test: Test | None, use: str, manifest: Mapping[str, Any]
 ) -> Page:
-    """The page; `use` holds the options with which commands use the robot."""
+    """The page; `use` holds the options that other commands need to use the calibrated robot."""
     line, facts = gain(fit, test), parameter_rows(fit)
     answer = Answer(
         f"{line[0].upper()}{line[1:]}", facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"]

@@ -7,29 +7,29 @@ from typing import Any
 
 from experiments.common.table import Table, percent, significant
 
-_SHARE = 0.2  # largest bound for which errors are printed in per cent, and lengths and speeds in millimetres
+_SHARE = 0.2  # errors, lengths and speeds with smaller bounds are printed in per cent, mm and mm/s
 
 
 @dataclass(frozen=True)
 class Check:
-    """A measured number that must lie near an expected one, or within a range."""
+    """A measured number that must lie near an expected number, or within a range."""
 
     case: str
     """Subject of the measurement, such as a robot."""
     what: str
-    """The quantity."""
+    """The measured quantity."""
     measured: float
     tolerance: float | tuple[float, float]
-    """The largest deviation from `expected`; or the least and the greatest value allowed, which may be infinite."""
+    """Largest deviation from `expected`, or a pair of the least and greatest allowed values, which may be infinite."""
     unit: str = "1"
-    """SI, or for speeds "x", "steps/s" or "%"; 1 for a pure number."""
+    """SI unit, 1 for a pure number; "x", "steps/s" or "%" for computing speeds."""
     expected: float = 0.0
     source: str = ""
     """Source of `expected` and `tolerance`."""
 
     @property
     def name(self) -> str:
-        """Case and quantity."""
+        """Name of the check: its case and quantity."""
         return f"{self.case}: {self.what}"
 
     @property
@@ -41,12 +41,12 @@ class Check:
 
     @property
     def bound(self) -> float | tuple[float, float]:
-        """The bound as shown: one number for a tolerance around 0, else a range."""
+        """The bound to show: one number for a tolerance around 0, otherwise a range."""
         return self.ends if self.expected else self.tolerance
 
     @property
     def holds(self) -> bool:
-        """True if the value lies within the range; NaN does not."""
+        """Whether the measured value is within the allowed range; NaN never is."""
         low, high = self.ends
         return bool(low <= self.measured <= high)
 
@@ -58,14 +58,14 @@ class Check:
         return f"{self.name} {self.measured:.3g}, {allowed}"
 
     def to_json(self) -> dict[str, Any]:
-        """An entry of `checks` in a summary.json, in which an infinite end becomes null."""
+        """The check as an entry of `checks` in summary.json, which stores infinite bounds as null."""
         expected = None if isinstance(self.tolerance, tuple) else self.expected
         entry = {"name": self.name, "value": self.measured, "expected": expected, "bound": self.bound}
         return {**entry, "unit": self.unit, "holds": self.holds, "source": self.source}
 
 
 def checks_table(title: str, checks: Sequence[Check]) -> Table:
-    """A row per check."""
+    """A table with a row per check."""
     cells = [(check.what, _in_its_unit(check, check.measured), _bound(check)) for check in checks]
     verdicts = ["holds" if check.holds else "does not hold" for check in checks]
     cases = [check.case if k == 0 or check.case != checks[k - 1].case else "" for k, check in enumerate(checks)]
@@ -81,7 +81,7 @@ def _bound(check: Check) -> str:
 
 
 def _in_its_unit(check: Check, value: float) -> str:
-    """A value as a reader expects it: errors in per cent, angles in degrees, lengths in millimetres."""
+    """Format a value in a readable unit: small ratios in per cent, angles in degrees, short lengths in millimetres."""
     most = max(map(abs, check.ends))
     if check.unit == "1":
         return percent(value) if 0 < most <= _SHARE else significant(value)

@@ -1,21 +1,21 @@
-"""Controllers, references and compensations that options name, listed so that `--help` need not import them."""
+"""Names that options accept, listed here so that `--help` need not import the modules behind them."""
 
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
     *("pure_pursuit", "regulated_pure_pursuit", "stanley", "path_following", "lqr", "ltv_mpc", "mpc", "mppi"),
 )
-"""The controllers of trackslip.controllers."""
+"""Names of the controllers in trackslip.controllers."""
 REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
-"""The references of trackslip.trajectory."""
+"""Names of the references in trackslip.trajectory."""
 TRAINING_PATHS = ("circle", "slalom", "clothoid", "stop_and_go")
-"""References for tuning and training; the suite `fair` has the others."""
+"""References for tuning and training; the `fair` suite tests controllers on the other references."""
 GROUND_NAMES = (
     *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
     *("firm_sand", "loose_sand", "clay", "snow", "asphalt", "grass", "ice"),
 )
-"""The grounds of sim.ground."""
+"""Names of the grounds in sim.ground."""
 ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")
-"""The robots of sim.robot."""
+"""Names of the robots in sim.robot."""
 FTR_NAMES = tuple(
     f"{kind}{size}"
     for size in ("", "_published")
@@ -24,7 +24,7 @@ FTR_NAMES = tuple(
         *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
     )
 )
-"""The courses of sim.traverse.courses."""
+"""Names of the courses in sim.traverse.courses."""
 WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
@@ -32,4 +32,4 @@ REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
 COMPENSATIONS = "{none,published,LAW,online,online_load,online_cold}"
 ROBOTS = f"{{{','.join(ROBOT_NAMES)},FILE.toml}}"
 GROUNDS = f"{{{','.join(GROUND_NAMES)},FILE.toml}}"
-"""Placeholders of option values in `--help`."""
+"""Placeholders for option values in `--help`."""

@@ -1,4 +1,4 @@
-"""Colours, the same in every figure and recording."""
+"""Colours for all figures and recordings."""
 
 BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
 VERMILLION = "#D55E00"  # red on a viewer's dark background

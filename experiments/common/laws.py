@@ -1,4 +1,4 @@
-"""How reports show slip laws: one name everywhere, colour, line, formula, and symbols and units of parameters."""
+"""How reports show slip laws: name, colour, line style, formula, and the symbols and units of the parameters."""
 
 import math
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ from trackslip.laws.families import FAMILIES, GAINS
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a slip law, of a compensation by a law, or of another model of the motion.
+    """Appearance of a slip law, a compensation or another motion model in figures and tables.
 
-    Colours have a contrast of at least 3 : 1 on light pages and on dark ones, where figures are inverted.
+    Colours have a contrast of at least 3 : 1 on light pages, and on dark pages, where figures are inverted.
     """
 
     label: str  # description in a few words
     colour: str = "#009E73"
-    dashes: Any = "-"  # matplotlib's line style, unique so that lines differ without colour
-    formula: tuple[str, ...] = ("-",)  # lines
+    dashes: Any = "-"  # matplotlib line style, different for each law so that lines can be told apart without colour
+    formula: tuple[str, ...] = ("-",)  # a string per line
 
 
 _LOOKS: dict[str, tuple[Any, ...]] = {
@@ -51,49 +51,49 @@ _TRACKS = ("outer", "inner", "left", "right")
 _EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
 _EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ"}
 _PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°"), "rad/s": (math.degrees(1.0), "°/s")}
-_MAX_DIGITS = 4  # decimals
+_MAX_DIGITS = 4  # largest number of decimals
 
 
 def law_looks() -> dict[str, Look]:
-    """The looks of all laws and other compensations, by name; their labels describe them."""
+    """The looks of all laws, compensations and other motion models by name, labelled with descriptions."""
     return {name: Look(law.title, *_LOOKS.get(name, ())) for name, law in FAMILIES.items()} | _OTHERS
 
 
 def shown(name: str) -> Look:
-    """The look of a law or compensation, which has the same name in legends, tables and options."""
+    """The look of a law or compensation, labelled with the name that options use."""
     return replace(law_looks().get(name, Look(name)), label=name)
 
 
 def symbol(law: str, parameter: str) -> str:
-    """The symbol of a law's or a drive's parameter, such as "α outer" for alpha_outer; its name if it has none."""
+    """Symbol for a parameter of a law or a drive, such as "α outer" for alpha_outer; its name if it has no symbol."""
     parameters, track = FAMILIES[law].parameters, parameter.rpartition("_")[2]
     letter = parameters[parameter].symbol if parameter in parameters else _EXTRA_SYMBOLS[parameter]
     return f"{letter} {track if track in _TRACKS and parameter in parameters else ''}".strip() or parameter
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
-    """A law in a table: its name and, on a page, its description and formula."""
+    """A table cell for a law: its name and, on a page, its description and formula."""
     look = law_looks().get(name, Look(name))
     lines = (look.label, *look.formula) if formula else ()
     return Cell(name, lines=lines, mark="best" if best else "")
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
-    """Factor from SI and unit in which a law's or a drive's parameter is printed: mm, ms, °; % for radius errors."""
+    """Factor from SI and printed unit for a parameter of a law or a drive: mm, ms, °, or % for relative errors."""
     if parameter.startswith(("radius_error", "gyro_scale")):
         return 1e2, "%"
     return printed_unit((EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit)
 
 
 def printed_unit(unit: str) -> tuple[float, str]:
-    """Factor from an SI unit and the unit in which values are printed: mm, ms, °."""
+    """Factor from an SI unit to the printed unit (mm, ms or °), and the printed unit."""
     return _PRINTED.get(unit, (1.0, unit))
 
 
 def with_interval(value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")) -> str:
-    """A value with its 95 % interval, rounded to two significant digits of its half-width.
+    """Format a value with its 95 % interval, rounded to two significant digits of the half-width.
 
-    `unit` is a factor from SI and a unit's name; `ends` is None or NaN if there is no interval.
+    `unit` is the factor from SI and the name of the printed unit; `ends` is None or NaN if there is no interval.
     """
     factor, name = unit
     low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)

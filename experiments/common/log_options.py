@@ -1,4 +1,4 @@
-"""The options of commands that read logs: what to take from a bag, and where the pose sensor is mounted."""
+"""Options for commands that read logs: what to read from a bag, and where the pose sensor is mounted."""
 
 import math
 from dataclasses import dataclass
@@ -12,27 +12,27 @@ from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
 
 MAX_CLOCK_OFFSET = 0.5
-"""Largest difference between the encoders' and the poses' clocks [s]."""
+"""Largest difference allowed between encoder clock and pose clock [s]."""
 _MAX_LEVER = 100.0  # [m]
 _CLEAR = "where the bag leaves no doubt"
 
 
 @dataclass(frozen=True)
 class BagOptions:
-    """Topics, joints and sensors to take from a bag."""
+    """Topics, joints and sensors to read from a bag."""
 
     encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
-    """Topics of sensor_msgs/JointState with the wheels, separated by commas, or one of odometry computed from them."""
+    """Topics of sensor_msgs/JointState with the wheels, separated by commas, or one topic of wheel odometry."""
     left: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """Names of the joints on the left, separated by commas; their mean is used."""
+    """Names of the left joints, separated by commas; their readings are averaged."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """Names of the joints on the right, likewise."""
+    """Names of the right joints, separated by commas; their readings are averaged."""
     reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
     """Encoders that count backwards."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
-    """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
+    """Topic with the poses, or tf:PARENT:CHILD for a frame's pose, as in tf:map:base_link."""
     imu: Annotated[str | None, default_is("found", "TOPIC")] = None
-    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate; none to use no gyro."""
+    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate, or none for no gyro."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
     """Find a plate of this size on the robot, such as 0.5x0.02, in scans from a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
@@ -42,7 +42,7 @@ class BagOptions:
         self.choice()
 
     def choice(self) -> BagChoice:
-        """The choice in the form that the bag readers expect; raises InvalidValueError."""
+        """The options in the form that bag readers expect; raises InvalidValueError for a malformed option."""
         parsed = {
             "left": _names("left", self.left),
             "right": _names("right", self.right),

@@ -28,12 +28,12 @@ from trackslip.trajectory.named import load_reference
 
 _POLICY = "ppo:"
 _OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # constructor parameters set from the robot
-_MARGIN = 0.98  # share of the top speed that controllers plan with
+_MARGIN = 0.98  # fraction of the top speed that controllers may use
 
 
 @functools.lru_cache(maxsize=64)
 def reference(name: str) -> Reference:
-    """A reference by name or from a file; raises TrackslipError for anything else."""
+    """A reference by name or from a file; raises TrackslipError if `name` is neither."""
     return load_reference(name)
 
 
@@ -47,11 +47,11 @@ def controller(
 ) -> Controller:
     """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, with or without arguments, or a policy, ppo:PATH.
 
-    Arguments of the constructor follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters with
-    these names get this robot's values: `geometry`; `half_gauge`, b + D of the slip law in use [m], by default
-    b; `track_speed`, slightly below `top_speed` of the tracks [m/s]; `period` between two commands [s].
+    Constructor arguments follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters with these
+    names get this robot's values: `geometry`; `half_gauge`, b + D from the slip law in use [m], by default b;
+    `track_speed`, slightly below the tracks' `top_speed` [m/s]; `period` between two commands [s].
 
-    Raises InvalidValueError for an unknown name or argument and a value that is not allowed.
+    Raises InvalidValueError for an unknown name or argument, or a value that is not allowed.
     """
     if name.startswith(_POLICY):
         return PolicyController(
@@ -71,8 +71,8 @@ def controller(
 def tunable(name: str) -> tuple[dict[str, float], list[str]]:
     """Gains in a controller's constructor with their defaults, and the names of its other parameters.
 
-    Gains are positive floats that do not describe the robot. Raises InvalidValueError for an unknown name, a controller
-    with arguments, and one that has no gains.
+    Gains are parameters that default to positive floats and do not describe the robot. Raises InvalidValueError for an
+    unknown name, a name with arguments, or a controller without gains.
     """
     parameters: Mapping[str, inspect.Parameter] = {}
     if not has_arguments(name):
@@ -86,13 +86,13 @@ def tunable(name: str) -> tuple[dict[str, float], list[str]]:
 
 
 def has_arguments(name: str) -> bool:
-    """Whether constructor arguments follow a controller's name; a policy's file counts as one."""
+    """Whether constructor arguments follow a controller's name; the path of a policy counts as an argument."""
     base, _, rest = name.partition(":")
     return bool(rest) if base in CONTROLLERS or name.startswith(_POLICY) else ":" in rest
 
 
 def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str | None]:
-    """The class of a controller, the parameters of its constructor, and the arguments that follow its name, if any."""
+    """A controller's class, its constructor's parameters, and the arguments that follow its name, if any."""
     base, colon, given = name.partition(":")
     if base in CONTROLLERS:
         make: Callable[..., Any] = CONTROLLERS[base]
@@ -119,10 +119,10 @@ def _errors_of(name: str) -> Iterator[None]:
 
 
 def _arguments(name: str, given: str | None, parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
-    """Arguments by name from ARGUMENT=VALUE,..., converted to the types of the constructor's parameters."""
+    """Parse ARGUMENT=VALUE,... into arguments by name, converted to the types of the constructor's parameters."""
     if given is None:
         return {}
-    plain = (bool, int, float, str, type(None), type)  # an empty default is a type
+    plain = (bool, int, float, str, type(None), type)  # a missing default is a type
     settable = {key: parameter for key, parameter in parameters.items() if isinstance(parameter.default, plain)}
     arguments: dict[str, Any] = {}
     for text in given.split(","):
@@ -136,7 +136,7 @@ def _arguments(name: str, given: str | None, parameters: Mapping[str, inspect.Pa
 
 
 def _value(key: str, text: str, default: Any) -> Any:
-    """An argument's value, of the default's type: text, true or false, or a number; any of these without a default."""
+    """Convert an argument to its default's type: text, boolean or number; without a default, to any of these."""
     if isinstance(default, str):
         return text
     value: Any = text
@@ -152,7 +152,7 @@ def _value(key: str, text: str, default: Any) -> Any:
 
 
 def locator(name: str, robot: Robot) -> Locator:
-    """The localization method called `name`: plate or line."""
+    """The localization method called `name`, "plate" or "line"."""
     return LineLocator(robot.plate) if name == "line" else PlateLocator(robot.plate)
 
 
@@ -164,5 +164,5 @@ def user_modules() -> list[str]:
 
 
 def policy_path(name: str) -> Path | None:
-    """The policy file of a controller ppo:PATH; None for other controllers."""
+    """The policy file for a controller named ppo:PATH; None for other controllers."""
     return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None

@@ -38,7 +38,7 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
-    """Seed, model and ground, as far as all runs agree on them; empty for a real robot's runs."""
+    """Seed, model hash and ground, each only if all runs share it; empty for runs of a real robot."""
     first = logs[0].metadata if logs else {}
     keys = [key for key in ("seed", "model_sha256", "ground") if first.get(key) is not None]
     return {key: first[key] for key in keys if all(log.metadata.get(key) == first[key] for log in logs)}
@@ -55,23 +55,23 @@ def versions() -> dict[str, str | None]:
 
 
 def command_line(command: str) -> str:
-    """The command as it was given."""
+    """The command line as the user typed it."""
     return shlex.join(["trackslip", *(sys.argv[1:] or [command])])
 
 
 def digest(value: Any) -> str:
-    """A short name for `value`, from its content, which must fit into JSON."""
+    """A short hash of `value`, which must be storable as JSON."""
     return hashlib.sha256(json.dumps(plain(value), sort_keys=True).encode()).hexdigest()[:32]
 
 
 def content(path: Path) -> str | None:
-    """A file's digest; None if there is no file."""
+    """SHA-256 of a file; None if there is no file."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
 
 
 @functools.cache
 def _git_state() -> dict[str, Any] | None:
-    """Commit of trackslip's own checkout and whether it was changed; None when installed from a wheel."""
+    """Commit of trackslip's checkout, and whether its files were changed; None without a checkout or git."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

@@ -1,4 +1,4 @@
-"""The base of every command's options: bounds on single options and exclusions between options, both as data."""
+"""The base class for every command's options: bounds on options and exclusions between them, both as data."""
 
 import dataclasses
 import functools
@@ -12,9 +12,9 @@ from trackslip.errors import InvalidValueError, require_at_most, require_non_neg
 
 
 class Bound:
-    """Allowed values of an option, as metadata of its type: `speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3`.
+    """Allowed values for an option, as metadata of its type: `speed: Annotated[float, Within(0.1, 2, "m/s")] = 0.3`.
 
-    None stands for an option that isn't given. Each number of a tuple is checked.
+    None, for an option that isn't given, is allowed. Each number in a tuple is checked.
     """
 
     def check(self, name: str, value: Any) -> None:
@@ -80,7 +80,7 @@ class Distinct(Bound):
     item: str = "value"
 
     def check(self, name: str, value: Sequence[Any] | None) -> None:
-        """See Bound."""
+        """Raise InvalidValueError for an empty sequence or duplicates; None is allowed."""
         if value is None:
             return
         if not value:
@@ -91,9 +91,9 @@ class Distinct(Bound):
 
 @dataclasses.dataclass(frozen=True)
 class Exclusion:
-    """Options `names` that have no effect, and so must keep their defaults, depending on another `option`.
+    """Options `names` that have no effect for some values of another `option`, and then must keep their defaults.
 
-    That option matches if it has one of `values` or, if there are none, differs from its default.
+    The other option matches if it has one of `values` or, if there are no `values`, differs from its default.
     """
 
     names: tuple[str, ...]
@@ -101,16 +101,16 @@ class Exclusion:
     values: tuple[Any, ...] = ()
 
     where: ClassVar[bool]
-    """True if the names have no effect when the option matches, False if they have none when it does not."""
+    """True if `names` have no effect when `option` matches, False if they have no effect when it doesn't match."""
 
     def applies(self, options: "Options") -> bool:
-        """True if the names have no effect."""
+        """Whether `names` have no effect in these options."""
         value = getattr(options, self.option)
         matches = value in self.values if self.values else value != defaults_of(options)[self.option]
         return bool(matches) == self.where
 
     def check(self, options: "Options") -> None:
-        """Raise InvalidValueError for the first of the names that is given without effect."""
+        """Raise InvalidValueError for the first of `names` that is set but has no effect."""
         if self.applies(options):
             values = (getattr(options, self.option),) if self.where and self.values else self.values
             reason = " or ".join(map(self._flag, values or (None,)))
@@ -124,22 +124,22 @@ class Exclusion:
 
 
 class Excludes(Exclusion):
-    """The names have no effect when the option matches."""
+    """Options `names` that have no effect when `option` matches."""
 
     where = True
 
 
 class Needs(Exclusion):
-    """The names have no effect when the option does not match."""
+    """Options `names` that have no effect when `option` does not match."""
 
     where = False
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Base of a command's options, which checks bounds and exclusions.
+    """Base class for a command's options, which checks bounds and exclusions.
 
-    A subclass adds its own exclusions, and in `__post_init__` checks of any other kind.
+    A subclass adds its own exclusions, and makes any other checks in `__post_init__`.
     """
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = ()
@@ -153,16 +153,16 @@ class Options:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResultsOptions(Options):
-    """Base of the options of a command that writes a folder of results, `out`."""
+    """Base class for the options of a command that writes results to a folder, `out`."""
 
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = dataclasses.field(
         default=False, metadata={"stored_unless": False}
     )
-    """Replace the results in the folder."""
+    """Replace the results in the output folder."""
 
 
 def bounds_of(options: type) -> Iterator[tuple[str, Bound]]:
-    """The bounds in a class of options, each with its option's name."""
+    """The bounds on the options in a class, each with the option's name."""
     hints = typing.get_type_hints(options, include_extras=True)
     for field in dataclasses.fields(options):
         for bound in getattr(hints[field.name], "__metadata__", ()):
@@ -171,13 +171,13 @@ def bounds_of(options: type) -> Iterator[tuple[str, Bound]]:
 
 
 def exclusions_of(options: type) -> Iterator[Exclusion]:
-    """The exclusions of a class of options and of its bases."""
+    """The exclusions in an options class and its bases."""
     for base in options.__mro__:
         yield from vars(base).get("exclusions", ())
 
 
 def defaults_of(options: Options) -> dict[str, Any]:
-    """The defaults of the options that have one."""
+    """Default values by option, for all options that have one."""
     missing = dataclasses.MISSING
     fields = dataclasses.fields(options)
     plain = {field.name: field.default for field in fields if field.default is not missing}
@@ -185,7 +185,7 @@ def defaults_of(options: Options) -> dict[str, Any]:
 
 
 def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
-    """Refuse an option, or the first of a group, that would have no effect but is not at its default."""
+    """Raise InvalidValueError if an option without effect, or one in a group of options, differs from its default."""
     if dataclasses.is_dataclass(value):
         for field in dataclasses.fields(value):
             inner = f"{name}.{field.name}".removesuffix(".source")
@@ -195,12 +195,12 @@ def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
 
 
 def option(config: Any, name: str) -> Any:
-    """The value of the option `name`."""
+    """The value of the option `name`; dots lead to options in a group."""
     return functools.reduce(getattr, name.split("."), config)
 
 
 def with_option(config: Any, name: str, value: object) -> Any:
-    """`config` with another value of the option `name`; raises InvalidValueError for a value that isn't allowed."""
+    """`config` with another value for the option `name`; raises InvalidValueError for a value that isn't allowed."""
     head, _, rest = name.partition(".")
     if not rest:
         return dataclasses.replace(config, **{head: value})
@@ -212,5 +212,5 @@ def with_option(config: Any, name: str, value: object) -> Any:
 
 
 def default_is(text: str, metavar: str) -> object:
-    """Annotation of an option that is None by default: what `--help` shows as its default and as its placeholder."""
+    """Annotation for an option that is None by default, with the default and placeholder that `--help` shows."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {text})")

@@ -1,4 +1,4 @@
-"""Pages of a report: an answer, then sections of text, tables and plots, as one self-contained HTML file."""
+"""Report pages: an answer, then sections of text, tables and plots, in one self-contained HTML file."""
 
 import functools
 import io
@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Table
 
-Drawing = Figure | Sequence[Figure] | None  # a figure, several that are shown side by side where there is room, or none
+Drawing = Figure | Sequence[Figure] | None  # a figure, several figures to show side by side if there is room, or none
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Drawn:
 
     name: str
     svg: str
-    """Text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
+    """Text of a reproducible SVG file, with letters as outlines so that no font is needed."""
     pdf: bytes = b""
-    """A PDF file, if one was wanted."""
+    """Contents of a PDF file, if one was drawn."""
     is_narrow: bool = False
     """True for a single panel, which is not stretched to the page's width."""
 
@@ -48,7 +48,7 @@ class Drawn:
 
 
 def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
-    """Draw a figure, with `pdf` also as PDF."""
+    """Draw a figure as SVG and, with `pdf`, also as PDF."""
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path", "pdf.fonttype": 42}):
         svg, pages = io.BytesIO(), io.BytesIO()
         figure.savefig(svg, format="svg", metadata={"Date": None})
@@ -59,19 +59,19 @@ def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure on a page, and its file."""
+    """A figure on a page, which is also written to a file."""
 
     name: str
-    """Name of the file and of the element on the page; with several panels, file names also contain their titles."""
+    """Name of the file and of the page's element; if there are several panels, file names also contain their titles."""
     figure: Drawing | Callable[[], Drawing]
-    """The figure, or a function that makes it when the page is written; a plot of None is left out."""
+    """The figure, or a function that makes it when the page is written; a plot without a figure is left out."""
     heading: str
     caption: str = ""
-    """Text, or Markup; seed, ground and command follow in small print."""
+    """Text or Markup; the page appends seed, ground and command in small print."""
 
 
 def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
-    """Draw the figure of a plot, or its panels; nothing if there is no figure."""
+    """Draw a plot's figure or its panels; the result is empty if the plot has no figure."""
     figure = plot.figure() if callable(plot.figure) else plot.figure
     if figure is None:
         return ()
@@ -82,14 +82,14 @@ def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
 
 @dataclass(frozen=True)
 class Bullets:
-    """A list."""
+    """A bulleted list."""
 
     items: Sequence[str]
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """Files in the page's folder, shown as thumbnails."""
+    """Image files in the page's folder, shown as thumbnails."""
 
     files: Sequence[str]
     description: str
@@ -101,9 +101,9 @@ class Section:
 
     heading: str
     blocks: Sequence[Union["Block", None]]
-    """None is left out, and so is an empty section. A str is a paragraph; Markup keeps its tags."""
+    """Contents of the section. None and empty sections are left out. A str is a paragraph; Markup keeps its tags."""
     folded: bool = False
-    """Collapse it until its heading is clicked; for methods, and for details that few readers need."""
+    """Whether the section is collapsed until its heading is clicked; for methods and rarely needed details."""
 
     @property
     def anchor(self) -> str:
@@ -127,14 +127,14 @@ def _all_blocks(blocks: Iterable[Block | None]) -> Iterator[Block]:
 
 @dataclass(frozen=True)
 class Answer:
-    """The first thing on a page: the answer that its reader came for."""
+    """The answer to the reader's question, at the top of a page."""
 
     heading: str
     """The answer itself, in a few words and a number."""
     facts: Sequence[tuple[str, str]] = ()
-    """Quantities and their values with ± and unit."""
+    """Quantities, and their values with ± and unit."""
     lines: Sequence[str] = ()
-    """Sentences, such as the gain over today's method, or the one thing to know."""
+    """Further sentences, such as the improvement over today's method."""
     warnings: Sequence[str] = ()
     next: Sequence[str] = ()
     """Command lines to run next."""
@@ -146,7 +146,7 @@ class Page:
 
     title: str
     command: str
-    """The command line that made it."""
+    """The command line that made the page."""
     manifest: Mapping[str, Any]
     """Configuration, versions, seed and anything else that fits into JSON; listed at the end of the page."""
     sections: Sequence[Section | None]
@@ -156,11 +156,11 @@ class Page:
 
     @property
     def blocks(self) -> Iterator[Block]:
-        """Everything on the page, in order; a section is followed by its blocks."""
+        """All blocks on the page, in order; a section is followed by the blocks in it."""
         return _all_blocks((*self.intro, *self.sections))
 
     def write(self, folder: Path, pdf: bool = False) -> None:
-        """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf."""
+        """Write the page, and each figure as figures/NAME.svg and, with `pdf`, as NAME.pdf."""
         figures = self._figures(pdf)
         (folder / REPORT_FILE).write_text(self.html(figures), encoding="utf-8")
         (folder / FIGURES_FOLDER).mkdir()
@@ -168,11 +168,11 @@ class Page:
             figure.write(folder / FIGURES_FOLDER)
 
     def _figures(self, pdf: bool = False) -> dict[str, tuple[Drawn, ...]]:
-        """The figures of each plot, by its name."""
+        """Draw the figures of all plots, by the plot's name."""
         return {block.name: drawn_plot(block, pdf) for block in self.blocks if isinstance(block, Plot)}
 
     def html(self, figures: Mapping[str, Sequence[Drawn]] | None = None) -> str:
-        """The page's HTML; `figures` holds each plot's figures by its name, if they have been drawn already."""
+        """The page's HTML; `figures` are the plots' figures by plot name, if they have been drawn already."""
         return _template().render(
             vars(self),
             sections=[section for section in self.sections if section],
@@ -201,7 +201,7 @@ def conditions(manifest: Mapping[str, Any], command: str) -> str:
 
 
 def _ground(ground: Mapping[str, Any]) -> str:
-    """Friction, shear and slope of one ground, or the names of several."""
+    """Describe a ground's friction, shear and slope, or list the names of several grounds."""
     if "along" not in ground:
         return f"grounds {', '.join(ground)}"
     text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
@@ -218,7 +218,7 @@ def file_name(text: str) -> str:
 
 
 def flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted names and printed values of everything in nested mappings."""
+    """Dotted names and printed values of all entries in nested mappings."""
     if isinstance(value, Mapping) and value:
         for key, item in value.items():
             yield from flatten(item, f"{path}.{key!s}" if path else str(key))

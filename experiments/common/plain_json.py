@@ -13,14 +13,14 @@ _AS_IT_IS = (str, int, bool, type(None))
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON with NaN as null and numpy's numbers as plain ones."""
+    """Write JSON, with NaN as null and NumPy numbers as plain numbers."""
     path.write_text(json.dumps(plain(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def plain(value: Any) -> Any:
     """`value` in JSON's types: dataclasses become mappings, and numbers that aren't finite become None.
 
-    A field of a dataclass is left out if it has the value that its metadata give as `stored_unless`.
+    A dataclass field is left out if its value equals `stored_unless` in the field's metadata.
     """
     if type(value) in _AS_IT_IS:
         return value
@@ -40,7 +40,7 @@ def plain(value: Any) -> Any:
 
 
 def _stored(value: Any) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
-    """The fields of a dataclass that are stored, and their values."""
+    """The fields of a dataclass that JSON stores, and their values."""
     for f in dataclasses.fields(value):
         item = getattr(value, f.name)
         # arrays compare element by element, so only fields that ask for it are compared

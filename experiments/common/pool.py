@@ -15,18 +15,18 @@ from trackslip.errors import TrackslipError, first_line
 
 
 class WorkersFailedError(TrackslipError):
-    """Workers have died; the results that they returned before are kept."""
+    """Raised if workers have died; results that they returned earlier are kept."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """An executor and the number of tasks that it runs at once; without an executor, tasks run in this process."""
+    """An executor, and the number of tasks that it runs at once; without an executor, tasks run in this process."""
 
     executor: futures.Executor | None = None
     count: int = 1
 
     def each(self, do: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
-        """Submit tasks as workers become free and yield results as they come, or raise WorkersFailedError."""
+        """Submit tasks as workers become free, and yield results as they arrive; raises WorkersFailedError."""
         if self.executor is None:
             yield from map(do, tasks)
             return
@@ -51,7 +51,7 @@ def processors() -> int:
 
 
 def workers(name: str, count: int) -> contextlib.AbstractContextManager[Workers]:
-    """The workers called `name`: inline, `count` processes, or dask://HOST:PORT, the address of a scheduler."""
+    """Context with the workers `name`: "inline", "processes" (`count` of them), or a scheduler, dask://HOST:PORT."""
     if name == "inline":
         return contextlib.nullcontext(Workers())
     return _processes(count) if name == "processes" else _cluster(name)
@@ -59,11 +59,11 @@ def workers(name: str, count: int) -> contextlib.AbstractContextManager[Workers]
 
 @contextlib.contextmanager
 def _processes(count: int) -> Iterator[Workers]:
-    """Fresh interpreters, which end at once if this process is interrupted, and after their tasks if it fails."""
+    """Start worker processes, which end at once if this process is interrupted, and after their tasks if it fails."""
     pool = futures.ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)
     try:
         yield Workers(pool, count)
-    except KeyboardInterrupt:  # without waiting: a worker killed while sending would never end
+    except KeyboardInterrupt:  # no waiting, because a worker killed while sending would never end
         for child in multiprocessing.active_children():
             child.kill()
         raise
@@ -84,7 +84,7 @@ def _end_with_parent() -> None:
 
 @contextlib.contextmanager
 def _cluster(name: str, patience: float = 10.0) -> Iterator[Workers]:
-    """A cluster that has workers within `patience` [s], all of which can import trackslip."""
+    """Connect to a cluster whose workers can import trackslip; wait at most `patience` [s] for the first worker."""
     try:
         from distributed import Client
 

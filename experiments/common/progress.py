@@ -8,14 +8,14 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-_PAUSE = 60.0  # between lines in a log [s]
+_PAUSE = 60.0  # time between lines in a log [s]
 
 Advance = Callable[[float], None]  # called with the amount done since the last call
 
 
 @contextmanager
 def progress(stage: str, total: float | None, unit: str = "s", done: float = 0.0) -> Iterator[Advance]:
-    """Show the progress of a stage, by default in simulated seconds; `done` is the amount done earlier."""
+    """Show a stage's progress, by default in simulated seconds; `done` is the amount done before the block."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _logged(stage, total, unit, done)

@@ -1,4 +1,4 @@
-"""Folders of results and single files, each written completely or not at all; bags of runs."""
+"""Writing of results: folders and single files, each written completely or not at all, and bags."""
 
 import contextlib
 import itertools
@@ -35,12 +35,12 @@ _LONGEST_NAME = 120  # characters in a file name; file systems allow 255
 
 @contextlib.contextmanager
 def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
-    """A folder to write results into; they are moved to `out` when the block ends, and deleted if it fails.
+    """A folder to write results into, which are moved to `out` when the block ends, or deleted if it fails.
 
     `out` must be new or empty or, with `overwrite`, contain a command's results, which are replaced. No other command
-    can write there meanwhile. Hidden files, such as runs of an unfinished sweep, are deleted when the results arrive.
+    can write to `out` during the block. Hidden files, such as runs of an unfinished sweep, are deleted afterwards.
 
-    Raises OutputError: at once, before anything is computed, if `out` can't be used; later, if the disk is full.
+    Raises OutputError before the block starts if `out` can't be used, and later if the disk is full.
     """
     with output_errors(f"out = {str(out)!r}"), _folders(out), _locked(out):
         old = [file for file in out.iterdir() if not file.name.startswith(".")]
@@ -70,7 +70,7 @@ def output_errors(what: str) -> Iterator[None]:
     except OutputError:
         raise
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else first_line(error)  # pyarrow's words are longer
+        reason = os.strerror(error.errno) if error.errno else first_line(error)  # pyarrow's own text is longer
         raise OutputError(f"{what}: can't be written ({reason})") from error
     except RecursionError as error:  # from mkdir
         raise OutputError(f"{what}: can't be written (its path is too deep)") from error
@@ -78,7 +78,7 @@ def output_errors(what: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Keep other commands out of a folder. The lock ends with the process, however that ends."""
+    """Keep other commands out of a folder. However the process ends, its lock is released."""
     lock = FileLock(folder / _LOCK, blocking=False)
     try:
         lock.acquire()
@@ -93,7 +93,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _folders(folder: Path) -> Iterator[None]:
-    """Make a folder and its parents for a block; folders that the block leaves empty are removed."""
+    """Make a folder and its parents for a block, and remove new folders that the block leaves empty."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -105,7 +105,7 @@ def _folders(folder: Path) -> Iterator[None]:
 
 
 def write_whole(file: Path, write: Callable[[Path], object]) -> None:
-    """Have `write` fill a draft in the file's folder, and move it into place; a failure leaves nothing behind."""
+    """Let `write` fill a draft next to `file`, and move the draft into place; a failure leaves nothing behind."""
     draft = file.with_name(f".{file.name}-{os.getpid()}")
     with _folders(file.parent):
         try:
@@ -116,7 +116,7 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
-    """Replace a file that the user has named; raises OutputError if it can't be written, or is a device or the like."""
+    """Write or replace a file named by the user; raises OutputError if it can't be written or isn't a regular file."""
     with output_errors(str(file)):
         if file.exists() and not file.is_file():
             raise OutputError(f"{file}: can't be replaced (it is not a regular file)")
@@ -124,7 +124,7 @@ def write_output(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:
-    """File names (n,) with an ending for runs, all different whatever the names of the runs."""
+    """File names (n,) with this ending for run names (n,), all different even on file systems that ignore case."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST_NAME] or "run"
@@ -136,7 +136,7 @@ def file_names(names: Sequence[str], ending: str = "") -> list[str]:
 
 def write_runs(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS_FILE."""
-    from trackslip.logs.logfile import write_parquet  # late: pyarrow takes 0.1 s
+    from trackslip.logs.logfile import write_parquet  # imported late, because pyarrow takes 0.1 s
 
     write_parquet(logs, folder / RUNS_FILE)
 
@@ -162,11 +162,11 @@ def write_bags(
     options: Callable[[RunLog], dict[str, Any]] = lambda log: {},
     done: Callable[[float], None] = lambda bags: None,
 ) -> dict[str, str]:
-    """Write a bag of each run to BAGS_FOLDER in `folder`, named by `names`; returns the bags' paths in it by name.
+    """Write each run as a bag, named as in `names`, to `folder`/BAGS_FOLDER; returns paths in `folder` by name.
 
-    `options` holds further arguments of `write_bag`; `done` is called with the number of bags since the last call.
+    `options` returns further arguments of `write_bag` for a run; `done` is called with 1 after each bag.
     """
-    from sim.bags.writer import write_bag  # late: few need it
+    from sim.bags.writer import write_bag  # imported late, because few commands need it
 
     places = {}
     for log, name, file in zip(logs, names, file_names(names), strict=True):

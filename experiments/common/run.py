@@ -1,4 +1,4 @@
-"""A command's run: its folder of results, progress, times and manifest, and what is kept if driving fails."""
+"""A command's run: its results folder, progress, times and manifest, and the logs kept if driving fails."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,11 +16,11 @@ from trackslip.logs.runlog import RunLog
 
 
 class Run:
-    """A run of the command whose options are `config`, as a context in which results are written to `folder`.
+    """A command's run with the options `config`: a context manager, in whose block results are written to `folder`.
 
     The results are moved to `config.out` when the block ends, unless it fails. If driving fails in the block
-    (RunFailedError), `config.out` gets the logs up to then, and a manifest with the reason under "error"; the failure
-    is raised as a TrackslipError. Raises OutputError as `results_folder` does.
+    (RunFailedError), `config.out` gets the logs up to the failure and a manifest with the reason under "error", and
+    TrackslipError is raised. Raises OutputError as `results_folder` does.
     """
 
     def __init__(self, config: Any) -> None:
@@ -28,7 +28,7 @@ class Run:
         self.command = type(config).__module__.split(".")[1]
         self.folder = Path(config.out)
         self.watch = Stopwatch()
-        """Times of the command's stages."""
+        """Computing times of the command's stages."""
         self._began = time.perf_counter()
         self._context = self._in_folder()
 
@@ -38,11 +38,11 @@ class Run:
         return time.perf_counter() - self._began
 
     def busy(self, stage: str) -> AbstractContextManager[Advance]:
-        """Show that a stage of unknown progress is under way, for a block."""
+        """Show during a block that a stage of unknown length is under way."""
         return progress(stage, None, "")
 
     def progress(self, stage: str, total: float, unit: str = "s", done: float = 0.0) -> AbstractContextManager[Advance]:
-        """Show the progress of a stage during a block, which reports each amount done to the function it gets."""
+        """Show a stage's progress during a block, which calls the yielded function with each amount done."""
         return progress(stage, total, unit, done)
 
     def manifest(self, **about: Any) -> dict[str, Any]:
@@ -60,10 +60,10 @@ class Run:
         """Write the summary with the times, the manifest and, if there are any, logs.
 
         Args:
-            summary: content of summary.json; its times, under "timing", come before the run's.
+            summary: content of summary.json; the run's times are appended to those under "timing".
             logs: the runs to write to runs.parquet.
             simulated: simulated time, summed over all robots [s].
-            manifest: the manifest if there is one already, as in a report.
+            manifest: the manifest, if one was made already, as for a report.
             about: further entries of the manifest.
         """
         timing: dict[str, Any] = {**summary.get("timing", {}), "wall_s": self.wall}

@@ -1,4 +1,4 @@
-"""The table of a grid's runs: its columns, and the choice of runs by their values on the axes."""
+"""The table of a grid's runs: its columns, and the selection of runs by axis values."""
 
 import contextlib
 from collections.abc import Sequence
@@ -34,15 +34,14 @@ COLUMNS = {
         Column("saturated", PURE, "share of the time with a motor at its limit, the worse track"),
     )
 }
-"""Columns besides the axes of the sweep, which come after `id`."""
-_SHOWN = 10  # largest number of an axis' values in a message
+"""Columns other than the sweep's axes, which follow `id`."""
+_SHOWN = 10  # most axis values that a message lists
 
 
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:
-    """Names of the runs for which every NAME=VALUE of `where` holds.
+    """Names of the runs for which every NAME=VALUE in `where` holds.
 
-    Raises InvalidValueError for an axis or a value that is not in the sweep, LogError for a folder without a table of
-    runs.
+    Raises InvalidValueError for an axis or value that is not in the sweep, LogError for a folder without a run table.
     """
     table = read_table(folder / TABLE_FILE)
     Columns(table, str(folder / TABLE_FILE)).require(("run",))
@@ -60,7 +59,7 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
 
 
 def _is(value: Any, text: str) -> bool:
-    """True if a value equals its text."""
+    """Whether `text` denotes `value`."""
     if str(value) == text or (isinstance(value, bool) and str(value).lower() == text):
         return True
     with contextlib.suppress(ValueError):

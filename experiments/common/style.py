@@ -1,4 +1,4 @@
-"""The look of all figures: one colour and one line style per slip law everywhere."""
+"""The style of all figures, with the same colour and line style for a slip law everywhere."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
-INNER, OUTER = ORANGE, BLUE  # tracks
+INNER, OUTER = ORANGE, BLUE  # colours of the tracks
 BAND = "#d5e6d5"  # background of values too small to matter
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -32,41 +32,41 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
 }
-RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the share dark enough to be seen
+RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the fraction dark enough to see
 _EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
-DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "round", "path_effects": _EDGES}  # a road
+DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "round", "path_effects": _EDGES}  # road
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 
 Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
-Lines = Sequence[tuple[Any, dict[str, Any]]]  # points and look
+Lines = Sequence[tuple[Any, dict[str, Any]]]  # points, and keywords for their line
 styled = matplotlib.rc_context(STYLE)
 
 
 def subplots(height: float, rows: int = 1, columns: int = 1, *, width: float = 9.0, **more: Any) -> tuple[Figure, Any]:
-    """A figure of this size [in], by default as wide as the page, and its axes; `more` is as for Figure.subplots."""
+    """A figure of this size [in], by default as wide as the page, and its axes; `more` goes to Figure.subplots."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, **more)
 
 
 def panel(title: str, xlabel: str, ylabel: str, height: float = 3.6, **more: Any) -> tuple[Figure, Axes]:
-    """A figure with one set of axes, about as wide as a phone; `more` is as for Figure.subplots."""
+    """A figure with one set of axes, about as wide as a phone; `more` goes to Figure.subplots."""
     figure, axes = subplots(height, width=4.6, **more)
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
     return figure, axes
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist], ncols: int = 3, **look: Any) -> None:
-    """Put a legend below all axes, which leave room for it; `look` is as for Figure.legend."""
+    """Put a legend below all axes, which shrink to make room for it; `look` goes to Figure.legend."""
     figure.legend(handles=handles, loc="outside lower center", ncols=ncols, **look)
 
 
 def thin(rows: int, most: int = 500) -> slice:
-    """Every n-th of `rows` rows, so that about `most` remain: by default, as many as can be distinguished on a line."""
+    """A slice with every n-th of `rows` rows, about `most` in all; the default is as many as a line can show."""
     return slice(None, None, max(1, rows // most))
 
 
 def shade(map_and_top: tuple[str, float], share: float) -> tuple[float, float, float, float]:
-    """The colour at a share, 0 to 1, of the used part of a colour map."""
+    """The colour at `share`, 0 to 1, in the used part of a colour map."""
     name, top = map_and_top
     return matplotlib.colormaps[name](top * share)
 
@@ -77,17 +77,17 @@ def mark_span(axis: Axes, begin: float, end: float) -> None:
 
 
 def law_line(name: str, **more: Any) -> dict[str, Any]:
-    """Line keywords for the slip law or compensation `name`."""
+    """Keywords for matplotlib to draw a line for the slip law or compensation `name`."""
     return {"color": shown(name).colour, "linestyle": shown(name).dashes, **more}
 
 
 def key(label: str, **look: Any) -> Line2D:
-    """An entry of a legend."""
+    """A legend entry."""
     return Line2D([], [], label=label, **look)
 
 
 def zero_line(axes: Axes) -> None:
-    """Mark the value zero."""
+    """Draw a horizontal line at zero."""
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)
 
 
@@ -100,5 +100,5 @@ def log_ticks(axis: Axis) -> None:
 
 
 def plane(axes: Axes, **more: Any) -> None:
-    """Make axes a map of the ground; `more` is as for Axes.set."""
+    """Set up axes as a map of the ground; `more` goes to Axes.set."""
     axes.set(aspect="equal", **{"xlabel": "x [m]", "ylabel": "y [m]", **more})

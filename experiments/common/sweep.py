@@ -1,6 +1,6 @@
 """Sweeps: runs are driven fleet by fleet on any workers and stored as they finish, so that a killed command can resume.
 
-Each part of the store holds a fleet's rows as JSON and its logs as Parquet. A run's id hashes everything but the code.
+The store has a JSON file of rows and a Parquet file of logs per fleet. A run's id hashes everything but the code.
 """
 
 import contextlib
@@ -26,29 +26,29 @@ from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
 STORE = ".runs"
-"""Folder in the folder of results for the finished work of an unfinished command."""
-_EACH = 4  # least number of fleets per worker, to finish at about the same time, unless fleets would be too small
+"""Subfolder of the results folder with the finished runs of an unfinished command."""
+_EACH = 4  # fewest fleets per worker, so that workers finish together, unless fleets would be too small
 _LONG = 2_000.0  # simulated time of a fleet, summed over robots, above which starting another worker pays off [s]
-_AT_ONCE = 20_000.0  # longest simulated time of a fleet, summed over robots, for its logs to fit into memory [s]
+_AT_ONCE = 20_000.0  # longest simulated time of a fleet, summed over robots, whose logs fit into memory [s]
 
 Row = dict[str, Any]
-"""Data on a run, by column: its name `run`, `id`, `error` (None unless it failed), and measurements."""
+"""Data on a run by column: its name `run`, `id`, `error` (None unless the run failed), and measurements."""
 
 
 class Planned(Protocol):
-    """A run of a sweep."""
+    """A planned run in a sweep."""
 
     @property
     def name(self) -> str:
-        """Its name in the results."""
+        """Name of the run in the results."""
 
     @property
     def id(self) -> str:
-        """Hash of everything its numbers depend on, except the code."""
+        """Hash of everything that the run's numbers depend on, except the code."""
 
     @property
     def axes(self) -> Mapping[str, Any]:
-        """Values that differ within the sweep, by name."""
+        """Values that differ within the sweep, by axis name."""
 
     @property
     def fleet(self) -> str:
@@ -64,35 +64,35 @@ KindRunT = TypeVar("KindRunT", bound=Planned, contravariant=True)
 
 
 class RunKind(Protocol[KindRunT]):
-    """The kind of runs in a sweep; pickled for the workers."""
+    """How a sweep drives and measures its runs; pickled for the workers."""
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Robots of the smallest and of the largest fleet worth driving."""
+        """Numbers of robots in the smallest and the largest fleet worth driving."""
 
     def drive(self, runs: Sequence[KindRunT], watch: Stopwatch, progress: Progress | None) -> Sequence[RunLog]:
-        """Drive runs as one fleet; `progress`, given only in the command's own process, takes the fleet's seconds."""
+        """Drive runs as one fleet; `progress`, None in worker processes, is called with simulated seconds."""
 
     def measure(self, run: KindRunT, log: RunLog) -> Row:
-        """Measurements of a run that didn't fail, by column."""
+        """Measurements from a run that didn't fail, by column."""
 
 
 class Store:
-    """The rows of finished work by id, and the logs that belong to them, in the STORE of a folder of results."""
+    """Rows and logs of finished runs by id, kept in the STORE of a results folder."""
 
     def __init__(self, out: Path, ids: Collection[str], anew: bool) -> None:
-        """Load the stored rows with these `ids`, except failed ones; none with `anew`."""
+        """Load the stored rows with these `ids`, except those of failed runs; with `anew`, load nothing."""
         self.rows: dict[str, Row] = {}
         self._folder, self._logs = out / STORE, dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
-            with contextlib.suppress(ValueError):  # from a full disk
+            with contextlib.suppress(ValueError):  # a file cut off by a full disk
                 rows = json.loads(file.read_text(encoding="utf-8"))
                 self._add([row for row in rows if row["id"] in ids and row["error"] is None], file)
 
     def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
-        """Store rows and a Parquet file of their logs: the logs first, the rows last, each whole or not at all.
+        """Store rows and the Parquet file of their logs: logs first, then rows, each file completely or not at all.
 
-        If all rows failed, they are not written to the file, so that a resumed command drives them again.
+        If all runs failed, nothing is written, so that a resumed command drives them again.
         """
         file = self._folder / f"{digest([row['id'] for row in rows])}.json"
         if any(row["error"] is None for row in rows):
@@ -102,7 +102,7 @@ class Store:
         self._add(rows, file)
 
     def gather(self, runs: Iterable[Planned], file: Path) -> None:
-        """Write the logs of runs, in order, to one file; no file is written without logs."""
+        """Write the logs of runs, in order, to one file; if there are no logs, no file is written."""
         driven = [run for run in runs if self.rows[run.id]["error"] is None]
         if driven:
             join_parquet([(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven], file)
@@ -114,7 +114,7 @@ class Store:
 
 @dataclass(frozen=True)
 class DrivenFleet:
-    """Runs that were driven together."""
+    """Results from runs that were driven together."""
 
     rows: list[Row]
     logs: bytes | None
@@ -124,7 +124,7 @@ class DrivenFleet:
 
 
 def drive_fleet(kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> DrivenFleet:
-    """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds, summed over robots."""
+    """Drive and measure a fleet and isolate runs that fail; `report` is called with seconds, summed over robots."""
     watch = Stopwatch()
 
     def drive(some: Sequence[RunT]) -> Sequence[RunLog]:
@@ -143,7 +143,7 @@ def drive_fleet(kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | No
 def _isolating(
     runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]
 ) -> list[RunLog | BaseException]:
-    """Drive runs as one fleet; if it fails, drive its halves, until the runs that fail stand alone."""
+    """Drive runs as one fleet; if it fails, drive its halves, until each failing run is driven alone."""
     try:
         return list(drive(runs))
     except (Exception, SystemExit) as error:  # a user's controller may raise anything
@@ -162,7 +162,7 @@ def _row(kind: RunKind[RunT], run: RunT, outcome: RunLog | BaseException) -> Row
 
 
 def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[tuple[RunT, ...]]:
-    """Fleets of runs that can be driven together, of suitable `sizes` for that many workers, the longest first."""
+    """Split runs into fleets that can be driven together, sized within `sizes` for the workers, longest first."""
     least, most = sizes
     size = min(max(least, -(-len(runs) // (_EACH * workers))), most)
     alike: dict[str, list[RunT]] = {}
@@ -186,7 +186,7 @@ def drive_missing(
     jobs: int = 0,
     executor: str = "processes",
 ) -> None:
-    """Drive the runs that are missing from `store`, and keep them there.
+    """Drive the runs that are missing from `store`, and add their results to it.
 
     Args:
         runs: all runs of the sweep.
@@ -218,9 +218,9 @@ def drive_missing(
 
 @contextlib.contextmanager
 def resumable(config: Any, ids: Collection[str], what: str = "runs driven") -> Iterator[tuple[Run, Store]]:
-    """The run of a command that can be stopped, and the store of its work, which is deleted when results are complete.
+    """The run of a command that can be stopped and resumed, and its store, which is deleted when results are complete.
 
-    If the command is stopped, the message says how much was kept, and that the same command resumes.
+    The error raised when the command is stopped says how much was kept, and that the same command resumes.
     """
     with Run(config) as run:
         store = Store(Path(config.out), ids, config.overwrite)

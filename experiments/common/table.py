@@ -1,4 +1,4 @@
-"""Tables, printed on the terminal and shown on a page, and how numbers are printed."""
+"""Tables for the terminal and for pages, and the format of printed numbers."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,14 +16,14 @@ MISSING = "–"
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
-    """A number with that many decimals and its unit; MISSING for None and for values that aren't finite."""
+    """Format a number with `digits` decimals and its unit; MISSING for None, NaN and infinite values."""
     if value is None or not math.isfinite(value):
         return MISSING
     return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
 
 
 def significant(value: float | None, unit: str = "", digits: int = 2) -> str:
-    """A number with that many significant digits, never in exponential notation, and its unit."""
+    """Format a number with `digits` significant digits, never in exponential notation, and its unit."""
     if value is None or not math.isfinite(value):
         return MISSING
     places = 0 if value == 0 else max(0, digits - 1 - math.floor(math.log10(abs(value))))
@@ -31,17 +31,17 @@ def significant(value: float | None, unit: str = "", digits: int = 2) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share in per cent, with two significant digits."""
+    """Format a share in per cent, with two significant digits."""
     return significant(None if share is None else 100 * share, "%")
 
 
 def pair(values: Sequence[str], unit: str = "") -> str:
-    """Printed values side by side, with their unit."""
+    """Join printed values, with one unit for all of them."""
     return f"{' | '.join(values)} {unit if set(values) != {MISSING} else ''}".rstrip()
 
 
 def span(values: Array, unit: str = "") -> str:
-    """Smallest and largest value, or the common value if all are equal, with three significant digits."""
+    """Format the smallest and largest value, or the common value if all are equal, with three significant digits."""
     low, high = float(np.min(values)), float(np.max(values))
     text = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
@@ -54,35 +54,35 @@ def stages_text(stages: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell that says more on a page than on the terminal."""
+    """A cell that shows more on a page than on the terminal."""
 
     text: str
     """Text on the page."""
     name: str = ""
     """Text on the terminal, if different."""
     lines: Sequence[str] = ()
-    """Small lines below, only on the page."""
+    """Lines in small print below the text, only on the page."""
     mark: str = ""
-    """A badge, such as "best", only on the page; its row is highlighted."""
+    """A badge, such as "best", only on the page, which highlights the row."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table, described once for the terminal and for a page.
+    """A table to print on the terminal and show on a page.
 
-    A row whose first cell is empty continues the row above: on a page, their first cells are merged.
+    A row whose first cell is empty continues the row above: on a page, the first cells of both rows are merged.
     """
 
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str | Cell]]
     align: str = "lr"
-    """A letter per column, l or r; the last one applies to all further columns."""
+    """A letter per column, l or r; the last letter applies to all further columns."""
     note: str = ""
     """Text below the table, only on the page."""
 
     def print(self) -> None:
-        """Print the table on the terminal, in characters that can be searched and copied."""
+        """Print the table on the terminal, as plain text that can be searched and copied."""
         table = RichTable(
             title=escape(self.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0
         )
@@ -108,7 +108,7 @@ class Table:
 
     @property
     def dense(self) -> bool:
-        """True if the table has so many columns that a page shows it in smaller type."""
+        """Whether the table has so many columns that a page shows it in smaller type."""
         return len(self.header) > 9
 
     @property
@@ -125,7 +125,7 @@ class Table:
 
 
 def _cell(value: str | Cell) -> Cell:
-    """A cell, with MISSING for an unknown number."""
+    """`value` as a cell, with MISSING instead of NaN."""
     if isinstance(value, Cell):
         return value
     return Cell(MISSING if value in ("nan", "+nan") else value)

@@ -1,4 +1,4 @@
-"""`trackslip drive`: a tracked robot over a course."""
+"""`trackslip drive`: drive a tracked robot over a course."""
 
 from experiments.common.manifest import command_line
 from experiments.common.results import DRIVE_RECORDING, PICTURES_FOLDER, RECORDINGS_FOLDER, REPORT_FILE, RUNS_FILE
@@ -19,7 +19,7 @@ def check_robot(source: str) -> None:
 
 
 def run(config: Config) -> None:
-    """Drive, store the run, and print how it went; or check the robot."""
+    """Drive the course, store the run, and print how it went; or only check the robot."""
     if config.check:
         check_robot(config.robot)
         return

@@ -37,25 +37,25 @@ class Config(ResultsOptions):
     speed: Annotated[float, Within(-2.0, 2.0, "m/s")] = 0.3
     """Speed of the belts, negative to drive backwards [m/s]."""
     turn: Annotated[float, Within(-5.0, 5.0, "rad/s")] = 0.0
-    """Commanded yaw rate, positive to the left; the robot turns less, as its tracks slip [rad/s]."""
+    """Commanded yaw rate, positive to the left; the robot turns more slowly because its tracks slip [rad/s]."""
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
-    """Waypoints x, y to follow by the true pose, in the course's frame [m]."""
+    """File of waypoints x, y in the course's frame, which are followed using the true pose [m]."""
     flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex}|FRONT,REAR")] = "reflex"
-    """Flippers: up, down (along the tracks), reflex, or front and rear angles, tips up [rad]."""
+    """Flippers: up, down (along the tracks), reflex, or front and rear angles, positive with the tips up [rad]."""
     preset: Literal["accurate", "fast"] = "accurate"
     """Track contact: steps of 2 ms (accurate) or 4 ms (fast)."""
     friction: Annotated[float | None, Positive(5.0), default_is("the course's", "FLOAT")] = None
     """Friction coefficient between tracks and course [-]."""
     duration: Annotated[float, Positive(MAX_DURATION, "s")] = 60.0
-    """Longest run [s]."""
+    """Time limit for the run [s]."""
     seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
-    """Seed of the course's random parts."""
+    """Seed for the course's random parts."""
     policy: Annotated[Path | None, default_is("none", "FILE")] = None
-    """Policy that drives, from train --env traverse: its .npz file, or the folder with that file."""
+    """Policy from train --env traverse that drives the robot: its .npz file, or the folder with that file."""
     pictures: Annotated[int, Whole(0, 1000)] = 0
     """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False
-    """Print all that is known about the robot and all that is wrong with it, instead of driving."""
+    """Print the robot's properties and all errors in its description, instead of driving."""
     out: Path = Path("out/drive")
     """Folder for the results."""
 
@@ -73,7 +73,7 @@ class Config(ResultsOptions):
         self.flipper_angles()
 
     def flipper_angles(self) -> tuple[float, float] | None:
-        """Front and rear flipper angles, tips up [rad]; None for reflex."""
+        """Front and rear flipper angles, positive with the tips up [rad]; None for reflex."""
         if self.flippers in FLIPPERS:
             return FLIPPERS[self.flippers]
         try:

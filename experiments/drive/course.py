@@ -15,15 +15,15 @@ from sim.world import States
 from trackslip.kinematics import Array
 
 Driver = Callable[[Traverse], Command | None]
-"""Returns the set points for a world with one robot; None ends the run."""
+"""A function that returns the set points for a world with one robot; None ends the run."""
 PERIOD = 0.02  # time between set points, and between rows of a run [s]
 STOPPED = "stopped"  # outcome of a run that its driver ended, at the end of a path
-_SIDE_POINTS = 11  # along each track, for the slope of the ground
+_SIDE_POINTS = 11  # number of points along each track, for the slope of the ground
 
 
 @dataclass(frozen=True)
 class DrivenCourse:
-    """A drive of R rows, the first at rest; T tracks and F flippers."""
+    """The record of a drive: R rows, the first of which is at rest, for T tracks and F flippers."""
 
     robot: TrackedRobot
     course: Course
@@ -33,9 +33,9 @@ class DrivenCourse:
     """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
     time: Array  # (R,) since the start [s]
     state: States  # (R, ...)
-    angles: Array  # (R, F) of the flippers, tips up [rad]
+    angles: Array  # (R, F) flipper angles, positive with the tips up [rad]
     command: Command  # (R, ...)
-    work: Array  # (R, T) of the belts against the ground since the previous row [J]
+    work: Array  # (R, T) work of the belts against the ground since the previous row [J]
     contact: Reading  # (R, T) means since the previous row
 
     @property
@@ -45,7 +45,7 @@ class DrivenCourse:
 
     @property
     def travel(self) -> Array:
-        """Distances (R, T) that the belts have run since the start [m]."""
+        """Distances (R, T) travelled by the belts since the start [m]."""
         return np.cumsum(self.contact.belt * np.diff(self.time, prepend=0.0)[:, None], axis=0)
 
     @property
@@ -55,7 +55,7 @@ class DrivenCourse:
 
     @cached_property
     def slope(self) -> Array:
-        """Slopes (R,) along the robot of the line that best fits the ground under its tracks, positive uphill [rad]."""
+        """Slopes (R,) along the robot of a line fitted to the ground under its tracks, positive uphill [rad]."""
         hull = np.array(self.robot.hull)
         along = np.linspace(hull[:, 0].min(), hull[:, 0].max(), _SIDE_POINTS)
         heading = self.state.heading[:, None, None]
@@ -70,7 +70,7 @@ class DrivenCourse:
 def drive_course(
     world: Traverse, driver: Driver, progress: Callable[[float], None] = lambda seconds: None
 ) -> DrivenCourse:
-    """Drive until the run or its driver ends; `progress` is called with the seconds simulated since the last call."""
+    """Drive until there is an outcome or the driver returns None; `progress` is called with newly simulated seconds."""
     rows = [_row(world, Command(np.zeros((1, 2)), world.servo.angle))]
     while world.outcome[0] == Outcome.DRIVING and (command := driver(world)) is not None:
         world.step(command)

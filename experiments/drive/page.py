@@ -1,4 +1,4 @@
-"""The page, the figures and the table of a drive over a course."""
+"""The page on a drive over a course, with its figures and table."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ SENTENCES = {
     "time": "It ran out of time",
     "stopped": "The driver stopped",
 }
-_PICTURES = 12  # approximate number on the page
+_PICTURES = 12  # approximate number of pictures on the page
 _EARTH = "#b9b2a6"  # colour of the ground
 _TABLE_NOTE = "Slip is weighted by the distance that the belt runs. Work is negative where a belt holds the robot back."
 _SLIP_CAPTION = (
@@ -38,7 +38,7 @@ _SLIP_CAPTION = (
 def page(
     run: DrivenCourse, answer: Answer, table: Table, manifest: Mapping[str, Any], command: str, pictures: Sequence[Path]
 ) -> Page:
-    """The page of a drive; some of `pictures` are shown."""
+    """The page on a drive, which shows some of the `pictures`."""
     shown = [f"{PICTURES_FOLDER}/{file.name}" for file in pictures[:: len(pictures) // _PICTURES + 1]]
     profile = Plot("drive_profile", _profile(run), "Path of the chassis")
     slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION)
@@ -55,7 +55,7 @@ def page(
 
 
 def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
-    """How the drive ended, what it took, and where it ended."""
+    """The answer: how and where the drive ended, with its distance, slip and work."""
     heading = f"{SENTENCES[run.outcome]} after {result['duration']:.1f} s"
     if run.outcome != "reached":
         heading += f", {result['remaining']:.2f} m before the end"
@@ -75,7 +75,7 @@ def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
 
 
 def tracks_table(result: Mapping[str, Any]) -> Table:
-    """A row per track."""
+    """A table with a row per track."""
     header = ("track", "slip", "slip, p95", "touching", "penetration [mm]", "work [J]")
     rows = [
         (
@@ -116,7 +116,7 @@ def _slip_over_slope(run: DrivenCourse) -> Figure:
     axes.axhline(0, color=GREY, lw=0.8)
     axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]")
     known = run.contact.slip[np.isfinite(run.contact.slip)]
-    if known.size:  # all but the rarest slips, which come from belts that hardly move
+    if known.size:  # without the rarest slips, from belts that hardly move
         low, high = np.quantile(known, (0.01, 0.99))
         axes.set_ylim(low - 0.05, high + 0.05)
     figure.legend(ncols=2, loc="outside upper left")

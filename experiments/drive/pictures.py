@@ -12,11 +12,11 @@ from sim.opengl import Pictures, place
 from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
 
-_SIZE = 960, 540  # width and height
+_SIZE = 960, 540  # width and height [px]
 
 
 def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: int) -> list[Path]:
-    """Write PNG files, named by number and time, evenly over the run; `looks` is the model with its looks."""
+    """Write `count` PNG files, spread evenly over the run, named by number and time; `looks` is the model to draw."""
     rows = np.unique(np.linspace(0, len(run.time) - 1, count + 1).astype(int)[1:])
     files = [folder / f"{number:03d}_{run.time[row]:.1f}s.png" for number, row in enumerate(rows)]
     if not files:

@@ -1,4 +1,4 @@
-"""A drive over a course in a recording: terrain, the robot with its belts and wheels, contacts with forces, plots."""
+"""Recording of a drive over a course: terrain, the robot with its belts and wheels, contacts with forces, plots."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ _COLOURS = (LEFT, RIGHT, "#009E73", "#F0E442", "#CC79A7", "#D55E00", "#8d6bd1", 
 
 
 def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> None:
-    """Record a drive over a course; `looks` is the model with its looks. Raises OutputError as `record` does."""
+    """Record a drive over a course; `looks` is the model to draw. Raises OutputError as `record` does."""
 
     def send(recording: Recording) -> None:
         rows = np.arange(0, len(run.time), _EVERY)
@@ -40,7 +40,7 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> N
 
 
 def _send_terrain(recording: Recording, model: mujoco.MjModel, path: np.ndarray) -> None:
-    """Send everything fixed in the world, and the floor around that and around the robot's path (n, 2)."""
+    """Send everything fixed in the world, and a floor that surrounds it and the robot's path (n, 2)."""
     send_geoms(recording, f"{FIELD}/course", model, 0)
     fixed = drawn(model, 0)
     middle, reach = model.geom_pos[fixed, :2], model.geom_rbound[fixed, None]
@@ -49,7 +49,7 @@ def _send_terrain(recording: Recording, model: mujoco.MjModel, path: np.ndarray)
 
 
 def _send_contacts(recording: Recording, run: DrivenCourse, looks: TrackedModel, rows: np.ndarray) -> None:
-    """Send where the robot touches the ground, and the forces there."""
+    """Send the points where the robot touches the ground, and the forces there."""
     contacts, state = ContactPoints(looks), run.state
     moments = [contacts.at(state.qpos[k], state.qvel[k], run.contact.belt[k], run.command.flippers[k]) for k in rows]
     points, forces = (np.concatenate(parts) for parts in zip(*moments, strict=True))

@@ -1,4 +1,4 @@
-"""Results of a drive over a course: outcome, slip of each track, penetration and energy; and its rows as a table."""
+"""Results from a drive over a course: outcome, slip of each track, penetration and energy; and a table of its rows."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,11 +15,11 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.schema import PURE, with_units
 from trackslip.logs.table import file_metadata
 
-_NAME = "drive"  # of the run
+_NAME = "drive"  # name of the run
 
 
 def drive_summary(run: DrivenCourse) -> dict[str, Any]:
-    """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and each track."""
+    """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and a summary per track."""
     state, contact, position = run.state, run.contact, run.state.position
     deepest = contact.depth.max(axis=1)[1:] if len(run.time) > 1 else np.zeros(1)
     return {
@@ -31,7 +31,7 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
         "max_pitch": float(np.abs(state.pitch).max()),
         "max_roll": float(np.abs(state.roll).max()),
         "max_penetration": float(deepest.max()),
-        "penetration_p99": float(np.percentile(deepest, 99)),  # of the largest penetration in each row
+        "penetration_p99": float(np.percentile(deepest, 99)),  # 99 % of the rows penetrate less
         "energy": float(run.work.sum()),  # work of all belts against the ground
         "tracks": [_track_summary(run, k) for k in range(len(run.tracks))],
     }
@@ -65,7 +65,7 @@ def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) ->
 
 
 def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str], str, str, Array]]:
-    """Groups of columns: prefix, n suffixes, unit, text (empty for columns of every log), and values (R, n)."""
+    """Groups of columns: prefix, n suffixes, unit, description (empty for columns in every log), and values (R, n)."""
     state, contact = run.state, run.contact
     return [
         ("", ["t"], "s", "", run.time[:, None]),

@@ -29,9 +29,9 @@ from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
 SAMPLE = 0.004  # time between changes of the belts' speeds [s]
-TOP_SPEED = 0.6  # of the belts, unless a higher one is requested [m/s]
-ACCELERATION = 2.0  # at both ends of a path [m/s^2]
-_SEARCH = 200  # periods ahead on the path that are searched for the point beside the robot
+TOP_SPEED = 0.6  # top speed of the belts, unless a higher speed is requested [m/s]
+ACCELERATION = 2.0  # acceleration at both ends of a path [m/s^2]
+_SEARCH = 200  # number of periods ahead on the path that are searched for the point beside the robot
 
 
 def make_world(config: Config) -> Traverse:
@@ -76,10 +76,10 @@ def driver(config: Config, world: Traverse) -> Driver:
 
 
 class PolicyDriver:
-    """A policy that crosses courses, as in the environment that it was trained in."""
+    """A policy as driver, with the observations and actions of the environment that it was trained in."""
 
     def __init__(self, policy: Policy, world: Traverse) -> None:
-        """Raises InvalidValueError for a policy of another robot."""
+        """Raises InvalidValueError for a policy that was trained for another robot."""
         options = from_options(TraverseConfig, policy.options)
         self._policy, self._actions = policy, Actions(options, world)
         self._layout, self._every = CrossingLayout(world, options.noise), round(options.period / PERIOD)
@@ -88,7 +88,7 @@ class PolicyDriver:
         self._rows, self._command = 0, Command(np.zeros((1, 2)), world.servo.angle)
 
     def __call__(self, world: Traverse) -> Command:
-        """See `Driver`."""
+        """Set points from the policy, renewed at the policy's period."""
         if self._rows % self._every == 0:
             action = self._policy.action(self._layout.observation(world, [0]))
             self._command = self._actions.command(action)
@@ -97,10 +97,10 @@ class PolicyDriver:
 
 
 class PathDriver:
-    """Pure pursuit of waypoints by the true pose, at the reference's speed beside the robot, regardless of time."""
+    """Pure pursuit of waypoints using the true pose, at the speed that the reference has beside the robot."""
 
     def __init__(self, path: Path, speed: float, half_gauge: float, flippers: Callable[[Traverse], Array]) -> None:
-        """Raises ReferenceFileError for a file of waypoints that can't be driven with belts up to `speed` [m/s]."""
+        """Raises ReferenceFileError for waypoints that can't be followed with belt speeds up to `speed` [m/s]."""
         limits = MotionLimits(speed, ACCELERATION, speed / half_gauge, track_speed=speed, half_gauge=half_gauge)
         self.reference = read_waypoints(path, limits)
         self._times = np.append(np.arange(PERIOD, self.reference.duration, PERIOD), self.reference.duration)
@@ -110,7 +110,7 @@ class PathDriver:
         self._speed, self._half_gauge = speed, half_gauge
 
     def __call__(self, world: Traverse) -> Command | None:
-        """See `Driver`; the run ends beside the end of the path."""
+        """Set points that follow the path; None when the robot is beside the end of the path."""
         position = world.state.position[:, :2]
         ahead = self._points[self._beside : self._beside + _SEARCH]
         self._beside += int(np.argmin(np.hypot(*(ahead - position).T)))
@@ -123,7 +123,7 @@ class PathDriver:
 
 
 def about_world(world: Traverse) -> dict[str, Any]:
-    """The metadata of a run: robot and course, as far as the options do not determine them."""
+    """Metadata for a run: properties of robot and course that the options do not determine."""
     robot, course, tracked = world.tracked.robot, world.course[0], world.tracked
     return {
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},

@@ -1,4 +1,4 @@
-"""`trackslip evaluate`: how well slip laws and simulated robots predict a log."""
+"""`trackslip evaluate`: measure how well slip laws and simulated robots predict a log."""
 
 import sys
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _MOST_PATHS = 20  # largest number of drives whose paths are written
 
 
 def run(config: Config) -> None:
-    """Predict, compare, store and report; exits with 1 if a bound of a data set is exceeded."""
+    """Predict a log, and compare, store and report; exits with 1 if a bound in a data set is exceeded."""
     given, data = config, None
     if config.path.suffix == ".toml":
         data = load_data_set(config.path)
@@ -68,7 +68,7 @@ def run(config: Config) -> None:
 
 
 def _write_paths(predictions: Sequence[Prediction], log: Source, folder: Path, rrd: bool) -> None:
-    """Write measured and predicted paths of the first drives for evo, and with `rrd` for the rerun viewer."""
+    """Write measured and predicted paths of the first drives for evo and, with `rrd`, for the rerun viewer."""
     drives = predictions[0].errors.trajectories[:_MOST_PATHS]
     labels = file_names([prediction.model.label for prediction in predictions])
     trajectories, logs = folder / TRAJECTORIES_FOLDER, {drive.run: drive for drive in log.logs}

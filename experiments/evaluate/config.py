@@ -36,19 +36,19 @@ class Config(ResultsOptions):
     """
 
     path: tyro.conf.Positional[Path]
-    """A .csv or .parquet log, a ROS bag, the folder of a drive, a grid or bags, or a .toml file of a data set."""
+    """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's .toml file."""
     law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
-    """none, an identification's folder (its best law), a file of laws, either with :NAME, or a name to fit by folds."""
+    """none, a folder (its best law) or file of laws, optionally with :NAME, or, to fit a law by --folds, its name."""
     robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
     """A robot to simulate: a name, or a file as written by calibrate."""
     ground: GroundOptions = field(default_factory=GroundOptions)
-    """The ground of the simulated robots, and properties that differ from the named one's."""
+    """Ground of the simulated robots, and properties that differ from the named ground."""
     inputs: Literal["encoders", "commands"] = "encoders"
     """Inputs of simulated robots: measured sprocket speeds, or the logged commands through the robot's drive."""
     folds: Annotated[int | None, Whole(2, MAX_FOLDS), default_is("nothing is fitted", "INT")] = None
-    """Number of parts of the log, each predicted by laws, gains and robots fitted to the others."""
+    """Number of parts of the log, each predicted by laws, gains and robots fitted to the other parts."""
     free: Annotated[tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")] = None
-    """Parameters of the first robot to fit to the other parts, as calibrate does."""
+    """Parameters of the first robot to fit to the log's other parts, as calibrate does."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
@@ -56,7 +56,7 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("1", "FLOAT")] = None
-    """wheel_separation_multiplier of odometry that is used instead of encoders [-]."""
+    """wheel_separation_multiplier of the odometry that is used instead of encoders [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
     """Position of the pose sensor, ahead and to the left of the turning centre, and its heading [m, m, rad]."""
     clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None

@@ -1,4 +1,4 @@
-"""Data sets: TOML files that name a log, what predicts it, and bounds on the errors."""
+"""Data sets: TOML files that name a log, the models that predict it, and bounds on their errors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackslip.errors import require, require_positive
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.laws.families import GAINS
 
-_AHEAD = 1.0  # [s]
+_AHEAD = 1.0  # time ahead at which errors are bounded [s]
 _UNITS = {"position": "m", "heading": "rad"}
 _QUANTITIES = tuple(f"{what}_{kind}" for what in _UNITS for kind in ("median", "p90", "rms"))
 
@@ -64,7 +64,7 @@ class DataSet:
         self.options(Config(self.log))
 
     def options(self, config: Config) -> Config:
-        """The options with those from the data set; raises InvalidValueError for one that is given as well."""
+        """`config` with the options in the data set; raises InvalidValueError for an option that both of them state."""
         stated: dict[str, Any] = {"law": self.law, "robot": self.robot, "ground": GroundOptions(self.ground)}
         stated |= {"free": self.free or None, "folds": self.folds}
         for name in stated:
@@ -73,7 +73,7 @@ class DataSet:
         return replace(config, path=self.log, **stated)
 
     def checks(self, predictions: Sequence[Prediction]) -> list[Check]:
-        """The bounds as checks."""
+        """A check for each bound."""
         errors, checks = {each.model.label: each.errors.after_seconds.get(_AHEAD) for each in predictions}, []
         for bound in self.bounds:
             what, _, kind = bound.quantity.partition("_")
@@ -83,7 +83,7 @@ class DataSet:
 
 
 def load_data_set(path: Path) -> DataSet:
-    """The data set of a TOML file; raises SettingsFileError for an unreadable one and for invalid fields."""
+    """Load a data set; raises SettingsFileError for an unreadable file or invalid fields."""
     table = read_toml(path)
 
     def beside(value: object) -> object:

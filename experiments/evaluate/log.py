@@ -1,4 +1,4 @@
-"""The log to predict, and its parts, each of which is predicted by fits to the others."""
+"""The log to predict, and its parts, each of which is predicted by fits to the other parts."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog, in_few_lines
 
 _TIME = np.linspace(0.0, 1.0, 11)
-"""Times of the drives that represent steady samples [s]."""
+"""Times in the drives that represent steady samples [s]."""
 
 
 def read_log(config: Config, known: RobotGeometry | None) -> Source:
-    """The drives that the options name; the robot has the `known` size if neither log nor options state one."""
+    """Read the drives that the options name, with the `known` geometry if neither log nor options state one."""
     size, bag = (config.half_gauge, config.sprocket_radius), config.bag.choice()
     reading = ReadOptions(*size, config.gear, bag=bag, multiplier=config.multiplier)
     source = read_log_of(config.path, reading, known)
@@ -39,7 +39,7 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
 
 
 def _windows(samples: SlipSamples) -> list[RunLog]:
-    """Steady samples as drives, each at its twist for one second, so that errors 1 s ahead are errors of the twist."""
+    """Steady samples as drives of one second at constant twist, so that errors 1 s ahead are errors in the twist."""
     left = np.zeros(len(samples)) if samples.lateral is None else np.nan_to_num(samples.lateral)
     motions = _TIME[:, None, None] * np.column_stack([samples.twist[:, 0], left, samples.twist[:, 1]])
     poses = np.moveaxis(se2.exp(motions), 0, 1)
@@ -48,13 +48,13 @@ def _windows(samples: SlipSamples) -> list[RunLog]:
 
 
 def _read_once(log: RunLog) -> RunLog:
-    """A log in which encoder readings that were logged several times count once, as in fits and replays."""
+    """The log without repeated encoder readings, as fits and replays use it."""
     means = interval_means(log.time, log.omega)
     return replace(log, omega=np.concatenate([log.omega[:1], means]))
 
 
 def parts(drives: Sequence[RunLog], count: int, name: str) -> np.ndarray:
-    """Parts (n,) of about equal size in the order of a log; drives under the same command are in the same part.
+    """Part numbers (n,) for drives: consecutive parts of about equal size; drives with the same command share a part.
 
     Raises LogError, with the `name` of the log, if it has too few different commands.
     """

@@ -33,24 +33,24 @@ from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 
 ROBOT, CALIBRATED = "robot", "calibrated"
-"""Names of simulated robots."""
+"""Model names for simulated robots, as given and as fitted."""
 _FITTED = (REFERENCE, "turn_loss", "turn_loss_sides", "centrifugal")
-"""Laws that folds fit by default; on the shipped logs, others were never best."""
+"""Laws that folds fit by default; on the shipped logs, other laws were never best."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """Predicts how the pose sensor moves."""
+    """A model that predicts the motion of the pose sensor."""
 
     label: str
-    """Label in tables and files: the name, and the file if other models have the same name."""
+    """Label in tables and files: the name, made unique if several models share it."""
     name: str
     """The law's name, or one of TODAY, GAINS, ROBOT and CALIBRATED."""
     sensor: Mounting
     clock_offset: float
     """Encoder clock minus pose clock [s]."""
     trajectories: Callable[[Sequence[RunLog], Sequence[RunLog]], list[Trajectory]]
-    """Measured and predicted poses of drives, given the drives, and the same drives with encoders as they were read."""
+    """Function of drives, and of the same drives with encoders as read, that returns measured and predicted poses."""
 
 
 def _law_model(label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: Gyro | None = None) -> Model:
@@ -76,7 +76,7 @@ def _robot_model(label: str, candidate: Candidate, geometry: RobotGeometry, conf
 
 
 def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None) -> LawInUse | None:
-    """The law in a file that --law names; None for `none` and for laws that are fitted with folds."""
+    """The law in a file that --law names; None for `none`, and for laws that are to be fitted with folds."""
     if text == NO_SLIP or (config.folds and text in drive_laws()):
         return None
     file, _, name = (text, "", "") if os.path.exists(text) else text.rpartition(":")
@@ -86,7 +86,7 @@ def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None)
 
 
 def known_geometry(config: Config) -> RobotGeometry | None:
-    """The size of the robot that stored laws were identified for, or else of the simulated one; checks every --law."""
+    """Geometry of the robot that stored laws belong to, or of the first simulated robot; checks every --law."""
     laws = [law for text in config.law if (law := stored_law(text, config)) is not None]
     if laws:
         return laws[0].geometry
@@ -96,7 +96,7 @@ def known_geometry(config: Config) -> RobotGeometry | None:
 def models_of(
     config: Config, source: Source, part: np.ndarray, k: int, robots: Mapping[str, Sequence[Candidate]]
 ) -> list[Model]:
-    """The models for part k of a log, `part` (n,) of its drives: with folds, no slip and two gains; laws; robots."""
+    """Models that predict the drives labelled k in `part` (n,): laws, robots and, with folds, no slip and two gains."""
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
     geometry, models = source.geometry, list[Model]()
@@ -116,10 +116,10 @@ def models_of(
 
 
 def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro: bool) -> list[Model]:
-    """The laws that --law names, or the default ones; without folds, the first one also with the gyroscope if `gyro`.
+    """Models of the laws in --law, or of default laws; without folds, also of the first law with a gyroscope if `gyro`.
 
-    Unless given, sensor and clock are as identified with each law, because they differ between laws; laws without a
-    sensor and clock get those of the first law that has them.
+    Unless given, sensor and clock offset are those identified with each law, because they differ between laws. Laws
+    without a sensor and clock offset get those of the first law that has them.
     """
     texts = config.law or (_FITTED if config.folds else (NO_SLIP,))
     fitted = config.folds and any(text in drive_laws() for text in texts)
@@ -145,7 +145,7 @@ def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro
 
 
 def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit | None) -> LawInUse:
-    """A law from a file, none, or one fitted to the other parts of the log, starting from the fit of `reference`."""
+    """The law `text`: from a file, no slip, or fitted to the log's other parts, starting from the `reference` fit."""
     law = stored_law(text, config, geometry)
     if law is not None or text == NO_SLIP:
         return law or no_slip(geometry)
@@ -157,16 +157,16 @@ def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit
 
 
 def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
-    """Factors on speed and yaw rate as a law: (1 + ε) and (1 + ε) b / (b + D)."""
+    """The law with two gains: (1 + ε) on speed, and (1 + ε) b / (b + D) on yaw rate."""
     return LawInUse(GAINS, FAMILIES[REFERENCE].build(look.gains.law(geometry), geometry), geometry)
 
 
 def robots_of(
     config: Config, source: Source, part: np.ndarray
 ) -> tuple[dict[str, Sequence[Candidate]], Calibration | None]:
-    """The robots by label, one for each part of a log, and the fit of the first one's free parameters.
+    """The robots by label, one for each part of a log, and the fit of the first robot's free parameters.
 
-    Poses are stamped late, and so the clock is always fitted to the other parts, unless it is given.
+    As poses are stamped late, folds always fit the clock offset to the log's other parts, unless it is given.
     """
     robots, fit = dict[str, Sequence[Candidate]](), None
     clock = ("clock",) if config.folds and config.clock_offset is None else ()

@@ -1,4 +1,4 @@
-"""The report of an evaluation: its answer, one table of errors, and figures."""
+"""The report on an evaluation: its answer, one table of errors, and figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ _BEGINS = "The drive that goes far and turns most. Every path begins at its firs
 
 @dataclass(frozen=True)
 class Report:
-    """What the terminal and the page show."""
+    """The results of an evaluation, for the terminal and for the page."""
 
     title: str
     source: str
@@ -44,7 +44,7 @@ class Report:
     notes: Sequence[str]
 
     def print(self) -> None:
-        """Print the tables, warnings, the gain and how many bounds hold."""
+        """Print the tables, the warnings, the gain, and how many bounds hold."""
         for table in self._tables:
             table.print()
         for line in (*(f"warning: {note}" for note in self.notes), self._gain, self._verdict):
@@ -52,7 +52,7 @@ class Report:
                 print(line)
 
     def page(self, manifest: Mapping[str, Any], command: str) -> Page:
-        """The page."""
+        """The page with answer, tables and figures."""
         best, length, unit = self._winner
         errors = best.ahead(length, unit)
         assert errors is not None
@@ -103,7 +103,7 @@ class Report:
 
     @property
     def _gain(self) -> str:
-        """The best model compared with no slip compensation."""
+        """A line that compares the best model with no slip compensation; empty if no model is better."""
         best, length, unit = self._winner
         baseline = next((each for each in self.predictions if each.model.name in (TODAY, NO_SLIP)), best)
         better = []
@@ -116,7 +116,7 @@ class Report:
 
 
 def _cells(errors: PredictionErrors) -> list[str]:
-    """Median, 90 % and rms of position [m] and heading [deg]."""
+    """Median, 90 % quantile and rms of the errors in position [m] and heading [deg]."""
     cells = []
     for part, factor, digits in ((errors.position, 1.0, 3), (errors.heading, degrees(1.0), 2)):
         values = (part.median, part.p90, part.rms) if part else (nan, nan, nan)
@@ -125,7 +125,7 @@ def _cells(errors: PredictionErrors) -> list[str]:
 
 
 def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
-    """Errors per metre or per second ahead."""
+    """Mean errors per metre or per second ahead."""
     position, heading = (part.mean / length if part else nan for part in (errors.position, errors.heading))
     forwards = percent(position) if unit == "m" else significant(position, "m/s")
     return f"{forwards}, {significant(degrees(heading), f'°/{unit}')}"
@@ -133,7 +133,7 @@ def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
 
 @style.styled
 def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
-    """Median errors where models are compared, with lines up to the 90 % quantiles."""
+    """Median errors at the length where models are compared, with lines up to the 90 % quantiles."""
     _, length, unit = winner(predictions)
     figures = []
     for what, sign, factor in (("position", "m", 1.0), ("heading", "°", degrees(1.0))):

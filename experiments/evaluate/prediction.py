@@ -1,4 +1,4 @@
-"""The errors of models that predict the same log."""
+"""The prediction errors of several models on the same log."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, Trajectory, errors_of
 
 AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
-"""Times [s] and distances [m] ahead; models are compared at the last of them that all models reach."""
-_MIN_PAIRS = 10  # needed for a median and a 90 % quantile
-_MARGIN = 1e-3  # so that times ascend [s]
+"""Times [s] and distances [m] ahead; models are compared at the last entry that all models reach."""
+_MIN_PAIRS = 10  # number of pairs of poses needed for a median and a 90 % quantile
+_MARGIN = 1e-3  # time added at both ends, so that times ascend [s]
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """A model's predictions of a log."""
+    """A model's predictions for a log, and their errors."""
 
     model: Model
     """The model of the log's first part; models of the other parts have the same label and name."""
     errors: OdometryErrors
 
     def ahead(self, length: float, unit: str) -> PredictionErrors | None:
-        """Errors after a distance [m] or a time [s]; None if there are few pairs."""
+        """Errors after a distance [m] or a time [s]; None if there are too few pairs of poses."""
         errors = (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
         return errors if errors is not None and errors.count >= _MIN_PAIRS else None
 
@@ -39,7 +39,7 @@ class Prediction:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Content of a summary.json."""
+        """The prediction as an entry in summary.json."""
         errors, model = self.errors, self.model
         return {
             "law": model.name,
@@ -51,10 +51,10 @@ class Prediction:
 
 
 def predict(drives: Sequence[RunLog], part: np.ndarray, models: Sequence[Sequence[Model]]) -> list[Prediction]:
-    """Predictions of drives by the models for the `part` (n,) of each drive; all models predict the same poses.
+    """Predict each drive by the models for its `part` (n,) of the log; all models predict the same poses.
 
-    Without folds, these are the poses that encoders cover by the clock of every model. With folds, where windows may be
-    short, encoders continue at their last speeds. Raises LogError if there are no such poses.
+    Without folds, these are the poses at which encoders were read according to every model's clock offset. With folds,
+    where windows may be short, encoders continue at their last speeds. Raises LogError if there are no such poses.
     """
     compared, notes = list[tuple[list[RunLog], list[RunLog]]](), list[str]()
     for k, models_of_part in enumerate(models):
@@ -78,13 +78,13 @@ def predict(drives: Sequence[RunLog], part: np.ndarray, models: Sequence[Sequenc
 
 
 def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog:
-    """A log with the poses that encoders cover by each clock, encoder clock minus pose clock [s]."""
+    """The log with only the poses that encoders cover at all clock offsets `clocks`, encoder minus pose clock [s]."""
     covered = (log.time + min(clocks) >= log.time[0]) & (log.time + max(clocks) <= log.time[-1])
     return replace(log, valid=log.is_valid & covered)
 
 
 def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
-    """A log whose encoders continue at their first and last speeds until they cover all poses by each clock."""
+    """The log with encoders continued at their first and last speeds, to cover all poses at all clock offsets."""
     rows = np.clip(np.arange(-1, len(log.time) + 1), 0, len(log.time) - 1)
     time, valid = log.time[rows], log.is_valid[rows]
     time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
@@ -93,7 +93,7 @@ def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
 
 
 def winner(predictions: Sequence[Prediction]) -> tuple[Prediction, float, str]:
-    """The prediction with the smallest median position error, and how far ahead that error is, with the unit."""
+    """The prediction with the smallest median position error, and the compared time or distance ahead with its unit."""
     for length, unit in reversed(AHEAD):
         errors = [prediction.ahead(length, unit) for prediction in predictions]
         medians = [each.position.median for each in errors if each is not None and each.position is not None]

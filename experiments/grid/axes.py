@@ -1,4 +1,4 @@
-"""The axes of a sweep: any option of a grid by its name, the robot's parameters, and the friction ratio."""
+"""The axes of a sweep: options of a grid by name, robot parameters, and the friction ratio."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SPECIAL = {
     "speed": Column("speed", "m/s", "speed of the no-slip command"),
     "friction_ratio": Column("friction_ratio", PURE, "friction across the track over friction along it"),
 }
-"""Axes that are numbers, but neither an option nor a parameter of the robot."""
+"""Numeric axes that are neither an option nor a robot parameter."""
 _SHORT = {"ground.source": "ground", "ground.slope": "slope", "radii": "radius", "speeds": "speed"}
 _NO_AXES = ("threads", "rrd", "out", "overwrite", "robot", "robot.radius_error")
 _UNIT = re.compile(r" *\[([^]]+)\]")
@@ -40,9 +40,9 @@ def option_name(axis: str) -> str | None:
 
 @functools.cache
 def known() -> dict[str, tuple[Any, Column]]:
-    """Every axis by its name, with the type of its values, and its unit and meaning, as in `--help`.
+    """All axes by name, with the type of their values, and with unit and description as in `--help`.
 
-    The names of nested options contain dots; those of the robot's parameters begin with "robot.".
+    Names of nested options contain dots; names of robot parameters begin with "robot.".
     """
     axes: dict[str, tuple[Any, Column]] = {name: (float, column) for name, column in SPECIAL.items()}
     for name, (kind, column) in (_fields(GridConfig) | _fields(RobotParameters, "robot.")).items():
@@ -53,7 +53,7 @@ def known() -> dict[str, tuple[Any, Column]]:
 
 
 def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
-    """The fields of a dataclass and of those nested in it: types, and units and meanings from their docstrings."""
+    """The fields of a dataclass and its nested dataclasses: types, and units and descriptions from docstrings."""
     bases = [docstring_parser.parse_from_object(base) for base in reversed(cls.__mro__[:-1])]
     texts = {param.arg_name: param.description or "" for base in bases for param in base.params}
     types = typing.get_type_hints(cls)
@@ -74,9 +74,9 @@ def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
 
 
 def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
-    """The values of each axis, in the order of the loops: radius and speed are the innermost.
+    """The values on each axis, in the order of the loops, of which radius and speed are the innermost.
 
-    Raises InvalidValueError, naming the axis, and SystemExit after tyro has explained what it can't read.
+    Raises InvalidValueError with the axis' name, and SystemExit after tyro has printed which value it can't read.
     """
     given = _given(config)
     types = {name: tuple[kind, ...] for name, (kind, _) in known().items()}  # type: ignore[valid-type]
@@ -95,7 +95,7 @@ def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
 
 
 def _given(config: Config) -> dict[str, list[str]]:
-    """The axes of the options and of the sweep file, with their values as on a command line; options win."""
+    """The axes from the options and the sweep file, with their values as text; options take precedence."""
     given: dict[str, Any] = {}
     if config.grounds:
         given["ground"] = config.grounds
@@ -113,7 +113,7 @@ def _given(config: Config) -> dict[str, list[str]]:
 
 
 def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """The entries of a nested table, with dotted names."""
+    """The entries in a nested table, with dotted names."""
     for name, value in table.items():
         if isinstance(value, Mapping):
             yield from _entries(value, f"{prefix}{name}.")

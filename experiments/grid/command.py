@@ -1,4 +1,4 @@
-"""`trackslip grid`: drive the runs of a grid that are missing, and sum up."""
+"""`trackslip grid`: drive the missing runs of a grid, and summarize all runs."""
 
 from typing import Any
 
@@ -19,11 +19,11 @@ from trackslip.logs.logfile import read_runs
 
 
 def run(config: Config) -> None:
-    """Drive the missing runs, gather, store and print."""
+    """Drive the missing runs, and store, summarize and print all runs."""
     if config.bag:
         require_rosbags()
     runs = plan(config)
-    world = World.of(config)  # before its files can change
+    world = World.of(config)  # read before its files can change
     with resumable(config, {case.id for case in runs}) as (run, store):
         resumed, began, file = len(store.rows), run.wall, run.folder / RUNS_FILE
         simulated = sum(case.duration for case in runs if case.id not in store.rows)

@@ -32,17 +32,17 @@ class Config(GridConfig):
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")] = None
     """Grounds to drive on, by name or .toml file."""
     seeds: Annotated[tuple[int, ...] | None, Distinct(), default_is("--seed", "INT ...")] = None
-    """Seeds; every run is driven once with each."""
+    """Seeds; every run is driven once with each seed."""
     vary: Annotated[tuple[str, ...] | None, Distinct(), default_is("nothing", "NAME=VALUE,... ...")] = None
     """Any other options, each with its values: scanner.noise=0.005,0.01 slope=0,0.1 friction_ratio=1,1.2."""
     sweep: Annotated[Path | None, default_is("none", "FILE")] = None
-    """A .toml file with a list of values per name: radius, speed, ground, seed, or any name that --vary takes."""
+    """A .toml file with a list of values per name: radius, speed, ground, seed, or any name that --vary accepts."""
     executor: Annotated[str, default_is("processes", "{processes,inline,dask://HOST:PORT}")] = "processes"
-    """Executor of the runs: worker processes, this process, or a Dask cluster."""
+    """Executor for the runs: worker processes, this process (inline), or a Dask cluster."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor."""
     bag: bool = False
-    """Also write a ROS 2 bag of each run to OUT/bags."""
+    """Also write each run as a ROS 2 bag to OUT/bags."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("jobs",), "executor", ("processes",)),)
 

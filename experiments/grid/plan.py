@@ -1,4 +1,4 @@
-"""The runs of a grid, each with everything that its numbers depend on except code and model."""
+"""The runs of a grid, each with everything that determines its numbers except code and model."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ _IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")  
 
 @dataclass(frozen=True)
 class Setting:
-    """What is shared by runs that differ only in radius and speed: a grid."""
+    """Everything shared by the runs of one grid, which differ only in radius and speed."""
 
     axes: Mapping[str, Any]
-    """The grid's values on the other axes, by name."""
+    """The grid's values on the other axes of the sweep, by name."""
     config: Config
     specification: Specification
     id: str
-    """Hash of everything that the numbers of a run depend on, except radius, speed and seed."""
+    """Hash of everything that a run's numbers depend on, except radius, speed and seed."""
     fleet: str
-    """Hash of what the runs of a fleet share; on ground that shears, robots have different pads."""
+    """Hash of everything that a fleet's runs share, including whether the ground shears, which changes the pads."""
     scans: str
-    """Hash of what the scans depend on, except radius, speed and seed."""
+    """Hash of everything that the scans depend on, except radius, speed and seed."""
 
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run of a grid."""
+    """A planned run of a grid."""
 
     cell: GridCell
     """The run's command, and the key for its random numbers.
 
-    Random numbers depend on what is measured (seed, radius, speed, world), not on how it is evaluated: runs that differ
-    only in their method of localization or motion share their scans.
+    Random numbers depend on the measurement (seed, radius, speed, world), not on its evaluation: runs that differ only
+    in their localization or motion method share their scans.
     """
     axes: Mapping[str, Any]
     """Values of all axes, by name."""
     setting: Setting
     id: str
-    """Hash of the run's setting and of how much of it is recorded, regardless of how the run was requested."""
+    """Hash of the run's setting, radius, speed, seed and recording, regardless of how the run was requested."""
 
     @property
     def name(self) -> str:
@@ -57,7 +57,7 @@ class PlannedRun:
 
     @property
     def fleet(self) -> str:
-        """See Planned."""
+        """Key shared by runs that can be driven together."""
         return self.setting.fleet
 
     @property
@@ -66,13 +66,13 @@ class PlannedRun:
         return self.setting.config.duration
 
     def world(self, threads: int) -> World:
-        """The run's compiled world, for a fleet on that many worker threads."""
+        """The run's compiled world, for a fleet on `threads` worker threads."""
         own = replace(self.setting.config, radii=(self.cell.radius,), speeds=(self.cell.speed,), threads=threads)
         return World.of(own, self.setting.specification)
 
 
 def plan(config: Config) -> list[PlannedRun]:
-    """Every run; raises TrackslipError for invalid values, before anything is driven."""
+    """All runs of a grid or sweep; raises TrackslipError for invalid values, before any run is driven."""
     axes = axes_of(config)
     radii, speeds = axes.pop("radius"), axes.pop("speed")
     base, read = replace(config, radii=radii, speeds=speeds), functools.cache(read_files)
@@ -85,7 +85,7 @@ def plan(config: Config) -> list[PlannedRun]:
 
 
 def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setting:
-    """The options and the world of a grid, with its own robot and friction ratio."""
+    """The setting of a grid: options and world, changed to the grid's values on the axes."""
     for axis, value in axes.items():
         if name := option_name(axis):
             config = with_option(config, name, value)

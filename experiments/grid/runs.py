@@ -1,4 +1,4 @@
-"""Driving and measuring the runs of a grid: the work of a worker."""
+"""How a worker drives and measures the runs of a grid."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _POSES = ("rmse_x", "rmse_y", "rmse_heading", "valid_fraction")
 
 @dataclass(frozen=True)
 class GridRuns:
-    """Runs of constant command in front of the scanner."""
+    """Runs with constant commands in front of the scanner."""
 
     threads: int
-    """Threads per fleet; 0 for one per processor, or for a single thread if other processes also drive."""
+    """Threads per fleet; 0 means one thread per processor, or a single thread in a worker process."""
     sizes: ClassVar[tuple[int, int]] = (64, 128)
-    """Smaller fleets are slow; larger ones gain little, and lose more work when a worker is stopped."""
+    """Fleet sizes: smaller fleets are slow; larger fleets are hardly faster, and lose more when a worker is stopped."""
 
     def drive(self, runs: Sequence[PlannedRun], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive runs as one fleet."""
@@ -39,7 +39,7 @@ class GridRuns:
         return drive_cells(cells, worlds, progress or (lambda seconds: None), watch, runs[0].setting.config.bag)
 
     def measure(self, run: PlannedRun, log: RunLog) -> Row:
-        """Speeds, slips and errors of a run; for a run without usable slips, a note on the reason."""
+        """Speeds, slips and errors of a run, by column; for a run without usable slips, a note on the reason."""
         geometry = run.world(1).robot.geometry
         try:
             sampling = usable_samples([log], geometry, method=run.setting.config.motion, longest=True)

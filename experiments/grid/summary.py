@@ -33,7 +33,7 @@ class RunGrid(GridSlips):
 
     @classmethod
     def of_rows(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> "RunGrid":
-        """Means over the speeds at every radius, errors over all runs."""
+        """A grid from the rows of its runs: means over the speeds at every radius, errors over all runs."""
         slip, true_slip = _values(rows, "slip_l", "slip_r"), _values(rows, "true_slip_l", "true_slip_r")
         commanded, observed = _values(rows, "radius", "observed_radius").T
         slips = GridSlips.of(commanded, observed, slip, true_slip)
@@ -44,14 +44,14 @@ class RunGrid(GridSlips):
 
     @property
     def lines(self) -> list[tuple[str, ...]]:
-        """Commanded and observed radius and mean slips, radius by radius."""
+        """Table rows, one per radius: commanded radius, observed radius, and mean slips."""
         radius, slip = self.radius, self.slip_by_radius
         rows = zip(radius.commanded, radius.observed, slip.outer, slip.inner, strict=True)
         return [(f"{given:g}", f"{seen:.3f}", f"{outer:+.4f}", f"{inner:+.4f}") for given, seen, outer, inner in rows]
 
     @property
     def line(self) -> tuple[str, ...]:
-        """The grid's values on the axes, numbers of runs, smallest radius, and slip error."""
+        """A table row for the grid: values on the axes, numbers of runs, line of the smallest radius, slip error."""
         tightest = self.lines[int(np.argmin(self.radius.commanded))]
         errors = (self.slip_error.outer, self.slip_error.inner)
         error = math.sqrt(np.mean([error.bias**2 + error.std**2 for error in errors]))
@@ -59,7 +59,7 @@ class RunGrid(GridSlips):
 
 
 def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
-    """The grids of a sweep, from the rows of its runs."""
+    """The grids in a sweep, from the rows of its runs."""
     pairs = itertools.groupby(zip(runs, rows, strict=True), key=lambda pair: pair[0].setting.axes)
     return [RunGrid.of_rows(axes, [row for _, row in group]) for axes, group in pairs]
 
@@ -71,7 +71,7 @@ def summary_of(grids: Sequence[RunGrid], rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) -> None:
-    """Print a single grid radius by radius, or one line for each of several; then warnings and failures."""
+    """Print a single grid with a line per radius, or several grids with a line each; then warnings and failures."""
     if len(grids) == 1:
         header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
         Table(f"{counted(len(rows), 'run')} of {duration:g} s", header, grids[0].lines, align="r").print()

@@ -14,7 +14,7 @@ from trackslip.logs.schema import Column
 
 
 def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
-    """Write the rows of a sweep to a Parquet file, with units and meanings in the columns' metadata."""
+    """Write the rows of a sweep to a Parquet file, with units and descriptions in the columns' metadata."""
     run, id, *measured = COLUMNS.values()
     columns = (run, id, *(known()[axis][1] for axis in axes), *measured)
     arrays = [_array([row.get(column.name) for row in rows], column) for column in columns]

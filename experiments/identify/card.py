@@ -1,4 +1,4 @@
-"""The answer of an identification, for the terminal and the top of its page."""
+"""The answer from an identification, for the terminal and the top of its page."""
 
 import math
 import shlex
@@ -13,13 +13,13 @@ from trackslip.identification.result import Identification
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
 
-LINES = 25  # largest number on the terminal, including the line on the report
+LINES = 25  # largest number of lines on the terminal, including the report's path
 _AHEAD = 5.0  # horizon of the errors that are printed [s]
 _MOST_ALARMS, _MOST_NOTES = 4, 2
 
 
 def card(result: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
-    """The answer, with what was `taken` from bags, and the next commands if the results are in a folder `out`."""
+    """The answer, with notes on data `taken` from bags, and with the next commands if `out` contains the results."""
     fits = result.main.laws
     name = result.expressible
     current = "current × " if any(alarm.kind == "multiplier" for alarm in result.alarms) else ""
@@ -41,7 +41,7 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
 
 
 def print_card(answer: Answer, report: str) -> None:
-    """Print an answer, in at most LINES lines: alarms, the values, sentences, and the next commands."""
+    """Print an answer in at most LINES lines: alarms, values, sentences, and the next commands."""
     width = max(len(name) for name, _ in answer.facts)
     head = [f"ALARM: {line}" for line in _few(answer.warnings, _MOST_ALARMS)]
     head += [f"{name:<{width}}  {value}" for name, value in answer.facts]
@@ -79,7 +79,7 @@ def error_today_and_now(result: Identification) -> str:
 
 
 def _look(result: Identification) -> list[str]:
-    """The gains from the first look."""
+    """A line on the gains from the first look, if there are any."""
     if result.drive is None or result.method == "steady":
         return []
     look = result.drive.look
@@ -92,7 +92,7 @@ def _look(result: Identification) -> list[str]:
 
 
 def _other_method(result: Identification) -> list[str]:
-    """The estimate of D by the method that isn't used, in one line."""
+    """A line on the estimate of D from the method that isn't used, if there is one."""
     other = result.drive if result.method == "steady" else result.steady
     if other is None or REFERENCE not in other.laws:
         return []
@@ -101,13 +101,13 @@ def _other_method(result: Identification) -> list[str]:
 
 
 def _few(lines: Sequence[str], most: int) -> list[str]:
-    """The first lines, and the number of lines left out."""
+    """At most `most` lines, followed by a line with the number of lines left out, if any."""
     more = len(lines) - most
     return [*lines] if more <= 0 else [*lines[:most], f"{more:,} more in the report"]
 
 
 def _commands(result: Identification, out: str | None) -> list[str]:
-    """What to do next; a law with an alarm isn't offered for deployment."""
+    """Command lines to run next; laws with an alarm are not offered for deployment."""
     if not out:
         return []
     evaluate, deploy = (f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy"))

@@ -1,4 +1,4 @@
-"""`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
+"""`trackslip identify`: fit slip laws to a stored grid or to a real robot's log."""
 
 from functools import partial
 
@@ -17,7 +17,7 @@ from trackslip.se2 import Mounting
 
 
 def run(config: Config) -> None:
-    """Fit the laws, store and print them."""
+    """Fit the laws, and store and print them."""
     stages = 3 + len(drive_laws())  # reading, steady stretches, each law for whole drives, the report
     with Run(config) as run, run.progress("identification", stages, "stages") as report:
         source = source_of(config)

@@ -43,7 +43,7 @@ class Config(ResultsOptions):
     path: tyro.conf.Positional[Path]
     """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
-    """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    """Use only the runs of a sweep with these values, as in ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
@@ -51,7 +51,7 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("none", "FLOAT")] = None
-    """wheel_separation_multiplier of odometry that is used instead of encoders [-]."""
+    """wheel_separation_multiplier of the odometry that is used instead of encoders [-]."""
     method: Annotated[
         Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
     ] = None
@@ -59,13 +59,13 @@ class Config(ResultsOptions):
     sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
     """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading [m, m, rad]."""
     motion: Method = None
-    """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
+    """Method to estimate the twist of a run; bundle needs ranges (see grid)."""
     settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE
-    """Time left out of each run after the sprockets have become steady [s]."""
+    """Time that is left out of each run after its sprockets become steady [s]."""
     lag: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also estimate, from whole drives, how far the motion lags behind the belts."""
+    """Also estimate from whole drives the time by which the motion lags behind the belts."""
     all: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Also print the tables of every law."""
+    """Also print the tables with every law."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     out: Path = Path("out/identify")

@@ -1,4 +1,4 @@
-"""Figures of an identification: slip against speed and radius with the laws, paths of drives."""
+"""Figures on an identification: slip against speed and radius with the laws, and paths of drives."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -19,11 +19,11 @@ from trackslip.odometry.evaluation import Trajectory, moved, trajectory_of
 from trackslip.odometry.identified import identified_law, no_slip
 
 _WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
-_LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # where curves begin, and the smallest upper end of the axis [m]
-_POLE = 1.0  # slip beyond which a law is near its pole [-]
+_LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # least radius of curves, and least upper end of the radius axis [m]
+_POLE = 1.0  # slip above which a law is near its pole [-]
 _RUN = "#444444"
-_FEWEST = 10  # positions, which are too few for a figure
-_PIECES = 6  # of a drive, each predicted
+_FEWEST = 10  # number of positions that are too few for a figure
+_PIECES = 6  # approximate number of pieces of a drive that are predicted
 _AHEAD = 10.0  # duration of a piece [s]
 _SHADES = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
 _BARS: dict[str, Any] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
@@ -31,7 +31,7 @@ _BARS: dict[str, Any] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
 
 @style.styled
 def slip_against_speed(turns: Turns) -> style.Panels:
-    """Slip of the inner and the outer track against speed (the paper's Fig. 5); colours: observed radius."""
+    """Slip of the inner and outer track against speed, coloured by observed radius (the paper's Fig. 5)."""
     panels = []
     for track, name in enumerate(TRACKS):
         figure, axes = style.panel(f"{name.capitalize()} track", "measured speed [m/s]", "slip i [–]")
@@ -46,7 +46,7 @@ def slip_against_speed(turns: Turns) -> style.Panels:
 
 @style.styled
 def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
-    """Slip against observed radius with every fitted law and the published one (the paper's Fig. 6)."""
+    """Slip against observed radius, with every fitted law and the published law (the paper's Fig. 6)."""
     laws = {name: comparison.laws[name].law for name in comparison.laws} | {"published": PUBLISHED}
     looks = _law_lines(laws, comparison.best)
     radius, panels = curve_radii(turns), []
@@ -68,7 +68,7 @@ def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
 
 
 def _law_lines(names: Iterable[str], best: str) -> dict[str, dict[str, Any]]:
-    """Line keywords by law; the best law's line is thick, and comes first to lie below the others."""
+    """Line keywords by law; the best law's line is thick, and comes first so that it lies below the others."""
     looks = {name: style.law_line(name, lw=1.2, label=name) for name in names}
     return {best: looks[best] | {"lw": 3.0, "label": f"{best} (best)"}} | {n: k for n, k in looks.items() if n != best}
 
@@ -81,19 +81,19 @@ def _limits(values: Array) -> tuple[float, float]:
 
 
 def _is_wide(turns: Turns) -> bool:
-    """True if the radii need a logarithmic axis, which excludes turns on the spot."""
+    """Whether the radii need a logarithmic axis; False if there are turns on the spot."""
     return bool(0 < turns.radius.min() < turns.radius.max() / _WIDE)
 
 
 def curve_radii(turns: Turns) -> Array:
-    """Radii (m,) [m] for the curves of laws, reaching a little beyond the runs."""
+    """Radii (m,) [m] for curves of laws, slightly beyond the runs' radii at both ends."""
     least = max(0.85 * float(turns.radius.min()), _LEAST_RADIUS)
     most = max(1.08 * float(turns.radius.max()), _LEAST_SPAN)
     return np.geomspace(least, most, 300) if _is_wide(turns) else np.linspace(least, most, 300)
 
 
 def show_radii(axes: Axes, turns: Turns) -> None:
-    """Set scale, limits, ticks and label: linear from zero, or logarithmic where the radii differ much."""
+    """Set up the radius axis: linear from zero, or logarithmic if the radii differ much."""
     radius = curve_radii(turns)
     axes.set_xlabel("observed radius R [m]")
     if _is_wide(turns):
@@ -122,7 +122,7 @@ def predicted_paths(result: Identification) -> style.Panels | None:
     for name, law in (("none", no_slip(result.geometry)), (result.drive.best, best)):
         figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
         axes.plot(*measured[style.thin(len(measured), 1500)].T, ".", color=GREY, ms=3, mew=0, label="measured")
-        axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # regardless of the predictions
+        axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # limits without the predictions
         drive = trajectory_of(log, law.odometry(), best.mounting, best.clock_offset or 0.0)
         for rows in _pieces(drive):
             first = rows.start
@@ -136,7 +136,7 @@ def predicted_paths(result: Identification) -> style.Panels | None:
 
 
 def _pieces(drive: Trajectory) -> list[slice]:
-    """Rows of a few pieces of a drive, each _AHEAD long and from a pose whose heading is known."""
+    """Rows of a few pieces of a drive, each of duration _AHEAD and starting at a pose with a known heading."""
     edges = np.searchsorted(drive.time, np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD))
     pieces = [slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])]
     return pieces[:: max(1, len(pieces) // _PIECES)]

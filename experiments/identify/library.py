@@ -1,4 +1,4 @@
-"""The report of `trackslip.identify(...)`, which the library finds by an entry point."""
+"""The report on `trackslip.identify(...)`, which `trackslip` loads through an entry point."""
 
 from experiments.common.manifest import origin, versions
 from experiments.common.plain_json import plain

@@ -1,4 +1,4 @@
-"""The page of an identification, and its tables on the terminal."""
+"""The page on an identification, and its tables on the terminal."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -41,9 +41,9 @@ _SLIP = (
 def page(
     result: Identification, title: str, command: str, manifest: Mapping[str, Any], taken: Sequence[str] = ()
 ) -> Page:
-    """The page of an identification, made by `command`, or in Python, when the manifest has no configuration.
+    """The page on an identification, made by `command` or, if the manifest has no configuration, in Python.
 
-    `taken` says what was read from bags.
+    `taken` lists what was read from bags.
     """
     sections = [whole_drives(result), steady_slip(result)]
     if result.method == "steady":
@@ -54,12 +54,12 @@ def page(
 
 
 def notes(warnings: Sequence[str]) -> Section:
-    """Notes on data that was left out, and other warnings."""
+    """The section with notes on data that was left out, and other warnings."""
     return Section("Notes", [Bullets(warnings) if warnings else None], folded=True)
 
 
 def method(result: Identification) -> Section:
-    """What slip, laws and their parameters mean, and how the best law is chosen."""
+    """The section that explains slip, the laws and their parameters, and the choice of the best law."""
     how = [_STEADY if result.steady is not None else None, _DRIVE if result.drive is not None else None]
     laws = {**(result.steady.laws if result.steady else {}), **(result.drive.laws if result.drive else {})}
     meaning = parameter_bullets(laws, result.geometry)
@@ -67,14 +67,14 @@ def method(result: Identification) -> Section:
 
 
 def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
-    """The meaning of the parameters of some laws."""
+    """The meanings of the laws' parameters, as a list."""
     meanings = {p.symbol: p.meaning for law in laws for p in FAMILIES[law].parameters.values() if p.meaning}
     meanings["b"] = f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"
     return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
 
 
 def steady_slip(result: Identification) -> Section | None:
-    """The slips of steady stretches and their laws; None if there are none."""
+    """The section on the slips in steady stretches and their laws; None if there are no steady stretches."""
     comparison = result.steady
     if comparison is None:
         return None
@@ -108,7 +108,7 @@ def steady_slip(result: Identification) -> Section | None:
 
 
 def _driven(runs: int, turns: Turns) -> str:
-    """A sentence on the samples."""
+    """A sentence on the number of samples, and their radii and speeds."""
     if not len(turns):
         return f"{counted(runs, 'run')}, all of them nearly straight."
     ends = (f"{end:.2f}" for values in (turns.radius, turns.speed) for end in (values.min(), values.max()))
@@ -118,7 +118,7 @@ def _driven(runs: int, turns: Turns) -> str:
 
 
 def whole_drives(result: Identification) -> Section | None:
-    """The laws of whole drives; None if they were not evaluated."""
+    """The section on the laws from whole drives; None if whole drives were not evaluated."""
     drive = result.drive
     if drive is None:
         return None

@@ -1,4 +1,4 @@
-"""Tables and sentences of an identification: parameters, comparison of the laws, errors of prediction."""
+"""Tables on an identification: parameters, comparison of the laws, and prediction errors."""
 
 from math import degrees
 
@@ -24,11 +24,11 @@ _PREDICTION_NOTE = (
     "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or sensor's place "
     "that wasn't given; two_gains: by regression. Score: mean error over the smallest of any law, on average."
 )
-_UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees from SI, and decimals
+_UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # factor from SI to m or degrees, and decimals
 
 
 def parameters_table(comparison: Comparison) -> Table:
-    """The parameters of the laws, the best first; for drives, also sensor and clock by the best law."""
+    """The laws' parameters, best law first; for drives, also sensor and clock offset as fitted with the best law."""
     rows: list[tuple[str | Cell, ...]] = []
     for fit in comparison.laws.values():
         law: str | Cell = law_cell(fit.name, fit.name == comparison.best)
@@ -49,14 +49,14 @@ def parameters_table(comparison: Comparison) -> Table:
 
 
 def value_text(fit: FittedLaw, name: str) -> str:
-    """A parameter with its interval, or why it has none."""
+    """A parameter with its interval, or with the reason why it has none."""
     value = (fit.values | getattr(fit, "extras", {}))[name]
     text = with_interval(value, fit.interval95.get(name), unit_of(fit.name, name))
     return text.replace("no interval", getattr(fit, "held", {}).get(name, "no interval"))
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
-    """The fitted laws, the best predictor first; the published law last."""
+    """A comparison of the fitted laws, the best predictor first, and of the published law, last."""
     rows: list[tuple[str | Cell, ...]] = []
     for name in comparison.laws:
         fit, errors = comparison.laws[name], comparison.validation[name]
@@ -74,12 +74,12 @@ def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Tab
 
 
 def _validation_cells(errors: CrossValidation) -> list[str]:
-    """Errors of slip, speed and yaw rate."""
+    """Cross-validation errors in slip, speed and yaw rate."""
     return [number(errors.slip, 5), number(1e3 * errors.linear_speed, 2), number(1e3 * errors.yaw_rate, 2)]
 
 
 def prediction_table(drive: DriveComparison) -> Table:
-    """Median errors in predicting held-out data: without identification first, then by law, the best law first."""
+    """Median errors in predicting held-out data: without identification first, then for each law, best law first."""
     ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
     today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
     for name in [*today, *drive.laws]:

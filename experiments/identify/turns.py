@@ -1,4 +1,4 @@
-"""Steady turns: slip of the inner and the outer track with standard errors, and laws in the same terms."""
+"""Steady turns: slips of the inner and outer track with standard errors, and slips according to laws."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,21 +16,21 @@ _STRAIGHT = 20.0  # radius from which a run counts as straight [m]
 
 @dataclass(frozen=True)
 class Turns:
-    """Steady turns by inner and outer track.
+    """Steady turns, with slips by inner and outer track.
 
-    Straight runs have neither and are left out, as are runs whose slip is undefined because a sprocket stands still.
+    Runs without an inner track (straight ones) or with undefined slip (because a sprocket stands still) are left out.
     """
 
     twist: Array  # (n, 2) [m/s, rad/s]
     radius: Array  # (n,) of the observed path [m], >= 0
-    left: np.ndarray  # (n,) bool: a left turn, whose inner track is the left one
+    left: np.ndarray  # (n,) bool, True for left turns, whose inner track is the left track
     slip: Array  # (n, 2) of the inner and outer track [-]
     radius_error: Array | None  # (n,) standard errors of measurement [m]; None where the samples have none
-    slip_error: Array | None  # (n, 2) likewise [-]
+    slip_error: Array | None  # (n, 2) standard errors of measurement [-]; None where the samples have none
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> Self:
-        """The turns of samples; the inner track is the left one for positive curvature, otherwise the right one."""
+        """The turns among samples; the inner track is the left track for positive curvature, else the right track."""
         turning = samples.take((np.abs(samples.radius) < _STRAIGHT) & np.isfinite(samples.slip).all(axis=1))
         left = turning.curvature > 0
         errors = _errors(turning, left, geometry)
@@ -41,13 +41,13 @@ class Turns:
 
     @property
     def speed(self) -> Array:
-        """(n,) [m/s], >= 0."""
+        """Absolute speeds (n,) [m/s]."""
         return np.abs(self.twist[:, 0])
 
     def curves(self, law: SlipLaw, radius: Array) -> list[Array]:
         """Slips (m, 2) of the inner and outer track at radii (m,) [m] > 0 and the median speed.
 
-        One curve if left and right turns have the same slip, else one for each side that was driven.
+        One curve if left and right turns have the same slip, otherwise one for each side that was driven.
         """
         speed = float(np.median(self.speed)) or 1.0
         sides = [side for side in (True, False) if (self.left == side).any()]
@@ -63,7 +63,7 @@ def slip_at(law: SlipLaw, radius: Array, speed: float, *, left: bool = True) -> 
 
 
 def _inner_outer(values: Array, left: np.ndarray) -> Array:
-    """Values (n, 2) for the inner and outer track from values for the left and right one; `left` is (n,) bool."""
+    """Values (n, 2) for the inner and outer track from values for the left and right track; `left` is (n,) bool."""
     return np.where(left[:, None], values, values[:, ::-1])
 
 
@@ -73,7 +73,7 @@ def _errors(samples: SlipSamples, left: np.ndarray, geometry: RobotGeometry) -> 
         return None, None
     v, w = samples.twist.T
     commanded = geometry.sprocket_radius * samples.omega  # (n, 2)
-    of_radius = np.stack([1 / w, -v / w**2], axis=-1)[:, None]  # (n, 1, 2) gradient by the twist
+    of_radius = np.stack([1 / w, -v / w**2], axis=-1)[:, None]  # (n, 1, 2) gradient with respect to the twist
     of_slip = -np.stack([1 / commanded, SIDES * geometry.half_gauge / commanded], axis=-1)  # (n, 2, 2)
     radius, slip = (
         np.sqrt(np.einsum("nki,nij,nkj->nk", gradient, samples.covariance, gradient))

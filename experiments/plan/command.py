@@ -1,4 +1,4 @@
-"""`trackslip plan`: the shortest experiment to identify a slip law from."""
+"""`trackslip plan`: design the shortest experiment that identifies a slip law."""
 
 import shlex
 from dataclasses import asdict, replace
@@ -23,7 +23,7 @@ PLAN_FILE, BAG_FILE = "plan.csv", "cmd_vel.mcap"
 
 
 def run(config: Config) -> None:
-    """Plan, store and print."""
+    """Plan a drive, and store and print the plan."""
     bag, bag_file = config.bag and has_rosbags(), config.out / BAGS_FOLDER / BAG_FILE
     with Run(config) as run:
         plan = _plan(config, run)

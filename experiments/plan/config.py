@@ -33,7 +33,7 @@ class Config(ResultsOptions):
     acceleration: float = 0.5
     """Largest acceleration of a belt [m/s^2]."""
     area: Annotated[str, tyro.conf.arg(metavar="LENGTHxWIDTH")] = "3x3"
-    """Area that the robot may not leave, in metres."""
+    """Size of the area that the robot may not leave, in metres."""
     clearance: Annotated[float | None, default_is("2 half gauges", "FLOAT")] = None
     """Distance that the robot's middle keeps from the area's edge, to leave room for its farthest corner [m]."""
     duration: float = 60.0
@@ -48,11 +48,11 @@ class Config(ResultsOptions):
     offset: Annotated[float | None, default_is("from --after, else 0.3 half gauges", "FLOAT")] = None
     """Expected D: distance of the ICRs (instantaneous centres of rotation) outside the tracks [m]."""
     doubt: Annotated[float | None, Within(0, 0.9), default_is("from --after, else 0.15", "FLOAT")] = None
-    """Relative error of half gauge + D at which the robot still stays within the area [-]."""
+    """Relative error in half gauge + D up to which the robot still stays within the area [-]."""
     after: Annotated[Path | None, default_is("none", "FOLDER")] = None
-    """Results of identify to continue from: the drive targets what they left uncertain."""
+    """Results of identify to continue from; the drive targets the parameters that they left uncertain."""
     seed: Annotated[int, Whole()] = 0
-    """Seed of the search."""
+    """Seed for the search."""
     bag: bool = True
     """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
     topic: str = "/cmd_vel"

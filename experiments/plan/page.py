@@ -1,4 +1,4 @@
-"""The page of a planned drive: its path and belt speeds, and the errors to expect from it and from the paper's runs."""
+"""The page on a planned drive: path and belt speeds, and the errors expected from it and from the paper's runs."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ _NOTE = "Share: the standard error over the scale, for D half_gauge + D. The pla
 
 
 def page(plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any], steps: Sequence[str]) -> Page:
-    """The page of a plan; `steps` are the command lines to run next."""
+    """The page on a plan; `steps` are the command lines to run next."""
     heading = f"{plan.limits.duration:g} s of driving will determine {_errors_text(plan, plan.expectation)}"
     answer = Answer(heading, _facts(plan, paper), next=steps)
     figure = Plot("plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected.")
@@ -32,7 +32,7 @@ def page(plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any]
 
 
 def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
-    """Print the errors that a plan is expected to give, and the robot's start and extent."""
+    """Print the errors expected from a plan, and the robot's start and extent of motion."""
     _expected(plan, paper).print()
     for name, text in _facts(plan, None):
         print(f"{name}: {text}")
@@ -62,7 +62,7 @@ def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
 
 
 def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
-    """Where the robot starts and stays, what the drive does not determine, and what the paper's runs would."""
+    """Facts on a plan: start, extent, undetermined parameters, and the errors expected from the paper's runs."""
     (x, y, heading), (across, up), knowledge = plan.start, np.ptp(plan.places, axis=0), plan.knowledge
     where = f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f}°"
     reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"

@@ -1,4 +1,4 @@
-"""Record runs for the rerun viewer. Importing this does not import rerun; recording does."""
+"""Recording of runs for the rerun viewer; rerun is imported only when a run is recorded."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,14 +8,14 @@ from trackslip.logs.runlog import RunLog
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
-    """Record each run, and each of the groups `compared`, into RECORDINGS_FOLDER in `folder`."""
+    """Record each run, and each group of runs in `compared`, to `folder`/RECORDINGS_FOLDER."""
     groups = [*((log.run, [log]) for log in logs), *(compared or {}).items()]
     for name, (_, group) in zip(file_names([name for name, _ in groups], ".rrd"), groups, strict=True):
         record(folder / RECORDINGS_FOLDER / name, group)
 
 
 def record(file: Path, logs: Sequence[RunLog]) -> None:
-    """Record a run, or several for comparison, as a .rrd file; raises OutputError if it can't be written."""
+    """Record a run, or several runs for comparison, in a .rrd file; raises OutputError if it can't be written."""
     from experiments.recorder.run import send_runs
     from experiments.recorder.stream import write_recording
 

@@ -1,4 +1,4 @@
-"""The field of a robot run as its log describes it: ground, scanner and obstacles."""
+"""The field in which a robot ran, as the log describes it: ground, scanner and obstacles."""
 
 import contextlib
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED
 
-_FAR = 3.0  # how far unbounded patches are drawn around everything else [m]
+_FAR = 3.0  # distance by which unbounded patches extend beyond everything else [m]
 _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
 _TALL = 1.0  # height of posts and walls [m]
 
@@ -37,7 +37,7 @@ def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, with
 
 
 def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], low: Array, high: Array) -> None:
-    """Send patches of different friction as far as they lie between `low` and `high` (2,)."""
+    """Send the parts of patches with different friction that lie between the corners `low` and `high` (2,) [m]."""
     for k, patch in enumerate(patches):
         edges = np.array([patch["x"], patch["y"]], float)
         begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch is unbounded

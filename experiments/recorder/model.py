@@ -14,12 +14,12 @@ from sim.tracks.drawing import BOX, CYLINDER, Pieces, TrackLook
 from trackslip.kinematics import Array
 
 ROBOT = "robot"
-"""Entity of a robot's bodies, below its run's entity."""
+"""Entity with a robot's bodies, below the run's entity."""
 GROUND = f"{FIELD}/ground"
-_UNSET = (0.5, 0.5, 0.5, 1.0)  # colour of a geom without one of its own
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour for geoms that don't set a colour
 _STONE, _THICK = 0.5, 0.01  # side and half the thickness of a paving stone [m]
-_MARGIN = 3.0  # paving around everything [m]
-_MAX_STONES = 100  # along one side
+_MARGIN = 3.0  # width of the paving around everything else [m]
+_MAX_STONES = 100  # largest number of stones along one side
 _TONES = ((92, 90, 86), (84, 82, 78))
 
 
@@ -30,9 +30,9 @@ def send_robot(
     time: Array,  # (R,) [s]
     qpos: Array,  # (R, nq) positions of all joints
     tracks: Sequence[tuple[str, int, TrackLook]],  # name, body and looks of each of T tracks
-    travel: Array,  # (R, T) distances that the belts have run, or (1, T) for belts at rest [m]
+    travel: Array,  # (R, T) distances travelled by the belts, or (1, T) for belts at rest [m]
 ) -> None:
-    """Send all moving bodies of a model with its looks, and the tracks on them, below the entity `root`."""
+    """Send all moving bodies of a model and the tracks on them, below the entity `root`."""
     carriers = {body for _, body, _ in tracks}
     bodies = [b for b in range(1, model.nbody) if model.body_weldid[b] and (b in carriers or drawn(model, b))]
     entities = {body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies}
@@ -56,7 +56,7 @@ def send_geoms(recording: Recording, entity: str, model: mujoco.MjModel, body: i
 
 
 def drawn(model: mujoco.MjModel, body: int) -> list[int]:
-    """The visible geoms of a body except planes."""
+    """Indices of a body's visible geoms, except planes."""
     visible = np.isin(model.geom_group, (SCANNED_GROUP, VISUAL_GROUP))
     mine = (model.geom_bodyid == body) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
     return [int(i) for i in np.flatnonzero(visible & mine)]
@@ -77,7 +77,7 @@ def send_paving(recording: Recording, within: Array, height: float = 0.0) -> Non
 
 
 def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) -> None:
-    """Send the boxes and cylinders of a track, once if it is at rest."""
+    """Send the boxes and cylinders of a track, only once if the track is at rest."""
     turn = Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3)).as_quat().reshape(*pieces.angle.shape, 4)
     colours = np.rint(255 * pieces.rgba).astype(np.uint8)
     for kind, name in ((BOX, "boxes"), (CYLINDER, "wheels")):
@@ -104,10 +104,10 @@ def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarra
 
 
 def _shape(model: mujoco.MjModel, i: int) -> Any:
-    """A geom in the frame of its body."""
+    """A geom as a rerun shape in the frame of its body."""
     kind, place, turn = model.geom_type[i], model.geom_pos[i], np.roll(model.geom_quat[i], -1)
     material, rgba = model.geom_matid[i], model.geom_rgba[i]
-    if material >= 0 and (rgba == _UNSET).all():  # as the engine draws it
+    if material >= 0 and (rgba == _UNSET).all():  # as MuJoCo draws it
         rgba = model.mat_rgba[material]
     colour = np.rint(255 * rgba).astype(np.uint8)
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
@@ -126,7 +126,7 @@ def _shape(model: mujoco.MjModel, i: int) -> Any:
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Array:
-    """The triangles (F, 3, 3) of a height field's surface, split as the engine splits it."""
+    """Triangles (F, 3, 3) on a height field's surface, the same as MuJoCo's."""
     rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     length, width, high, _ = model.hfield_size[field]
     x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))

@@ -1,6 +1,6 @@
-"""Plots over time and the layout of the viewer: 3-D and plan on the left, plots on the right.
+"""Plots over time and the layout of the viewer: 3-D view and plan on the left, plots on the right.
 
-The viewer draws a panel's entities, and lists them in its legend, in alphabetical order; later ones lie on top.
+The viewer draws a panel's entities, and lists them in its legend, in alphabetical order; later entities lie on top.
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ from experiments.recorder.stream import CAMERA, TIMELINE, Recording
 from trackslip.kinematics import Array
 
 LEFT, RIGHT = "#56B4E9", "#E69F00"  # tracks in every panel; all colours are from Okabe and Ito's palette
-_EYE, _TARGET = [-1.4, -1.2, 1.3], [0.0, 0.0, 0.2]  # of the viewer's camera, relative to what it follows [m]
-_LEGEND = 1.25  # plot width over data width: the legend stands beside the data
+_EYE, _TARGET = [-1.4, -1.2, 1.3], [0.0, 0.0, 0.2]  # viewpoint and target, relative to the entity CAMERA [m]
+_LEGEND = 1.25  # plot width over data width, which leaves room for the legend beside the data
 _ASPECT = 1.9  # width over height of the plan
 _BACKGROUND = (30, 32, 36)
-_COMMON, _MARGIN = (1.0, 99.0), 0.1  # percentiles of values within the range of an axis, and margin around them [-]
+_COMMON, _MARGIN = (1.0, 99.0), 0.1  # percentiles of the values that an axis shows, and relative margin [-]
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Panel:
 
     title: str
     entities: Sequence[str]
-    height: float = 1.0  # relative to the other panels
-    tab: str = "Slip and errors"  # the tab with the panel, if there are several
-    has_outliers: bool = False  # show most values rather than all of them
+    height: float = 1.0  # height relative to the other panels
+    tab: str = "Slip and errors"  # the tab with the panel, if there are several tabs
+    has_outliers: bool = False  # if true, the axis shows most values rather than all of them
 
 
 def send_layout(recording: Recording, roots: Sequence[str], panels: Sequence[Panel], within: Array) -> None:
@@ -66,7 +66,7 @@ def send_layout(recording: Recording, roots: Sequence[str], panels: Sequence[Pan
 
 
 def _tabs(recording: Recording, roots: Sequence[str], panels: Sequence[Panel]) -> list[rrb.Container]:
-    """The panels that have lines in the recording, in their tabs; one legend is enough for several runs."""
+    """Tabs with the panels that have lines in the recording; for several runs, only the first panel has a legend."""
     plotted = recording.plotted
     span = [rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in (0.0, recording.duration * _LEGEND)]
     tabs: dict[str, list[tuple[float, rrb.TimeSeriesView]]] = {}

@@ -1,4 +1,4 @@
-"""Robot runs in a recording: one with everything measured, or several side by side, each in its own colour."""
+"""Robot runs in a recording: a single run with all measurements, or several runs, each in its own colour."""
 
 import contextlib
 from collections.abc import Sequence
@@ -33,13 +33,13 @@ PANELS = (
     Panel("Position error [mm]", ("error/distance", "error/position"), 1.2, has_outliers=True),
     Panel("Heading error [deg]", ("error/heading",), 0.9, has_outliers=True),
 )
-"""Panels of a single run."""
+"""Panels with plots of a run; panels without lines are left out."""
 _COMPARED = ("slip/true", "slip/identified", "sprocket/measured", "error/distance", "error/heading")
-"""Lines of several runs."""
+"""Lines that are plotted when several runs are compared."""
 
 
 def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
-    """Send a run, or several on one time line."""
+    """Send a run, or several runs on a common timeline."""
     runs, alone = [Traces(log) for log in logs], len(logs) == 1
     within = _within(runs)
     send_field(recording, runs[0], _looks(logs[0]).model, within)
@@ -63,7 +63,7 @@ def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
 
 
 def series_of(traces: Traces) -> list[Series]:
-    """Everything from a run that can be plotted."""
+    """All plot lines that the log of a run provides."""
     log, error, sides = traces.log, traces.error, (LEFT, RIGHT)
     dark, pale = _blended(sides, 0), _blended(sides, 255)
     by_track = [
@@ -94,7 +94,7 @@ def _blended(colours: Sequence[str], level: int) -> list[str]:
 
 
 def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
-    """A run's lines for comparison with other runs, in its own colour, paler for the right track."""
+    """A run's lines for comparison with other runs, in the run's colour, paler for the right track."""
     colours = [colour, *_blended([colour], 255)]
     lines = [line for line in series if line.entity in _COMPARED]
     names = [(f"{run}, left", f"{run}, right") if len(line.names) == 2 else (run,) for line in lines]
@@ -102,16 +102,16 @@ def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
-    """The parameters of the robot that drove a run, as far as its log has them; the rest are the shipped robot's."""
+    """Parameters of the robot in a run, from its log; parameters missing in the log are the shipped robot's."""
     known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
-    with contextlib.suppress(*MALFORMED):  # also for a robot of another kind
+    with contextlib.suppress(*MALFORMED):  # also raised for a robot of another kind
         return build(RobotParameters, {key: value for key, value in known.items() if key in names}, log.run)
     return RobotParameters()
 
 
 def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
-    """The robot that drove a run, on its field, in one colour or in its own; a plain robot if its file is gone."""
+    """Looks of the robot in a run, in `colour` or its own colours; a plain robot if the file with looks is missing."""
     parameters, paint = parameters_of(log), () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
     try:
         return robot_looks(parameters, paint)
@@ -149,7 +149,7 @@ def _send_paths(recording: Recording, root: str, traces: Traces, colour: str, es
 
 
 def _within(runs: Sequence[Traces]) -> Array:
-    """Points (n, 2) that enclose everything of interest."""
+    """Points (n, 2) [m] on paths, references and scanners, between which everything of interest lies."""
     points = [traces.pose[:, :2] for traces in runs]
     points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
     points += [traces.log.scans.scan.mount[None, :2] for traces in runs if traces.log.scans is not None]

@@ -1,4 +1,4 @@
-"""Measurements of the robot: the scans, and the plate that was found in them."""
+"""Measurements in a recording: the scans, and the plate that was detected in them."""
 
 import mujoco
 import numpy as np
@@ -10,11 +10,11 @@ from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 
 ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
-_EVERY = 4  # every n-th return is drawn; of those from the plate, all
+_EVERY = 4  # every n-th return is drawn, but all returns from the plate
 
 
 def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
-    """Send the plate in the rows in which it was found."""
+    """Send the estimated plate, in the rows in which it was detected."""
     known, plate = np.isfinite(traces.estimate).all(axis=1), model.geom("plate")
     pose = traces.estimate[known]
     look = rr.Boxes3D.from_fields(half_sizes=[plate.size * [1, 1, 1.05]], **paint(ESTIMATE_COLOUR, 0.004))
@@ -23,7 +23,7 @@ def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujo
 
 
 def send_scans(recording: Recording, entity: str, traces: Traces, height: float) -> None:
-    """Send the scans' returns, and the beams to the plate; if it wasn't found, no return is the plate's."""
+    """Send the scans' returns and, in the rows in which the plate was detected, the beams to the plate."""
     scans, time = traces.log.scans, traces.time
     if scans is None:
         return
@@ -47,7 +47,7 @@ def send_scans(recording: Recording, entity: str, traces: Traces, height: float)
 
 
 def _points(mount: Array, height: float, bearing: Array, distance: Array) -> Array:
-    """The ends (..., 3) of beams from a scanner at `mount` (3,)."""
+    """End points (..., 3) [m] of beams from a scanner at `mount` (3,) [m, m, rad]."""
     angle = mount[2] + bearing
     x, y = mount[0] + distance * np.cos(angle), mount[1] + distance * np.sin(angle)
     return np.stack([x, y, np.full_like(x, height)], axis=-1)

@@ -17,17 +17,17 @@ from trackslip.metrics import TRANSIENT
 
 TIMELINE = "time"
 RUN, FIELD, CAMERA = "run", "field", "camera"
-"""Entities: the run, or several runs below it; what stands still; and what the viewer's camera follows."""
+"""Entities: the run, or several runs below it; everything static; and the point that the viewer's camera follows."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """Lines of a plot over time."""
+    """Lines in a plot over time."""
 
     entity: str
     values: Array  # (T, n), NaN for a gap
     names: Sequence[str]  # (n,)
-    colours: Sequence[str]  # n or more
+    colours: Sequence[str]  # (n,) or more
     width: float = 1.5  # [px]
 
 
@@ -46,7 +46,7 @@ class Recording:
         self.stream.log(entity, archetype, static=True)
 
     def rows(self, entity: str, time: Array, columns: Any) -> None:
-        """Add columns of T rows."""
+        """Add columns with T rows."""
         nanoseconds = np.rint(1e9 * time).astype("timedelta64[ns]")
         self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], columns)
 
@@ -55,7 +55,7 @@ class Recording:
         self.rows(entity, time, rr.Transform3D.columns(translation=position, quaternion=attitude))
 
     def shapes(self, entity: str, time: Array, counts: np.ndarray, look: Any, **columns: Any) -> None:
-        """Add shapes with the looks of an archetype, `counts` (T,) of them in each row; `columns` vary between them."""
+        """Add shapes like the archetype `look`, `counts` (T,) of them per row; `columns` differ between the shapes."""
         if counts.any():
             self.still(entity, look)
             self.rows(entity, time, type(look).columns(**columns).partition(counts))
@@ -80,7 +80,7 @@ class Recording:
 
 
 def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -> None:
-    """Write what `send` sends as a .rrd file, complete or not at all; raises OutputError if it can't be written."""
+    """Write a .rrd file of all that `send` adds, complete or not at all; raises OutputError if it can't be written."""
 
     def write(draft: Path) -> None:
         draft.touch()  # fails if the file can't be written
@@ -103,12 +103,12 @@ def about_vertical(heading: Array) -> Array:
 
 
 def at_height(pose: Array, height: float) -> Array:
-    """Positions (T, 3) of poses (T, 2 or 3) at a height above the ground [m]."""
+    """Positions (T, 3) [m] of poses (T, 2 or 3), at a height above the ground [m]."""
     return np.column_stack([pose[:, :2], np.full(len(pose), height)])
 
 
 def paint(colour: str, radius: float, opacity: int = 255) -> dict[str, Any]:
-    """Looks of points, lines and arrows in the colour '#rrggbb'; radius in [m]."""
+    """Keywords of points, lines and arrows for the colour '#rrggbb', a radius [m] and an opacity (0 to 255)."""
     return {"colors": [(*rgb(colour), opacity)], "radii": [radius]}
 
 

@@ -15,8 +15,8 @@ from trackslip.motion.steady_twist import even_poses
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
-_MIN_SPROCKET_SPEED = 0.3  # below it, slip is mostly noise [rad/s]
-_DEGREE = 4  # of the polynomials that smooth poses, after Savitzky and Golay
+_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which slip is mostly noise [rad/s]
+_DEGREE = 4  # degree of the polynomials that smooth poses, after Savitzky and Golay
 _WINDOW = 3.0  # window that each polynomial is fitted to [s]
 
 
@@ -27,9 +27,9 @@ class Traces:
         self.log, truth = log, log.truth
         self.time = log.time - log.time[0]  # (T,) [s]
         self.estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
-        """Measured poses (T, 3), NaN where there is none."""
+        """Measured poses (T, 3), NaN in rows without a pose."""
         self.pose = _filled(self.estimate) if truth is None else truth.pose
-        """True poses (T, 3), or the measured ones without gaps if there is no truth."""
+        """True poses (T, 3), or measured poses with gaps filled if the log has no true poses."""
         path = reference_of(log)
         self.reference = None if path is None else path.pose(log.time)
         """Desired poses (T, 3)."""
@@ -40,7 +40,7 @@ class Traces:
         self.identified: Array | None = None
         """Slips (T, 2) from the smoothed measured poses [-]."""
         self.assumed: Array | None = None
-        """Slips (T, 2) that compensation allows for: with them, the set points yield the commanded twists [-]."""
+        """Slips (T, 2) that compensation assumes: with these slips, the set points yield the commanded twists [-]."""
         if (geometry := stored_geometry(log)) is not None:
             measured = _smooth_twist(log)
             self.identified = None if measured is None else _slip(log.omega, measured, geometry)
@@ -53,7 +53,7 @@ class Traces:
 
 
 def reference_of(log: RunLog) -> Reference | None:
-    """The reference of a run, if the log names it and it still exists."""
+    """The reference of a run; None if the log names none, or one that does not exist any more."""
     name, arc = log.metadata.get("reference"), log.metadata.get("circle")
     with contextlib.suppress(*MALFORMED):
         return circle(**arc) if arc else load_reference(str(name))

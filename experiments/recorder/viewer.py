@@ -1,4 +1,4 @@
-"""The rerun viewer: which runs it shows, and how it is started, native or in the browser."""
+"""The rerun viewer: the choice of runs to show, and the start of the viewer, native or in the browser."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[Run
 
 
 def show(file: Path, web: bool) -> None:
-    """Show a recording in a new viewer until it is closed or interrupted; raises TrackslipError if it doesn't start."""
+    """Show a recording in a new viewer until that is closed or interrupted; raises TrackslipError if it can't start."""
     viewer = Path(sys.executable).with_name("rerun")  # the environment needn't be active
     command = [str(viewer) if viewer.exists() else "rerun", "--bind", "127.0.0.1", "--new", str(file)]
     if web:

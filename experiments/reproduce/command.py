@@ -1,6 +1,6 @@
-"""`trackslip reproduce`: the paper from its grid to its report.
+"""`trackslip reproduce`: reproduce the paper, from its grid of runs to a report.
 
-All runs of the grid are one fleet, and so are the closed loops.
+The runs of the grid are driven as one fleet, and the closed loops as another.
 """
 
 import math
@@ -39,7 +39,7 @@ STARTS = {"feedforward": PAPER_START, "linear": (0.3, -0.2, math.pi / 3)}
 
 
 def run(config: Config) -> None:
-    """Drive the grid, identify the laws, verify them in closed loop, compare with the paper, store, report, print."""
+    """Drive the grid, identify laws, verify them in closed loop, compare with the paper, store, report and print."""
     world, path = World.of(config), paper_reference()
     geometry, cells = world.robot.geometry, cells_of(config)
     with Run(config) as run:
@@ -90,19 +90,19 @@ def run(config: Config) -> None:
 
 
 def _loop(controller: str, law: str, start: Any, seed: int) -> ClosedLoopRun:
-    """A run along the paper's path."""
+    """A closed-loop run along the paper's path."""
     name = f"{controller} {law}"
     return ClosedLoopRun(name, f"track {name}", seed, controller, law, start, metadata={"reference": "paper"})
 
 
 def _published() -> dict[str, dict[str, float]]:
-    """The paper's law, for a summary."""
+    """The paper's law, as an entry in summary.json."""
     values = asdict(PUBLISHED)
     return {track: {key: values[f"{key}_{track}"] for key in ("alpha", "beta")} for track in ("outer", "inner")}
 
 
 def _record(run: Run, logs: Sequence[RunLog], loops: Sequence[RunLog]) -> None:
-    """Write recordings of all runs, and for each controller one with its runs side by side."""
+    """Record each run and, for each controller, its runs side by side."""
     compared: dict[str, list[RunLog]] = {}
     for log in loops:
         compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)

@@ -16,7 +16,7 @@ _NOTE = (
 
 
 def comparison_table(grid: GridSummary, result: Identification, tracking: Sequence[TrackingResult]) -> Table:
-    """A row per quantity of the paper's experiments: slip laws, radii, localization, slip errors, tracking errors."""
+    """A table with a row per quantity in the paper: slip laws, radii, localization, slip errors, tracking errors."""
     fits = result.comparison.laws
     exponential, icr = fits["exponential"].values if "exponential" in fits else {}, fits["icr_radius"].values
     radii, errors, spread, poses = grid.radius, grid.slip_error, grid.speed_spread, grid.localization
@@ -48,7 +48,7 @@ def comparison_table(grid: GridSummary, result: Identification, tracking: Sequen
 def _row(
     name: str, *simulated: float | None, unit: str = "", digits: int = 4, published: str = MISSING
 ) -> tuple[str, ...]:
-    """A quantity, with its simulated value or pair of values."""
+    """A row for a quantity, with its published value and its simulated value or pair of values."""
     return name, published, pair([number(value, digits) for value in simulated], unit)
 
 
@@ -60,6 +60,6 @@ def _formula(exponential: dict[str, float], track: str) -> str:
 
 
 def _tracking(name: str, published: str, result: TrackingResult, error: float) -> tuple[str, ...]:
-    """A position error [m] of a run with one compensation; the paper has only the published law's, in words."""
+    """A row for a run's position error [m]; the paper states it only for the published law, in words."""
     words = published if result.compensation == "published" else MISSING
     return _row(f"{name}, {result.compensation}", 1e3 * error, unit="mm", digits=1, published=words)

@@ -1,4 +1,4 @@
-"""The paper's result beside the simulation's, and the paper's Figs. 8 and 10 to 12 for runs along its path."""
+"""Figures of the published and simulated results, and the paper's Figs. 8 and 10 to 12 for runs along its path."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -22,7 +22,7 @@ from trackslip.trajectory.segmented import paper_reference
 
 _MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which measured slip is noise [rad/s]
 _SMOOTH = 0.5  # window of the moving average over the true slip [s]
-_SLIP_RANGE = (-0.15, 0.10)  # of the paper's Fig. 12
+_SLIP_RANGE = (-0.15, 0.10)  # range of the slip axis in the paper's Fig. 12
 _CLOSEST = 3e-4  # distances below this are zero crossings [m]
 _PAPER: dict[str, Any] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6, "ls": "none"}
 _EQ_11: dict[str, Any] = {"color": BLACK, "ls": "--", "lw": 1.2}
@@ -56,7 +56,7 @@ def published_and_simulated(radius: RadiusSummary, turns: Turns) -> style.Panels
 
 
 def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
-    """Runs of `controller` by compensation, in the order of `law_looks`."""
+    """Runs with `controller` by compensation, in the order of `law_looks`."""
     runs = {str(log.metadata["compensation"]): log for log in logs if log.metadata["controller"] == controller}
     return {name: runs[name] for name in law_looks() if name in runs}
 
@@ -107,7 +107,7 @@ def _true(log: RunLog) -> Array:
 
 @style.styled
 def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
-    """Fig. 11: body-frame position errors and their norm; on the right, from 12 s on."""
+    """Fig. 11: position errors in the body frame and their norm, for the whole run and from 12 s on."""
     reference = paper_reference()
     runs = {name: runs[name] for name in ("none", "published", "icr_radius")}
     panels = []

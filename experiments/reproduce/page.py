@@ -1,4 +1,4 @@
-"""The page of a reproduction of the paper: the answer, results compared, closed loops, slip and laws."""
+"""The page on a reproduction of the paper: answer, comparison of results, closed loops, slip and laws."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -30,10 +30,10 @@ def page(
     loops: Sequence[RunLog],
     warnings: Sequence[str],
 ) -> Page:
-    """The page of a reproduction.
+    """The page on a reproduction.
 
     `loops` are the closed loops, with `controller` and `compensation` in their metadata, and `results` their errors;
-    `warnings` are the grid's.
+    `warnings` are about the grid.
     """
     turns = Turns.of(result.samples, result.geometry)
     beside = Plot(
@@ -61,7 +61,7 @@ def _answer(
     results: Sequence[TrackingResult],
     warnings: Sequence[str],
 ) -> Answer:
-    """How close the simulation is to the paper, and what compensation gains."""
+    """The answer: how close the simulation is to the paper, and by how much compensation reduces errors."""
     final = {each.compensation: each.errors.final_position for each in results if each.controller == "feedforward"}
     late = {each.compensation: each.errors.rms_position_after_12s for each in results if each.controller == "linear"}
     law = result.comparison.laws["icr_radius"]
@@ -78,13 +78,13 @@ def _answer(
 
 
 def _compensated(errors: Mapping[str, float]) -> str:
-    """Errors [m] of runs without compensation, and with it."""
+    """Format the errors [m] of runs without compensation, with the published law and with icr_radius."""
     names = ("none", "published", "icr_radius")
     return ", ".join(f"{number(1e3 * errors[name], 1, 'mm')} with {name}" for name in names)
 
 
 def _closed_loops(result: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog]) -> Section:
-    """The runs along the paper's path, with feedforward and with the linear controller."""
+    """The section on runs along the paper's path, with feedforward and with the linear controller."""
     feedforward, linear = (figures.runs_of(loops, name) for name in ("feedforward", "linear"))
     return Section(
         "Compensated slip",

@@ -1,1 +1,1 @@
-"""The simulated world that options describe, and what drives in it."""
+"""The simulated world that options describe, and the runs that are driven in it."""

@@ -23,37 +23,37 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Plant:
-    """A robot, its ground and its scanner, which differ from the world's."""
+    """A run's own robot, ground and scanner, instead of the world's."""
 
     setting: Setting
-    """Ground, radius error, lag and centre of mass; its start is replaced by the run's."""
+    """Ground, radius error, lag and centre of mass; the run's start replaces that of the setting."""
     scanner_noise: float
-    """Standard deviation of the ranges [m]."""
+    """Standard deviation of the scanner's ranges [m]."""
 
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """One run of a fleet in closed loop."""
+    """A closed-loop run of a fleet."""
 
     name: str
     key: str
     """Key for the run's random numbers, in addition to `seed`."""
     seed: int
-    """Root seed of the run's random numbers."""
+    """Root seed for the run's random numbers."""
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
-    """Name of a slip compensation; runs that share both names share one controller and one compensation."""
+    """Name of a slip compensation; runs with equal controller and compensation names share both objects."""
     start: Array
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None
     """The run's own ground; None for the world's."""
     plant: Plant | None = None
-    """The run's own robot, ground and scanner; None for the world's, on `ground`."""
+    """The run's own robot, ground and scanner; None for the world's robot and scanner on `ground`."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def setting(self, world: World) -> Setting:
-        """Start, ground and properties of the robot."""
+        """The run's setting in a fleet: start, ground and properties of the robot."""
         x, y, phi = map(float, self.start)
         if self.plant is not None:
             return replace(self.plant.setting, start=(x, y, phi))
@@ -82,7 +82,7 @@ def drive_closed_loops(
     progress: Progress = lambda seconds: None,
     kept: bool = False,
 ) -> list[RunLog]:
-    """Drive all runs along one path, as one fleet.
+    """Drive all runs along one path as one fleet.
 
     Args:
         runs: the N runs.
@@ -90,17 +90,17 @@ def drive_closed_loops(
         path: the reference.
         localization: source of the controllers' poses: plate, line or truth.
         compensation: makes a compensation from its name.
-        preview: how far ahead of the present the controllers are evaluated [s].
+        preview: time ahead of the present at which controllers are evaluated [s].
         progress: called with the simulated seconds since the last call, counted once for the whole fleet.
-        kept: whether the logs keep all ranges of the scans.
+        kept: whether the logs keep all ranges in the scans.
 
     Raises:
-        TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
+        TrackslipError: for an unknown controller or compensation, or when a robot tips over or a controller fails.
     """
     settings = [run.setting(world) for run in runs]
     shearing = [k for k, setting in enumerate(settings) if setting.ground.largest_shear > 0]
     firm = [k for k in range(len(runs)) if k not in shearing]
-    if shearing and firm:  # on ground that shears, robots have other pads; a run must not depend on others in its fleet
+    if shearing and firm:  # robots on shearing ground have other pads, and a run must not depend on its fleet
         logs: dict[int, RunLog] = {}
         for part, report in ((firm, progress), (shearing, lambda seconds: None)):
             some = [runs[k] for k in part]

@@ -1,4 +1,4 @@
-"""Options of commands that drive a grid."""
+"""Options for commands that drive a grid."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,14 +20,14 @@ from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 @dataclass(frozen=True)
 class GridConfig(Simulation):
-    """A grid of runs of constant command, radius x speed, in front of the scanner."""
+    """A grid of runs with constant commands, radius x speed, in front of the scanner."""
 
     radii: Annotated[tuple[float, ...], Distinct("number"), Positive(MAX_RADIUS)] = COMMANDED_RADII
-    """Commanded radii, to the left, as if nothing slipped [m]."""
+    """Commanded radii of left turns, for tracks without slip [m]."""
     speeds: Annotated[tuple[float, ...], Distinct("number")] = SPEEDS
-    """Commanded speeds, as if nothing slipped [m/s]."""
+    """Commanded speeds, for tracks without slip [m/s]."""
     localization: Localization = "plate"
-    """Pose estimation from a scan: maximum likelihood with the known plate, or the paper's line fit."""
+    """Pose estimation from scans: maximum likelihood with the known plate, or the paper's line fit."""
     duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
     """Length of each run [s]."""
     motion: Method = None
@@ -38,7 +38,7 @@ class GridConfig(Simulation):
     """Folder for the results."""
 
     def check(self, drive: Drive) -> None:
-        """See Equipment."""
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
         super().check(drive)
         for speed in self.speeds:
             require_speed("speeds", speed, drive.top_speed)

@@ -29,7 +29,7 @@ _DRIVEN_OVER_COMMANDED = 1.3  # approximate ratio of the radius driven to the ra
 
 @dataclass(frozen=True)
 class GridCell:
-    """One run of a grid."""
+    """A run of a grid."""
 
     name: str
     key: str
@@ -53,7 +53,7 @@ def cells_of(config: GridConfig) -> list[GridCell]:
 
 
 def drive_grid(config: GridConfig, world: World, watch: Stopwatch | None = None) -> list[RunLog]:
-    """Drive every radius at every speed, all runs at once; see `drive_cells`."""
+    """Drive every radius at every speed as one fleet; see `drive_cells`."""
     cells = cells_of(config)
     return drive_cells(cells, [world] * len(cells), watch=watch)
 
@@ -68,7 +68,7 @@ def drive_cells(
     """Drive the cells as one fleet, each in its own world; the worlds may differ only in ground, radius error and seed.
 
     `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
-    accumulates the time spent in each stage; `kept` says whether the logs keep all ranges of the scans.
+    accumulates the time spent in each stage; with `kept`, the logs keep all ranges in the scans.
 
     Raises InvalidValueError for a radius too small for the robot, TrackslipError when a robot tips over.
     """
@@ -103,15 +103,15 @@ def require_radius(radius: float, geometry: RobotGeometry) -> None:
 
 
 def before_scanner(robot: Robot) -> Array:
-    """The pose (3,) [m, m, rad] at CLEARANCE in front of the scanner from which a left turn never comes closer."""
+    """The pose (3,) [m, m, rad] at CLEARANCE from the scanner where a left turn is closest to the scanner."""
     return se2.compose(robot.lrf_mount, [CLEARANCE, 0.0, -np.pi / 2])
 
 
 def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     """The pose (3,) [m, m, rad] at `phase` [rad] on a circle in front of the scanner.
 
-    The circle is that of a left turn commanded with `radius` [m], as widened by slip, so that the robot comes no closer
-    than CLEARANCE wherever it starts.
+    The circle is a left turn commanded with `radius` [m], and widened by slip. It is placed so that a robot on it comes
+    no closer to the scanner than CLEARANCE.
     """
     driven = _DRIVEN_OVER_COMMANDED * radius
     centre = se2.compose(robot.lrf_mount, [CLEARANCE + driven, 0.0, phase - np.pi / 2])

@@ -1,4 +1,4 @@
-"""Simulated runs in numbers: localization errors; for a grid of left turns, radii, slips and errors."""
+"""Statistics of simulated runs: localization errors and, for a grid of left turns, radii, slips and slip errors."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class OuterInner(Generic[T]):
-    """A quantity of the outer and of the inner track."""
+    """A quantity for the outer and the inner track."""
 
     outer: T
     inner: T
@@ -32,7 +32,7 @@ class OuterInner(Generic[T]):
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Errors of slip over the runs of a grid; NaN if no run provides one."""
+    """Statistics of slip errors over the runs of a grid; NaN if no run has a slip."""
 
     bias: float
     """Mean [-]."""
@@ -41,7 +41,7 @@ class ErrorStatistics:
 
     @classmethod
     def of(cls, error: Array) -> Self:
-        """Statistics of errors (n,) [-], leaving out NaN."""
+        """Statistics of errors (n,) [-] that are not NaN."""
         known = error[~np.isnan(error)]
         return cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
 
@@ -51,15 +51,15 @@ class RadiusSummary:
     """Radii of a grid, one value per commanded radius [m]."""
 
     commanded: tuple[float, ...]
-    observed: Array  # (R,) from the mean curvature over the speeds; NaN where no run gave a sample
-    published: Array  # (R,) the paper's; NaN where the paper has none
+    observed: Array  # (R,) from the mean curvature over the speeds; NaN where no run has a sample
+    published: Array  # (R,) observed radii in the paper; NaN where the paper has none
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
 
 
 @dataclass(frozen=True)
 class GridSlips:
-    """Radii and slips of a grid, from the runs that gave a sample."""
+    """Radii and slips of a grid, from the runs that have a sample."""
 
     radius: RadiusSummary
     slip_by_radius: OuterInner[Array]  # (R,) each, mean slip over the speeds [-]
@@ -67,17 +67,17 @@ class GridSlips:
     slip_rms_vs_published: float | None
     """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
     slip_rms_vs_published_at_simulated_radii: float
-    """The same error, at the radii driven here [-]."""
+    """Root mean square of slip minus Eq. 11 at the radii in the simulation [-]; NaN without a sample."""
     speed_spread: OuterInner[float]
-    """Largest difference of true slip between the speeds of one radius [-]; NaN where a run gave no sample."""
+    """Largest difference in true slip between the speeds at a radius [-]; NaN where a run has no sample."""
 
     @classmethod
     def of(cls, commanded: Array, observed: Array, slip: Array, true_slip: Array) -> "GridSlips":
-        """From commanded and observed radii (n,) [m] and slips (n, 2) of the runs; NaN for a run without a sample."""
+        """Summarize runs with radii (n,) [m] and slips (n, 2); the values measured in runs without a sample are NaN."""
         radii = tuple(dict.fromkeys(commanded.tolist()))
 
         def means(values: Array) -> Array:
-            """Means (R,) over the runs of each radius."""
+            """Means (R,) over the runs at each radius."""
             return np.array([known_mean(values[commanded == radius]) for radius in radii])
 
         driven, published = 1 / means(1 / observed), published_radii(radii)
@@ -100,13 +100,13 @@ class LocalizationErrors:
     """Root mean square errors of all poses, including gaps bridged by odometry."""
 
     rmse_x: float
-    """[m]"""
+    """Error in x [m]."""
     rmse_y: float
-    """[m]"""
+    """Error in y [m]."""
     rmse_heading: float
-    """[rad]"""
+    """Error in heading [rad]."""
     valid_fraction: float
-    """Share of the scans that gave a pose [-]."""
+    """Share of scans with a valid pose [-]."""
     rate_hz: float
     """Valid poses per second [1/s]."""
 
@@ -119,13 +119,13 @@ class LocalizationErrors:
 
 @dataclass(frozen=True)
 class GridSummary(GridSlips):
-    """The numbers of a grid."""
+    """Radii, slips and localization errors of a grid."""
 
     localization: LocalizationErrors
 
     @classmethod
     def of_logs(cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry) -> "GridSummary":
-        """From a grid's runs, radius by radius, and the samples that some of them gave."""
+        """Summarize a grid's runs, ordered by radius, and the samples that some of these runs have."""
         slip, true_slip = np.full((2, len(logs), 2), np.nan)
         observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
         rows = [names.index(name) for name in samples.run]
@@ -137,7 +137,7 @@ class GridSummary(GridSlips):
 
 
 def published_radii(commanded: Iterable[float]) -> Array:
-    """The paper's observed radius for each commanded one, (n,) [m]; NaN where the paper has none."""
+    """The paper's observed radii (n,) [m] for commanded radii; NaN where the paper has none."""
     printed = dict(zip(COMMANDED_RADII, OBSERVED_RADII, strict=True))
     return np.array([printed.get(radius, np.nan) for radius in commanded])
 
@@ -149,7 +149,7 @@ def known_mean(values: Array) -> float:
 
 
 def _pose_errors(log: RunLog) -> Array:
-    """Mean squares of the errors of x, y and heading, the share of valid poses, and their rate (5,)."""
+    """Mean square errors in x, y and heading, the share of valid poses, and the rate of valid poses (5,)."""
     assert log.truth is not None
     error = log.pose - log.truth.pose
     error[:, 2] = wrap_angle(error[:, 2])
@@ -174,5 +174,5 @@ def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
 
 
 def saturation_warning(run: str, share: float) -> str:
-    """The line for a run with a motor at its limit for a share of the time."""
+    """The warning on a run with a motor at its limit for a share of the time."""
     return f"run {run!r}: a motor is at its limit for {share:.1%} of the time"

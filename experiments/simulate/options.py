@@ -17,27 +17,27 @@ T = TypeVar("T")
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "arc", "bundle"]
 Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
-"""Method that estimates a twist from a run, if the user chooses one."""
+"""Method to estimate a twist from a run; None if the user chooses none."""
 RobotSource = Annotated[str, tyro.conf.arg(metavar=ROBOTS)]
-"""Name of a robot, or its file."""
+"""A robot's name or file."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
-"""The identified laws that the paper's controllers are compared with."""
+"""Identified laws that `reproduce` uses for compensation, besides no law and the published law."""
 
 MAX_THREADS = MAX_JOBS = 1024
 MAX_SEED = 2**63 - 1  # largest integer in a Parquet file
 MAX_PREVIEW = 1.0  # [s]
 MIN_DURATION, MAX_DURATION = 4.0, 3600.0
-"""Length of a run; a shorter one leaves no steady part to average over [s]."""
+"""Limits for the length of a run; shorter runs have no steady part to average over [s]."""
 _MIN_SPEED = 1e-3  # [m/s]
 MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
-MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
-MAX_COORDINATE = 100.0  # of a start [m]
+MIN_FRICTION_RATIO = 0.01  # friction across the track over friction along it [-]
+MAX_COORDINATE = 100.0  # largest coordinate of a start [m]
 RADIUS_ERROR = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
 
 
 @dataclass(frozen=True)
 class GroundOptions:
-    """The ground, and properties that differ from the named one's."""
+    """The ground, and properties that differ from the named ground."""
 
     source: Annotated[
         str | None, tyro.conf.arg(name="", metavar=GROUNDS, help_behavior_hint="(default: the robot's, else stone)")
@@ -65,7 +65,7 @@ class GroundOptions:
 
 
 OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
-"""A property whose default is the value of the robot's drive."""
+"""An option whose default is the value in the robot's drive."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class MotorOptions:
     gear: OwnNumber = None
     """Gear ratio, motor speed over sprocket speed [-]."""
     voltage: OwnNumber = None
-    """Battery voltage, the largest at the motor [V]."""
+    """Battery voltage, the largest voltage at the motor [V]."""
     no_load_speed: OwnNumber = None
     """No-load speed of the motor at full voltage [rad/s]."""
     stall_torque: OwnNumber = None
@@ -109,7 +109,7 @@ class DriveOptions:
 
 
 def changed(base: T, options: object, prefix: str = "") -> T:
-    """A dataclass with the fields that `options` set; raises InvalidValueError, with `prefix` before field names."""
+    """`base` with the fields that `options` set; raises InvalidValueError with `prefix` before the field's name."""
     given: dict[str, Any] = {}
     for name in (f.name for f in fields(base)):  # type: ignore[arg-type]
         value = getattr(options, name, None)
@@ -135,7 +135,7 @@ class Repeatable(ResultsOptions):
     """The options of every command that simulates."""
 
     seed: Annotated[int, Whole(0, MAX_SEED)] = 0
-    """Seed of all random numbers."""
+    """Seed for all random numbers."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of worker threads, 0 for one per processor; the results don't depend on it."""
 
@@ -167,28 +167,28 @@ class Equipment(ResultsOptions):
 
 @dataclass(frozen=True)
 class ClosedLoopOptions(Equipment):
-    """The equipment, and the options that many closed-loop runs have in common."""
+    """Options that many closed-loop runs have in common, including their equipment."""
 
     localization: Literal["plate", "line", "truth"] = "plate"
-    """Source of the controllers' poses: scans by the plate or the line method, or the true pose."""
+    """Source of the controllers' poses: scans, by the plate or line method, or the true pose (truth)."""
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
-    """Time by which the controllers look ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
+    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo and sampling [s]."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
 
 
 @dataclass(frozen=True)
 class Simulation(Repeatable, Equipment):
-    """The simulated world, the same for every command that drives."""
+    """Options of the simulated world, which are the same for every command that drives."""
 
     ground: GroundOptions = field(default_factory=GroundOptions)
-    """The ground, and properties that differ from the named one's."""
+    """The ground, and properties that differ from the named ground."""
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:
-    """Refuse a speed [m/s] that is not positive, is almost zero, or is above what the drive allows."""
+    """Raise InvalidValueError unless a speed is positive, not almost zero, and at most `top_speed` [m/s]."""
     require_positive(name, speed)
     if speed > top_speed:
         raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")

@@ -17,7 +17,7 @@ _HEADER = ("controller", "compensation", "rms [mm]", "> 12 s [mm]", "max [mm]", 
 
 @dataclass(frozen=True)
 class TrackingResult:
-    """One run and the errors of its true pose."""
+    """A closed-loop run, and the tracking errors of its true pose."""
 
     controller: str
     compensation: str
@@ -25,7 +25,7 @@ class TrackingResult:
     errors: TrackingErrors
 
     def to_json(self) -> dict[str, Any]:
-        """An entry of `tracking` in a summary.json."""
+        """The result as an entry of `tracking` in summary.json."""
         entry = plain(self)
         return entry | entry.pop("errors")
 
@@ -42,7 +42,7 @@ def tracking_results(logs: Sequence[RunLog], reference: Reference) -> list[Track
 
 
 def tracking_table(results: Sequence[TrackingResult]) -> Table:
-    """A row per run."""
+    """A table with a row per run."""
     rows = []
     for result in results:
         errors = result.errors

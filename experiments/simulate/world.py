@@ -21,7 +21,7 @@ FileReader = Callable[[str, str | None, str | None], tuple[RobotParameters, Grou
 
 
 def read_files(robot: str, ground: str | None, obstacles: str | None) -> tuple[RobotParameters, Ground, Obstacles]:
-    """A robot, a ground (None for the robot's own) and obstacles by their names or files."""
+    """Read a robot, a ground (None for the robot's own) and obstacles, by their names or files."""
     parameters, own_ground = load_parameters(robot)
     chosen = own_ground if ground is None else load_ground(ground)
     return parameters, chosen, Obstacles() if obstacles is None else load_obstacles(obstacles)
@@ -45,7 +45,7 @@ class Specification:
 
     @staticmethod
     def read(config: Simulation, read: FileReader) -> "Specification":
-        """The same as `of`, with `read_files` or a cached version of it."""
+        """Read the files as `of` does, with `read_files` or a cached version of it."""
         parameters, ground, obstacles = read(config.robot, config.ground.source, config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
         return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull)
@@ -94,7 +94,7 @@ class World(Specification):
 
     @property
     def about(self) -> dict[str, Any]:
-        """The world's entries in the manifest of a command."""
+        """The world's entries in a command's manifest."""
         towed = {"pull": self.pull} if self.pull.force > 0 else {}
         return {
             "seed": self.config.seed,

@@ -11,7 +11,7 @@ from sim.policy import write_onnx
 
 
 def run(config: Config) -> None:
-    """Train, store the policy, draw its curve, and print the reward before and after."""
+    """Train a policy, store it with its learning curve, and print the reward before and after training."""
     with Run(replace(config, overwrite=config.overwrite or config.resume)) as run:
         with run.busy("loading PyTorch"):
             task = learning_task(config)

@@ -24,8 +24,8 @@ TRAVERSE = "traverse"
 class Config(ResultsOptions):
     """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
 
-    With --env traverse, train one that corrects the scripted controller of a robot that crosses courses. The defaults
-    are the tuned configuration behind the documented results in path tracking.
+    With --env traverse, train a policy that corrects the scripted controller of a robot that crosses courses. The
+    defaults are the tuned configuration behind the documented results in path tracking.
     """
 
     env: Literal["path_tracking", "traverse"] = "path_tracking"
@@ -39,7 +39,7 @@ class Config(ResultsOptions):
     grounds: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{GROUNDS} ...")] = ("stone",)
     """Grounds to train on; each episode draws one."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """Slip compensation; one that learns starts anew in each episode."""
+    """Slip compensation; online compensations start anew in each episode."""
     authority: Annotated[tuple[float, float], Positive(10.0)] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
     robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None
@@ -51,21 +51,21 @@ class Config(ResultsOptions):
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, 10_000)] = 300
-    """Number of unseen courses to try the policy on, for each of three difficulties or of several --courses."""
+    """Number of unseen courses that test the policy, for each of three difficulties or each of several --courses."""
     network: Annotated[tuple[int, ...], Whole(1, 4096)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4
-    """Initial learning rate; it falls linearly to a twentieth [-]."""
+    """Initial learning rate, which falls linearly to a twentieth [-]."""
     horizon: Annotated[int, Whole(1)] = 128
-    """Number of control periods of each robot between two updates."""
+    """Number of control periods per robot between two updates."""
     batch: Annotated[int, Whole(1)] = 2048
     """Number of control periods in a minibatch."""
     epochs: Annotated[int, Whole(1)] = 6
     """Number of passes over the collected data in each update."""
     discount: Annotated[float, Positive(1.0)] = 0.97
-    """Discount of the reward per control period [-]."""
+    """Discount factor for rewards per control period [-]."""
     seed: Annotated[int, Whole(0, 2**32 - 1)] = 0  # the largest seed of NumPy's legacy generators
-    """Seed of all random numbers."""
+    """Seed for all random numbers."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of the simulator's worker threads, 0 for one per processor."""
     resume: bool = False

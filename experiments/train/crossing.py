@@ -1,4 +1,4 @@
-"""Unseen courses that the policy and the scripted controller cross."""
+"""Tests of the policy and the scripted controller on unseen courses."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,9 +18,9 @@ from sim.traverse.task import Crossing
 def crossing_rates(
     policy: Policy, difficulty: tuple[float, float], trials: int, seed: int, threads: int = 0
 ) -> list[dict[str, Any]]:
-    """Let the scripted controller and the policy cross `trials` unseen courses of each kind; returns a row for each.
+    """Let the scripted controller and the policy cross `trials` unseen courses of each kind; returns rows of results.
 
-    A single kind has rows for the lowest, middle and highest difficulty; several kinds are drawn at any difficulty.
+    A single kind is tested at the lowest, middle and highest difficulty; several kinds at any difficulty in the range.
     """
     config = from_options(TraverseConfig, policy.options)
     task, everyone = Crossing(config, trials, threads), range(trials)
@@ -45,7 +45,7 @@ def crossing_rates(
 
 
 def _rate(task: Crossing) -> dict[str, Any]:
-    """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and their mean time."""
+    """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and the mean crossing time."""
     crossed, tipped, stuck = (task.outcome == end for end in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK))
     row: dict[str, Any] = {"crossed": int(crossed.sum()), "tipped": int(tipped.sum()), "stuck": int(stuck.sum())}
     low, high = binomtest(row["crossed"], len(crossed)).proportion_ci(0.95, "wilson")
@@ -54,7 +54,7 @@ def _rate(task: Crossing) -> dict[str, Any]:
 
 
 def crossing_table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
-    """A row per course, difficulty and controller."""
+    """A table with a row per course, difficulty and controller."""
     header = ("course", "controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "time [s]")
     cells = [
         (

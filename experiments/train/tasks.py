@@ -12,7 +12,7 @@ from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS
 
-_START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
+_START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges of errors at the start [m], [rad]
 _REWARD = TrackingReward(
     weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2
 )
@@ -29,14 +29,14 @@ class LearningTask:
     policy: Callable[[Network], Policy]
     """Makes the policy from a trained network."""
     env: Any
-    """The environment under `robots`, which describes its observations and actions."""
+    """The environment that `robots` wraps, which describes the observations and actions."""
     deviation: float
     """Natural logarithm of the actions' initial standard deviation."""
 
 
 def learning_task(config: Config) -> LearningTask:
-    """The environment `config.env`; raises TrackslipError without Stable-Baselines3."""
-    from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv  # late: PyTorch takes seconds
+    """The learning task for `config.env`; raises TrackslipError if Stable-Baselines3 isn't installed."""
+    from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv  # late, as PyTorch takes seconds
 
     if config.env == TRAVERSE:
         options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}

@@ -1,4 +1,4 @@
-"""Training with PPO: a model with checkpoints, its network and its learning curve."""
+"""Training with PPO: the model with its checkpoints, its network and its learning curve."""
 
 import io
 import os
@@ -22,23 +22,23 @@ POLICY, ONNX, CHECKPOINT = "policy.npz", "policy.onnx", "checkpoint.zip"
 UNFINISHED = f".{CHECKPOINT}"
 """The last checkpoint of an unfinished training, in OUT."""
 _MIN_RATE = 0.05  # final over initial learning rate
-_SMOOTH = 7  # points of the curve in a running mean
+_SMOOTH = 7  # number of points in a running mean of the curve
 
 
 def last_checkpoint(out: Path) -> Path:
-    """The last checkpoint of an unfinished training, or else of a finished one."""
+    """Path of the last checkpoint from an unfinished training or, if there is none, of the final checkpoint."""
     return out / UNFINISHED if (out / UNFINISHED).is_file() else out / CHECKPOINT
 
 
 def model_of(config: Config, task: LearningTask) -> Any:
-    """A new PPO model, or the one from the last checkpoint."""
+    """A new PPO model or, with --resume, the model in the last checkpoint."""
     import torch
     from stable_baselines3 import PPO
 
-    torch.set_num_threads(1)  # its threads would take processors from the simulation
+    torch.set_num_threads(1)  # PyTorch's threads would take processors from the simulation
     checkpoint, first = last_checkpoint(config.out), config.learning_rate
     settings: dict[str, Any] = {
-        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # left: remaining share
+        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # left: remaining share of steps
         "n_steps": config.horizon,
         "batch_size": config.batch,
         "n_epochs": config.epochs,
@@ -53,8 +53,8 @@ def model_of(config: Config, task: LearningTask) -> Any:
     try:
         rate = {"learning_rate": settings.pop("learning_rate")}
         model = PPO.load(io.BytesIO(checkpoint.read_bytes()), task.robots, custom_objects=rate, **settings)
-    except Exception as error:  # whatever is wrong with the file
-        reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # for other spaces, it lists all bounds
+    except Exception as error:  # a broken file may raise anything
+        reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # errors about spaces list all bounds
         raise LogError(f"{checkpoint}: can't be resumed ({reason})") from error
     layers = tuple(model.policy_kwargs["net_arch"])
     if layers != config.network:
@@ -63,21 +63,21 @@ def model_of(config: Config, task: LearningTask) -> Any:
 
 
 def learn(model: Any, config: Config, folder: Path) -> list[dict[str, float]]:
-    """Train until `config.steps`; each update stores a checkpoint in `config.out`, the last one in `folder`.
+    """Train until `config.steps`; each update stores a checkpoint in `config.out`, the last update also in `folder`.
 
-    Returns the steps of all robots and their mean reward [-] at each update, including those before the checkpoint.
+    Returns the steps of all robots and their mean reward [-] at each update, including updates before a resumption.
     """
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.logger import Logger
 
-    model.set_logger(Logger(None, []))  # its own would leave a folder among the temporary files
-    model.curve = curve = getattr(model, "curve", [])  # checkpoints contain it, like all attributes of a model
-    rewards: list[float] = []  # since the last update, mean of all robots
+    model.set_logger(Logger(None, []))  # the default logger would leave a temporary folder
+    model.curve = curve = getattr(model, "curve", [])  # checkpoints store all attributes of a model
+    rewards: list[float] = []  # means of all robots since the last update
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
             def _on_step(self) -> bool:
-                # PPO's own rewards also contain those expected after an episode that is cut off
+                # PPO's own rewards include the value expected after an episode that is cut off
                 rewards.append(float(np.mean(self.locals["rewards"])))
                 return True
 
@@ -94,7 +94,7 @@ def learn(model: Any, config: Config, folder: Path) -> list[dict[str, float]]:
 
 
 def network_of(model: Any) -> Network:
-    """The network of a model, from features to mean actions."""
+    """A model's network from features to mean actions."""
     policy = model.policy
     layers = [layer for layer in [*policy.mlp_extractor.policy_net, policy.action_net] if hasattr(layer, "weight")]
     weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
@@ -102,7 +102,7 @@ def network_of(model: Any) -> Network:
 
 
 def learning_curve(curve: Sequence[dict[str, float]]) -> Figure:
-    """Reward over the training's steps; the line is a running mean."""
+    """A figure of the reward against training steps, with a running mean as a line."""
     figure, axes = panel("reward per step", "steps of all robots [thousand]", "mean of all robots [-]")
     points = np.array([(point["steps"] / 1000, point["reward"]) for point in curve])
     axes.plot(*points.T, ".", color=GREY, ms=3)

@@ -1,4 +1,4 @@
-"""The checks of a robot on its ground: theory against measurement, and checks that do not apply."""
+"""Checks of a robot on its ground: measurements compared with theory, and checks that do not apply."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
 _GENTLE = math.radians(10.0)  # slope that robots climb and park on, if friction holds them on twice that slope
-_MARGIN = math.radians(9.0)  # robots that are closer to tipping over rock when they begin to slide
+_MARGIN = math.radians(9.0)  # robots closer than this to tipping over rock when they begin to slide
 _BALANCE, _SPRINGS, _COULOMB = "quasi-static balance (trackslip.skid_theory)", "rigid robot on springs", "Coulomb's law"
 
 
@@ -33,7 +33,7 @@ class Checks:
     """Quantities that do not apply, with the reason."""
 
     def add(self, what: str, pair: ArrayLike, tolerance: ArrayLike, unit: str, source: str) -> None:
-        """Check values by theory and measurement (2, ...): the one closest to its bound, or farthest beyond it."""
+        """Check theory and measurement, `pair` (2, ...), at the value closest to its bound or farthest beyond it."""
         theory, measured, allowed = (values.ravel() for values in np.broadcast_arrays(*np.asarray(pair), tolerance))
         k = int(np.argmax(np.abs(measured - theory) / allowed))
         self.done.append(Check(self.robot, what, float(measured[k]), float(allowed[k]), unit, float(theory[k]), source))
@@ -55,7 +55,7 @@ class Checks:
         return friction_angle((self.setup.ground.along, self.setup.ground.across), heading)
 
     def tips_over(self, what: str, heading: float, slope: float) -> bool:
-        """True, with a note, if a slope is too steep for the robot to stand on, heading uphill (0) or across it."""
+        """True, with a note on `what`, if the robot may tip over on a slope, heading uphill (0) or across it."""
         (x, y), p = self.setup.robot().contact_points.T, self.setup.parameters
         tips = math.atan2(y.max() - p.com_y if heading else p.com_x - x.min(), p.com_height)
         if tips < slope + _MARGIN:
@@ -66,7 +66,7 @@ class Checks:
 
 
 def check_turns(checks: Checks) -> Turns:
-    """Check turns with the paper's radii and on the spot, and slip uphill; returns the paper's turns."""
+    """Check turns with the paper's radii, turns on the spot, and slip uphill; returns the paper's turns."""
     setup, bound = checks.setup, 0.01 if checks.setup.parameters.axles else 0.005
     turns = drive_steadily(setup, paper_turns(setup.parameters)[2])
     checks.add("b + D in turns", turns.half_width, bound * turns.half_width[0], "m", _BALANCE)
@@ -101,7 +101,7 @@ def check_standing(checks: Checks) -> None:
 def check_sliding(checks: Checks) -> dict[str, Array]:
     """Check accelerations on slopes that don't hold the robot.
 
-    Returns slopes [rad], and accelerations of the centre of mass by Coulomb's law and simulated [m/s^2], (3, S).
+    Returns by direction (3, S): slopes [rad], and accelerations of the centre of mass in theory and simulated [m/s^2].
     """
     setup, measured = checks.setup, {}
     for way, heading in (("downhill", 0.0), ("sideways", np.pi / 2)):
@@ -110,8 +110,8 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
             continue
         slopes = limit + np.radians([2.0, 3.0, 4.0])
         fleet = setup.fleet(np.tile([0.0, 0.0, heading], (len(slopes), 1)))
-        velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]  # of the mass, a live view
-        for share in np.linspace(0.0, 0.97, 100).tolist():  # tilted slowly until the loads are as in sliding
+        velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]  # of the centre of mass, live
+        for share in np.linspace(0.0, 0.97, 100).tolist():  # tilt slowly until the loads are as in sliding
             fleet.set_ground(replace(setup.ground, slope=share * limit))
             fleet.advance(0.02)
         fleet.advance(1.0)
@@ -129,8 +129,8 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
 def check_energy(checks: Checks, generator: np.random.Generator) -> None:
     """Check that the belts' work in random driving equals losses plus stored energy, each from an independent source.
 
-    Forces and sliding speeds come from contact sensors, energies from the engine. Over a step, a force acts at the mean
-    of the velocities before and after it.
+    Forces and sliding speeds come from contact sensors, energies from MuJoCo. Over a step, a force acts at the mean of
+    the velocities before and after the step.
     """
     robot, robots = checks.setup.robot(contact_sensors=True), 4
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY

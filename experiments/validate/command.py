@@ -26,7 +26,7 @@ _NOTE = "Each row shows the value that is closest to its bound."
 
 
 def run(config: Config) -> None:
-    """Measure, check, store and print; exits with 1 if a check fails."""
+    """Measure and check the robot, and store and print the checks; exits with 1 if a check fails."""
     parameters, ground = load_parameters(config.robot)
     ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
     level = Ground(ground.along, ground.across, shear=ground.shear)
@@ -70,7 +70,7 @@ def run(config: Config) -> None:
 
 
 def _row(check: Check) -> tuple[str, ...]:
-    """Theory, measured and tolerance in the unit that suits them, with the digits of the tolerance."""
+    """A row with theory, measurement and tolerance in a readable unit, rounded to the digits of the tolerance."""
     scale, unit = _UNITS.get(check.unit, (1.0, check.unit.removesuffix("1")))
     values = scale * np.array([check.expected, check.measured, check.ends[1] - check.expected])
     digits = max(0, 1 - math.floor(math.log10(values[2])))

@@ -1,4 +1,4 @@
-"""Figures of a robot on its ground: slip in turns, and acceleration on slopes."""
+"""Figures on a robot and its ground: slip in turns, and acceleration on slopes."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +13,7 @@ from trackslip.kinematics import Array
 
 @styled
 def panels(turns: Turns, radius: Array, speed: Array, sliding: Mapping[str, Array]) -> Panels:
-    """Slip of both tracks against the commanded radius, and acceleration down slopes that don't hold the robot."""
+    """Slip of both tracks against commanded radius, and acceleration down slopes that don't hold the robot."""
     slips, axes = panel("Slip of the outer and the inner track", "radius commanded [m]", "slip [–]")
     for k, value in enumerate(np.unique(speed)):
         chosen = np.flatnonzero(speed == value)

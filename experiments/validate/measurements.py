@@ -22,12 +22,12 @@ from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact, Load, steady_twist
 
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""Acceleration due to gravity [m/s^2]."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A robot, level ground, and the number of threads to simulate them."""
+    """A robot on level ground, and the number of threads that simulate it."""
 
     parameters: RobotParameters
     ground: Ground
@@ -38,7 +38,7 @@ class Setup:
         return load_robot(parameters=self.parameters, contact_sensors=contact_sensors)
 
     def fleet(self, start: ArrayLike, ground: Ground | Sequence[Ground] | None = None, **options: Any) -> Fleet:
-        """Copies of the robot at poses (N, 3), by default with motors that are strong enough for anything."""
+        """Copies of the robot at poses (N, 3), by default with motors that never reach their limits."""
         options = {"robot": self.robot(), "drive": tireless(), "threads": self.threads, **options}
         return Fleet(start=start, ground=ground or self.ground, radius_error=self.parameters.radius_error, **options)
 
@@ -51,27 +51,27 @@ class Setup:
 
 @dataclass(frozen=True)
 class Turns:
-    """M steady turns."""
+    """M steady turns, from theory and simulation."""
 
     omega: Array  # (M, 2) speeds of the sprockets [rad/s]
     belts: Array  # (M, 2) speeds of the belts [m/s]
-    twists: Array  # (2, M, 3) by theory and simulated [m/s, m/s, rad/s]
+    twists: Array  # (2, M, 3) from theory and simulation [m/s, m/s, rad/s]
     geometry: RobotGeometry
 
     @property
     def half_width(self) -> Array:
-        """b + D, half the distance between the tracks' ICRs, by theory and simulated (2, M) [m]."""
+        """b + D, half the distance between the tracks' ICRs, from theory and simulation (2, M) [m]."""
         return np.asarray((self.belts[:, 1] - self.belts[:, 0]) / (2 * self.twists[..., 2]))
 
     @property
     def slip(self) -> Array:
-        """Slips by theory and simulated (2, M, 2) [-]."""
+        """Slips from theory and simulation (2, M, 2) [-]."""
         return np.stack([track_slip(self.omega, twist[:, [0, 2]], self.geometry) for twist in self.twists])
 
 
 def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
-    """Commanded radii [m], scaled with the width, and speeds [m/s] of the paper's turns (25,), and sprocket speeds
-    (25, 2) that would drive them without slip, as far as the drives allow [rad/s]."""
+    """Radii [m], scaled with the robot's width, and speeds [m/s] of the paper's turns (25,), and the sprocket speeds
+    (25, 2) that command them, within the drives' limits [rad/s]."""
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
     radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, parameters.geometry)
@@ -79,9 +79,9 @@ def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
 
 
 def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes: float = 3.0) -> Turns:
-    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load whose uphill is straight ahead.
+    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load that has uphill straight ahead.
 
-    On ground that shears, this takes until the slower belt has carried its elements through the contact `passes` times.
+    On shearing ground, this takes until the elements of the slowest belt have passed through contact `passes` times.
     """
     load, belts, p, settle = load or Load(), omega * setup.sprocket_radius, setup.parameters, 1.5
     ground, pull = replace(setup.ground, slope=load.slope), Pull(load.pull * p.mass * GRAVITY, load.hitch_height)
@@ -100,8 +100,8 @@ def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes:
 
 
 def measure_loads(setup: Setup, omega: Array) -> tuple[Array, Array]:
-    """Loads at K contact points in turns (M, 2) [rad/s], by theory and simulated, relative to the mean (2, M, K) [-];
-    and the chassis' sink [m], roll and pitch (2, M, 3) [rad]. In theory, a rigid robot presses on equal springs.
+    """Loads at K contact points in turns, relative to their mean (2, M, K) [-], and the chassis' sink [m], roll and
+    pitch (2, M, 3) [rad], in theory (a rigid robot on equal springs) and simulated, at sprocket speeds (M, 2) [rad/s].
     """
     fleet = setup.fleet(np.zeros((len(omega), 3)), robot=setup.robot(contact_sensors=True))
     fleet.command(omega)

@@ -1,4 +1,4 @@
-"""`trackslip wander`: teleoperated drives, and logs of them as labs have."""
+"""`trackslip wander`: simulate teleoperated drives, and log them as labs do."""
 
 import shlex
 from functools import partial
@@ -19,7 +19,7 @@ _HEADER = ("drive", "rows", "poses", "distance [m]", "turned left [deg]", "right
 
 
 def run(config: Config) -> None:
-    """Drive, store and print."""
+    """Simulate the drives, store them, and print their contents."""
     if config.bag:
         require_rosbags()
     world, simulated = World.of(config), config.drives * config.duration

@@ -18,29 +18,29 @@ EXAMPLES = (
     ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
     ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
 )
-_MIN_RATE, _MAX_RATE = 5.0, 1000.0  # of the encoders [Hz]
+_MIN_RATE, _MAX_RATE = 5.0, 1000.0  # limits for the rate of the encoders [Hz]
 _FLOAT = default_is("the source's", "FLOAT")
 _COUNT = default_is("the source's", "INT")
 
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """The source of the poses, and properties that differ from the named one's."""
+    """The source of the poses, and properties that differ from the named source."""
 
     source: Annotated[Literal["scanner", "mocap", "slam", "gnss", "odometry"], tyro.conf.arg(name="")] = "slam"
     """Poses like those from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that drifts."""
     rate: Annotated[float | None, _FLOAT] = None
     """Poses per second [Hz]."""
     position_noise: Annotated[float | None, _FLOAT] = None
-    """Standard deviation of x and of y [m]."""
+    """Standard deviation of the noise in x and in y [m]."""
     heading_noise: Annotated[float | None, _FLOAT] = None
-    """Standard deviation of the heading [rad]."""
+    """Standard deviation of the noise in the heading [rad]."""
     heading: Annotated[bool | None, tyro.conf.arg(help_behavior_hint="(default: the source's)")] = None
     """Also measure headings."""
     delay: Annotated[float | None, _FLOAT] = None
     """Time stamp of a pose minus the encoders' time stamp at the same moment [s]."""
     jitter: Annotated[float | None, _FLOAT] = None
-    """Standard deviation of the time stamps [s]."""
+    """Standard deviation of the noise in the time stamps [s]."""
     outliers: Annotated[float | None, _FLOAT] = None
     """Share of the poses that are wrong, by up to 0.5 m and 0.5 rad [-]."""
     gaps: Annotated[int | None, _COUNT] = None
@@ -48,11 +48,11 @@ class SourceOptions:
     gap_duration: Annotated[float | None, _FLOAT] = None
     """Length of each gap [s]."""
     jumps: Annotated[int | None, _COUNT] = None
-    """Number of lasting jumps of the poses."""
+    """Number of lasting jumps in the poses."""
     jump_size: Annotated[float | None, _FLOAT] = None
     """Length of each jump [m]."""
     drift: Annotated[float | None, _FLOAT] = None
-    """Random walk of odometry: error of the position at the end over the distance driven [-]."""
+    """Random walk of odometry: final position error over the distance driven [-]."""
     ahead: Annotated[float | None, _FLOAT] = None
     """Position of the sensor ahead of the robot's origin [m]."""
     left: Annotated[float | None, _FLOAT] = None
@@ -83,20 +83,20 @@ class Config(Simulation):
     acceleration: Annotated[float, Positive(100.0, "m/s^2")] = 0.5
     """Largest acceleration of a track [m/s^2]."""
     encoder_rate: Annotated[float, Within(_MIN_RATE, _MAX_RATE, "Hz")] = 50.0
-    """Readings of the encoders per second [Hz]."""
+    """Encoder readings per second [Hz]."""
     source: SourceOptions = field(default_factory=SourceOptions)
-    """The source of the poses, and properties that differ from the named one's."""
+    """The source of the poses, and properties that differ from the named source."""
     bag: bool = False
     """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
     out: Path = Path("out/wander")
     """Folder for the results."""
     scanner: Annotated[LaserScanner, tyro.conf.Fixed, tyro.conf.Suppress] = field(default_factory=LaserScanner)
-    """The scanner for --source scanner; its rate is that of the poses."""
+    """The scanner for --source scanner, which scans at the rate of the poses."""
     obstacles: Annotated[str | None, tyro.conf.Fixed, tyro.conf.Suppress] = None
-    """None: only the plate is scanned."""
+    """None, because only the plate is scanned."""
 
     def check(self, drive: Drive) -> None:
-        """See Equipment."""
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
         require_speed("max_speed", self.max_speed, drive.top_speed)
         periods = 1 / (self.encoder_rate * drive.period)
         if abs(periods - round(periods)) > 1e-6 or periods < 0.5:

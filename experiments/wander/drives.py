@@ -1,4 +1,4 @@
-"""Teleoperated drives as the options describe them: commands, motion, and the logs of encoders and poses."""
+"""Teleoperated drives according to the options: commands, motion, and the logs of encoders and poses."""
 
 from typing import Any
 
@@ -17,18 +17,16 @@ from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-_AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
-_REACH = (
-    1.27  # (b + D) / b of the shipped robot on stone, with which the driver keeps the tracks within their speed [-]
-)
-_IN_FRONT = 3.0  # start in front of the scanner, in whose view most one-minute drives stay [m]
+_AT_REST = 1e-3  # mean speed of the tracks below which a robot is at rest [m/s]
+_REACH = 1.27  # (b + D) / b of the shipped robot on stone, with which the driver respects the tracks' largest speed [-]
+_IN_FRONT = 3.0  # distance of the start from the scanner, in whose view most one-minute drives stay [m]
 _ON_TIME = 1e-6  # rounding error of a reading's time as a multiple of the period [periods]
 
 
 def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
-    """Drive all drives at once; `progress` is called with the simulated seconds, summed over drives.
+    """Simulate all drives at once; `progress` is called with the simulated seconds, summed over drives.
 
-    Raises RunFailedError when a robot tips over; its `logs` contain what was recorded until then.
+    Raises RunFailedError when a robot tips over; the error's `logs` contain the drives up to then.
     """
     geometry, rate = world.robot.geometry, config.encoder_rate
     names = [f"{config.driving} {k + 1}" for k in range(config.drives)]
@@ -42,7 +40,7 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
     if config.source.source == "scanner":
         start[:2] = se2.to_world(world.robot.lrf_mount, [_IN_FRONT, 0.0])
     metadata = world.metadata(config.source.source) | {"driving": config.driving, "source": plain(source)}
-    if config.source.source != "scanner":  # then there is no scanner in the field
+    if config.source.source != "scanner":  # other sources have no scanner in the field
         del metadata["lrf"], metadata["scanner"]
     logs = open_loop(
         world.fleet(np.tile(start, (len(names), 1))),
@@ -58,7 +56,7 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
 
 
 def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
-    """Arguments of `write_bag` besides the log: poses as their source publishes them, and the scanner's scans."""
+    """Further arguments of `write_bag` for a log: poses as their source publishes them, and the scanner's scans."""
     source, counted = config.source.poses(), log.time * config.encoder_rate
     noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
     contents = {"readings": np.abs(counted - np.rint(counted)) < _ON_TIME, "covariance": np.diag(noise**2)}
@@ -70,13 +68,13 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
 
 
 def drive_contents(log: RunLog) -> dict[str, Any]:
-    """The summary's entry for a simulated drive: its true motion, and what was measured."""
+    """A simulated drive as an entry in summary.json: its true motion, and its numbers of measurements."""
     step, duration = np.diff(_true_pose(log), axis=0), np.diff(log.time)
     way, turn = np.hypot(step[:, 0], step[:, 1]), step[:, 2]
     resting = (way + np.abs(turn)) < _AT_REST * duration
     return {
         "run": log.run,
-        "readings": len(log.time),  # of the encoders
+        "readings": len(log.time),  # number of encoder readings
         "poses": int(log.is_valid.sum()),
         "way": float(way.sum()),  # [m]
         "turned_left": float(turn[turn > 0].sum()),  # [rad]
@@ -91,5 +89,5 @@ def _true_pose(log: RunLog) -> Array:
 
 
 def _random(config: Config, name: str, what: str) -> np.random.Generator:
-    """Random numbers for a part of a drive, independent of the number of drives."""
+    """Random numbers for `what` in a drive, independent of the number of drives."""
     return generator(config.seed, f"wander {name} {what}")
