@@ -22,8 +22,8 @@ OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error"
 ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
-    ("to a log, each half of which is predicted", "trackslip calibrate --target log.csv --robot husky --folds 2"),
-    ("to obeyed commands", "trackslip calibrate --target log.csv --free friction_ratio lag clock"),
+    ("to a log, each half predicted from the other", "trackslip calibrate --target log.csv --robot husky --folds 2"),
+    ("to commands, with the lag of the servos", "trackslip calibrate --target log.csv --free friction_ratio lag clock"),
 )
 
 

@@ -16,7 +16,7 @@ from trackslip.kinematics import GEARS
 
 EXAMPLES = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
-    ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
+    ("two laws on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
     (
         "laws and a robot, fitted to the other half",
         "trackslip evaluate log.csv --robot r.toml --folds 2 --free friction_ratio",

@@ -28,9 +28,10 @@ _STEADY = (
     "error or a thousandth of the speed."
 )
 _DRIVE = (
-    "Poses are cut into windows. In each, the path that the belts drive under a law is laid onto the poses as well as "
-    "it fits; law, place of the sensor and clock are those that leave the least. Errors of prediction, of driving that "
-    "a law was not fitted to, include those of the measured poses at both ends, which no law can remove."
+    "The poses are cut into windows. In each window, the path that the belts drive under a law is aligned with the "
+    "poses; the fit chooses the law's parameters, the sensor's place and the clock so that the remaining errors are "
+    "smallest. Prediction errors refer to driving that the law was not fitted to, and include the errors of the "
+    "measured poses at both ends, which no law can remove."
 )
 _SLIP = (
     "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or slower each sprocket "

@@ -15,14 +15,14 @@ from trackslip.laws.families import GAINS
 from trackslip.metrics import rms
 
 _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
-_DRIVE_NOTE = "Intervals: Student's, from fits without one block of driving each."
+_DRIVE_NOTE = "Intervals are Student's t intervals, from fits that each leave out one block of driving."
 _CRITERIA_NOTE = (
-    "free: fitted parameters. rms: residual of the fit. cv: rms error at left-out radii, of slip, speed v and yaw rate "
-    "w. The published law is not fitted."
+    "free: number of fitted parameters. rms: residual of the fit. cv: rms error at left-out radii, for slip, speed v "
+    "and yaw rate w. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
-    "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or sensor's place "
-    "that wasn't given; two_gains: by regression. Score: mean error over the smallest of any law, on average."
+    "Errors over all pairs of poses between which the robot moves. today: dead reckoning without slip, with only the "
+    "given delay and sensor place. two_gains: gains by regression. Score: mean ratio of the error to the best law's."
 )
 _UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # factor from SI to m or degrees, and decimals
 
