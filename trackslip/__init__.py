@@ -1,4 +1,4 @@
-"""Slip of tracked robots: kinematics, localization, identification and control, without a simulator.
+"""Slip of tracked robots: kinematics, localization, identification and control, usable without a simulator.
 
     import trackslip
 

@@ -24,7 +24,7 @@ _SIZES = (1e-3, 100.0)  # allowed range of a robot's dimensions; other values ar
 
 @dataclass(frozen=True)
 class RobotGeometry:
-    """The dimensions of a robot in its kinematics."""
+    """The robot's dimensions in the kinematics."""
 
     half_gauge: float
     """b: half the distance between the centre lines of the tracks [m]."""

@@ -26,14 +26,14 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """Tracking errors of a run. Position errors are distances from the simultaneous reference pose."""
+    """Tracking errors of a run. Position errors are distances to the reference pose at the same time."""
 
     rms_position: float
     """Root mean square of the position error [m]."""
     rms_position_after_12s: float
     """Root mean square of the position error after the transient, from 12 s on [m]; NaN for a shorter run."""
     rms_position_arc: float
-    """Root mean square of the position error in turns of the reference, as in the paper's arc [m]; NaN without turns."""
+    """Root mean square of the position error in turns of the reference, as in the paper's arc [m]; NaN if none."""
     rms_heading: float
     """Root mean square of the heading error [rad]."""
     cross_track: float

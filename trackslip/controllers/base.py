@@ -19,7 +19,7 @@ T = TypeVar("T")
 class Controller(Protocol):
     """Converts a pose into the body twist to drive. It does not handle slip: see `SlipLaw` and `compensation`.
 
-    One call may concern any number of robots, so a controller with state stores it for each robot separately.
+    A call may be for any number of robots, so a controller with state stores the state of each robot separately.
     """
 
     def reset(self) -> None:
@@ -84,7 +84,7 @@ class OncePerReference(Generic[T]):
 class Scheduled(ControlLaw):
     """Base class of laws with the gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference twist (Eqs. 28-30).
 
-    With feedback gains proportional to 2 xi a, errors decay over a distance instead of a time. At standstill it is 0.
+    With feedback gains proportional to 2 xi a, errors decay over a distance, not a time. The gain is 0 at standstill.
     """
 
     damping: float = 0.7

@@ -100,11 +100,11 @@ class Kanayama(ErrorFeedback):
     """
 
     along: float = 1.0
-    """K_x [1/s]."""
+    """K_x, gain on the error along the robot [1/s]."""
     across: float = 15.0
-    """K_y [1/m^2]."""
+    """K_y, gain on the error across the robot [1/m^2]."""
     heading: float = 6.0
-    """K_phi [1/m]. The value 2 sqrt(K_y) gives critical damping on a straight line."""
+    """K_phi, gain on the heading error [1/m]. The value 2 sqrt(K_y) gives critical damping on a straight line."""
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
@@ -124,7 +124,7 @@ class OffsetPoint(ErrorFeedback):
     distance: float = 0.2
     """Distance of the point from the centre of the robot [m]."""
     gain: float = 1.0
-    """k [1/s]."""
+    """k, gain on the position error of the point [1/s]."""
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
@@ -153,9 +153,9 @@ class DynamicFeedback(Remembering):
     """
 
     stiffness: float = 1.0
-    """k_p [1/s^2]."""
+    """k_p, gain on the position error [1/s^2]."""
     damping: float = 1.4
-    """k_d [1/s]."""
+    """k_d, gain on the velocity error [1/s]."""
     least_speed: float = 0.03
     """Speed below which the static law is used [m/s]."""
     handover_time: float = 0.3
@@ -210,7 +210,7 @@ def _speed_rate(reference: Reference, time: float) -> float:
 
 
 STANDING = 5.0
-"""Standstill appended to the reference, so that the gains do not decrease towards its end [s]."""
+"""Duration of the standstill appended to the reference, so that gains do not decrease towards its end [s]."""
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
     A and B come from the matrix exponential of the linearised Eq. 20 and are exact for constant twists and inputs.
     """
     v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-    rates = np.zeros((*v.shape, 5, 5))  # of the error and the inputs
+    rates = np.zeros((*v.shape, 5, 5))  # rates of the error and the inputs
     rates[..., 0, 1], rates[..., 1, 0], rates[..., 1, 2] = w, -w, v
     rates[..., 0, 3] = rates[..., 2, 4] = -1.0
     after = scipy.linalg.expm(rates * period)

@@ -25,7 +25,7 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Horizon(Remembering, ABC):
-    """Base class of laws that minimise predicted errors over plans: limited track speeds, each held for one interval.
+    """Base class of laws that minimise predicted errors over plans, which are limited track speeds for K intervals.
 
     Each call shifts the plan from the previous call in time, improves the plan, and drives its first twist. If a
     robot's pose is not finite, its plan is only shifted.
@@ -101,13 +101,13 @@ _STEPS = 100  # maximum number of steps; further steps would only move rounding 
 
 @dataclass(frozen=True)
 class _LeastSquares(Horizon, ABC):
-    """Base class of laws that minimise squares of predicted errors and track speed deviations by linearisation."""
+    """Base class of laws that minimise squares of predicted errors and track speed deviations in linearised motion."""
 
     speed_scale: float = 0.12
     """Deviation of a track speed from the reference that costs 1 [m/s]."""
 
     def _driven(self, pose: Array, plans: Array) -> tuple[Array, Array]:
-        """Poses (R, K, 3) after each interval of `plans` (R, K, 2) from `pose` (R, 3); derivatives (R, 3 K, 2 K)."""
+        """Poses (R, K, 3) after the intervals of `plans` (R, K, 2) from `pose` (R, 3), and Jacobians (R, 3 K, 2 K)."""
         motion = np.zeros((*plans.shape[:-1], 3))
         motion[..., ::2] = self.interval * twist_of_tracks(plans, self.half_gauge)
         starts = np.zeros_like(motion)
@@ -142,7 +142,7 @@ class LinearPredictive(_LeastSquares):
 
     def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
         wanted = track_speeds(twists, self.half_gauge)
-        way, effect = self._driven(np.zeros((1, 3)), wanted[None])  # in the frame of the reference's pose
+        way, effect = self._driven(np.zeros((1, 3)), wanted[None])  # relative to the reference's first pose
         x, y, turn = np.moveaxis(-body_errors(pose, poses[0])[:, None], -1, 0)  # (R, 1) each
         x, y = x - turn * way[..., 1], y + turn * way[..., 0]
         deviation = np.stack([x, y, np.broadcast_to(turn, x.shape)], axis=-1)
@@ -175,7 +175,7 @@ class ModelPredictive(_LeastSquares):
 def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
     """Vectors u (R, n) within +-`bound` that minimise u H u / 2 - b u, for H (R, n, n) or (1, n, n) and b (R, n).
 
-    The method is projected Newton steps: D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
+    The solver is the projected Newton method of D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
     """
     optimum = np.linalg.solve(hessian, right[..., None])[..., 0]
     (rows,) = np.nonzero(np.abs(optimum).max(axis=1) > bound)
@@ -199,7 +199,7 @@ def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
 
 @dataclass(frozen=True)
 class PathIntegral(Horizon):
-    """Law that drives the first twist of a mean of sampled plans, weighted by exp(-cost / temperature).
+    """Law that drives the first twist of the mean of sampled plans, which are weighted by exp(-cost / temperature).
 
     Samples are normally distributed about the shifted plan of the previous call, in pairs of opposite deviations, and
     clipped to the track speed limits. The uncontrolled motion is the reference motion, so a deviation d from the

@@ -64,7 +64,7 @@ class RegulatedPurePursuit(Scheduled):
     regulated_linear_scaling_min_speed: float = 0.05
     """Lowest speed to which bends reduce the desired speed [m/s]."""
     approach_velocity_scaling_dist: float = 0.05
-    """Distance to a cusp, a stop or the end of the path below which the speed falls in proportion to it [m]."""
+    """Distance to a cusp, stop or end of the path below which the speed falls in proportion to the distance [m]."""
     min_approach_linear_velocity: float = 0.05
     """Lowest speed to which the approach to a cusp, a stop or the end of the path reduces the desired speed [m/s]."""
     _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
@@ -118,9 +118,9 @@ class PathAhead:
         return v, curvature, left + np.sign(desired[0]) * (np.cos(e_phi) * e_x + np.sin(e_phi) * e_y)
 
     def point(self, time: float, distance: float) -> tuple[Array, float]:
-        """The pose (3,) on the path `distance` [m] beyond that at `time` [s], and the distance to the next break [m].
+        """The pose (3,) `distance` [m] further along the path than at `time` [s], and the distance to the next break.
 
-        A break is a cusp, a stop or the end of the path; from there the path is continued along its tangent.
+        Both distances are in m. A break is a cusp, a stop or the end of the path; it is followed by the path's tangent.
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)
@@ -146,7 +146,7 @@ class Stanley(Scheduled, ErrorFeedback):
     gain: float = 1.0
     """k, gain on the axle's distance from its path [1/s]."""
     softening: float = 0.1
-    """k_s, which limits the angle at low speed [m/s]."""
+    """k_s, which limits the steering angle at low speed [m/s]."""
     steering_limit: float = np.pi / 3
     """Maximum |delta| [rad]."""
 

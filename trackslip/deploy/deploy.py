@@ -80,7 +80,7 @@ TARGETS: dict[str, Callable[..., str]] = {
     "c": c_text,
     "python": python_text,
 }
-"""Functions for each deployment target that return a file's text, given stored laws and the name of a law."""
+"""Functions by deployment target that return the text of a file, given stored laws and the name of a law."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
     the effective radii. If D differs between the tracks, odometry describes the point midway between the ICRs, as a
     comment in the file explains. Twist variances are included for laws fitted to drives, whose varying slip is known.
 
-    `controller` is the name of the robot's controller, and `ros` the ROS version for which the file is. Raises
+    `controller` is the name of the robot's controller, and `ros` the ROS version, 1 or 2. Raises
     InvalidValueError if `controller` isn't a valid name.
     """
     is_name = controller.isidentifier() and controller.isascii()
@@ -71,7 +71,7 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
 
 
 def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
-    """Variances of the x, y, z, roll, pitch and yaw rates that match the varying slip; empty if it isn't known."""
+    """Variances of the x, y, z, roll, pitch and yaw rates that match the varying slip; empty if unknown."""
     deviations = [
         number(stored.content, "drive", "laws", law, "noise", f"slip_{what}")
         for what in ("forward", "sideways", "turn")
@@ -83,7 +83,7 @@ def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
 
 
 def expressible(law: str) -> bool:
-    """Whether a differential drive can express a law, because its sprocket speeds are linear in the twist."""
+    """Whether a differential drive can express a law, which requires sprocket speeds that are linear in the twist."""
     return "ros2_control" in FAMILIES[law].targets
 
 

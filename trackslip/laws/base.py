@@ -72,16 +72,16 @@ class SlipLaw(ABC):
     def effective_half_gauge(self, geometry: RobotGeometry) -> float:
         """Half gauge of tracks without slip that would turn the robot equally [m]: b + D for constant ICRs.
 
-        It is evaluated in turns to both sides with a radius of four half gauges, and is the mean over several robots.
+        The value comes from turns to both sides with a radius of four half gauges, and is the mean for several robots.
         """
         radius = 4 * geometry.half_gauge
         left, right = np.moveaxis(self.sprocket_speeds([[[radius, 1.0]], [[radius, -1.0]]], geometry), -1, 0)
         return float(np.mean(np.abs((right - left) / (right + left)))) * radius
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-        """Mask (...) of sprocket speeds (..., 2) in the jump between left and right turns in place; b w (...) [m/s].
+        """Mask (...) of sprocket speeds (..., 2) in the jump between left and right turns in place, and b w (...).
 
-        In the jump, the sum of both tracks' slips equals the sum at either end of the jump.
+        b w is in m/s, and 0 outside the jump. In the jump, the sum of both tracks' slips equals that at either end.
         """
         belt = geometry.sprocket_radius * omega
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -81,7 +81,7 @@ class LawFamily:
     def twist_slopes(self, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values (m, p) of m laws.
 
-        They are central differences, about a point just inside the limit for values at a limit, and 0 where not finite.
+        They are central differences, just inside a limit for values at it, and 0 where no twist has these speeds.
         """
         if not self.names:
             return np.empty((len(values), len(omega), 2, 0))

@@ -127,7 +127,7 @@ def _sine(difference: Array, mean: Array) -> Array:
 
 
 def _mean_speed(v: Array, difference: Array, loss: Array) -> Array:
-    """Mean belt speeds s (...) at which s (1 - g sin^2 theta) = v, real roots of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
+    """Mean belt speeds s (...) with s (1 - g sin^2 theta) = v, only real roots of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
 
     Newton's method is applied to the first equation, whose left side increases with s. A step that leaves the interval
     known to contain the root is replaced by a bisection.

@@ -39,7 +39,7 @@ class Edges(Rows):
     ahead: Points  # (M,) direction of the middle, halfway between the outermost returns
     bearing: Array  # (M, 2) bearings of the edges from the middle [rad]
     weight: Array  # (M, 2) reciprocal standard deviations of the bearings; 0 if not an edge of the plate [1/rad]
-    slack: Array  # (M, 2) largest deviation of a hidden edge that has no cost [rad]
+    slack: Array  # (M, 2) largest deviation of a hidden edge without cost [rad]
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class PlateBeams:
 
     u: Array  # (2, H) directions of the beams that returned
     u_turned: Array  # (2, H) u turned by a right angle to the right
-    range: Array  # (H,) [m]
+    range: Array  # (H,) measured ranges [m]
     count: np.ndarray  # (M,) number of returns in each scan
     first: np.ndarray  # (M,) index of the first return in each scan
-    edges: Edges  # (M,)
+    edges: Edges  # (M,) edges of the silhouettes
     noise: float  # standard deviation of a range [m]
 
     @classmethod
@@ -61,7 +61,7 @@ class PlateBeams:
         first = count.cumsum() - count
         low, high = bearing[first], bearing[first + count - 1]
         middle = (low + high) / 2
-        lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)  # share of beams inside the cluster
+        lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)  # share of missing beams in the cluster
         beyond = lost / (1 - lost)  # expected number of missing beams beyond the cluster
         hidden = cluster.hidden.T  # (2, M) for right and left, like all arrays for edges below
         seen = np.isfinite(hidden)

@@ -11,14 +11,14 @@ from trackslip.localization.likelihood import in_axes
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
 
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two initial headings beside it [rad]
-_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the angle between line and sight above which it is seen from the side
+_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the viewing angle above which a plate is seen from the side
 _WHOLE = 0.8  # visible fraction of a side above which both ends of the visible part locate the side
 _MIN_EXTENT = 0.35  # smallest extent of a valid line [m]
 
 
 @dataclass(frozen=True)
 class LineLocator:
-    """Locator by a total-least-squares line through the cluster: heading from its slope, position from its mid-point.
+    """Locator that fits a total-least-squares line: its slope is the heading, its mid-point the position.
 
     Two effects that the paper does not mention are corrected. The points lie on the face of the plate, half its
     thickness closer to the LRF than the plate's centre. And twice per turn the plate is seen edge-on, and the line fits
@@ -73,11 +73,11 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
     sight = np.arctan2(line.middle[:, 1], line.middle[:, 0])
     grazing = np.maximum(np.abs(np.sin(line.heading - sight)), 1e-2)
     facing = np.abs(np.cos(line.heading - sight))  # apparent size of the short face, relative to its thickness
-    short_share = plate.thickness * facing / (plate.thickness * facing + plate.length * grazing)  # of returns
+    short_share = plate.thickness * facing / (plate.thickness * facing + plate.length * grazing)  # share of returns
     mixed = plate.thickness * short_share
     across = (scan.noise * grazing) ** 2 / n + mixed**2
     along = (distance * scan.beam_step / grazing) ** 2 / 12 / 2 + (scan.noise * (1 - grazing)) ** 2 / 2 + mixed**2
-    # least squares with the share `short_share` of the returns at one end, off by the thickness
+    # turn of a least-squares line if the share `short_share` of the returns is at one end, off by the thickness
     leaning = 3 * plate.thickness / plate.length * short_share
     heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2) + leaning**2
     axes = in_axes(line.heading)

@@ -1,4 +1,4 @@
-"""Tracks through the poses from single scans, scan by scan or for recorded scans.
+"""Tracking of robots through the poses from single scans, scan by scan or in recorded scans.
 
 Half turns are resolved, outliers rejected, and gaps bridged by the encoders. A few of the recorded scans are located
 independently, by fits from several initial poses; then all scans are located near the track through these few.
@@ -21,7 +21,7 @@ GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
 GROWTH = 0.3
 """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
 BLIND_TURN = np.radians(60.0)
-"""Predicted heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be below pi / 2."""
+"""Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be below pi / 2."""
 
 
 class Tracker:
@@ -69,7 +69,7 @@ class Tracker:
         return PoseEstimate(self._pose.copy(), self._covariance(), valid)
 
     def _unwrapped(self, pose: Array) -> Array:
-        """Poses (N, 3) with headings shifted by half turns to the nearest to the predictions."""
+        """Poses (N, 3) with headings shifted by half turns, so that they are nearest to the predictions."""
         unwrapped = pose.copy()
         unwrapped[:, 2] -= np.rint((pose[:, 2] - self._pose[:, 2]) / np.pi) * np.pi
         return unwrapped
@@ -102,7 +102,7 @@ class Follower:
         self._locator, self._tracker, self._of_keys = locator, tracker, copy.deepcopy(tracker)
 
     def follow(self, scan: Scan, angle: Array) -> PoseEstimate:
-        """Track the robots (N, T) through the next block of scans, with ranges (N, T, B).
+        """Track the N robots through the next block of T scans, with ranges (N, T, B).
 
         `angle` (N, T, 2) are the angles by which the sprockets turned from the previous scan to each scan [rad].
         """
@@ -116,7 +116,7 @@ class Follower:
         return self._tracked(self._tracker, scan, angle, expected.reshape(-1, 3))
 
     def _tracked(self, tracker: Tracker, scan: Scan, angle: Array, expected: Array | None = None) -> PoseEstimate:
-        """Track the robots (N, T) through scans that are all located at once, from expected poses (N T, 3) if known.
+        """Track the N robots through T scans that are all located at once, from expected poses (N T, 3) if known.
 
         Where the tracker rejects a pose, another object was mistaken for the plate, and the plate is located again from
         the predicted pose.

@@ -28,7 +28,7 @@ _ABOUT = 0.1  # distance from the plate within which returns are not used for th
 _MIN_RETURNS = 8  # fewest returns of a scan from which the noise is estimated
 _COMPARED = (1, 2, 3, 4)  # distances, in valid poses, to earlier and later poses with which a pose is compared
 _MIN_LOCATED = 12  # fewest scans in which the plate must be located
-_TOLD = 0.3  # lead of one end, as a fraction of the distance driven, above which this end is the front
+_TOLD = 0.3  # net lead of one end, as a fraction of the distance driven, above which this end is the front
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class RawScans:
     def measured(cls, time: Array, ranges: np.ndarray, message: Any, upside_down: bool = False) -> RawScans:
         """Build scans from ranges (S, B), times (S,) of first rays, and a `sensor_msgs/LaserScan` with the settings.
 
-        Ranges are no returns if not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams may run
-        clockwise. Raises LogError for scans without beams, angles or returns.
+        A range is no return if it is not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams may
+        run clockwise. Raises LogError for scans without beams, angles or returns.
         """
         beams, angle_min, angle_increment = ranges.shape[1], message.angle_min, message.angle_increment
         span = abs(angle_increment) * (beams - 1)
@@ -63,7 +63,7 @@ class RawScans:
         return cls(np.asarray(time, float), bearings[order], kept, lag[order], float(reach))
 
     def seen(self, level: Array, noise: float, rows: np.ndarray | slice = slice(None)) -> Scan:
-        """The scans `rows` with a background `level` (B,); at edges, a beam may measure that of its neighbours."""
+        """The scans `rows` with a background `level` (B,); at edges, beams may measure their neighbours' background."""
         beside = np.pad(level, 1, constant_values=np.nan)
         levels, ranges = np.stack([level, beside[:-2], beside[2:]]), self.ranges[rows].astype(float)
         return Scan(self.bearings, ranges, noise, np.zeros(3), self.max_range, background=levels)
@@ -98,7 +98,7 @@ def follow_plate(raw: RawScans, angle: Array, plate: Plate) -> FollowedPlate:
     """Find the poses of a plate of known size in all scans.
 
     `angle` (S, 2) are the sprocket angles at the time of each scan [rad]. Raises LogError if the sprockets hardly turn,
-    or if no plate of this size moves according to them.
+    or if no plate of this size moves as the encoders indicate.
     """
     turned = np.append(0.0, np.abs(np.diff(angle, axis=0)).max(axis=1).cumsum())
     keys = np.unique(np.searchsorted(turned, np.linspace(0.0, turned[-1], _KEY_SCANS)))

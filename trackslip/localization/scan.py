@@ -96,8 +96,8 @@ class Scan:
 class Cluster:
     """The H returns in S scans that are attributed to the plate, ordered by scan."""
 
-    bearing: Array  # (H,) [rad]
-    range: Array  # (H,) [m]
+    bearing: Array  # (H,) bearings of the returns [rad]
+    range: Array  # (H,) ranges of the returns [m]
     count: np.ndarray  # (S,) number of returns; 0 for a scan without a cluster
     lost: np.ndarray  # (S,) beams without a return between the first and last return, if no closer object explains them
     hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf if unlimited [rad]
@@ -345,7 +345,7 @@ class PoseEstimate(Rows):
 
 
 class Locator(Protocol):
-    """Locator of the plate in single scans, whose headings are thus ambiguous by half a turn (see `Tracker`)."""
+    """Locator of the plate in single scans, from which headings are ambiguous by half a turn (see `Tracker`)."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Locate the plate in scans with ranges (S, B), near expected robot poses `predicted` (S, 3) in the world."""

@@ -1,8 +1,8 @@
 """The arc of constant twist, fitted to all poses of a steady run or directly to all ranges of its scans.
 
 A pose from a single scan loses information: where the plate is seen nearly edge-on or broadside, the scan hardly
-constrains one of the three coordinates, which the pose does not show. All scans together determine the arc's six
-parameters well, and each scan contributes in the directions that it measures: the sum of all scans' log-likelihoods
+constrains one of the three coordinates, but the pose alone does not show this. All scans together determine the arc's
+six parameters well, and each scan contributes in the directions that it measures: the sum of all scans' log-likelihoods
 (`trackslip.localization.likelihood`) is maximised over the arc by the Levenberg-Marquardt method.
 """
 
@@ -135,7 +135,7 @@ _MISFIT = 3.0  # rms residual about the initial arc above which a scan is exclud
 _COSTLY = 4.0  # cost per measurement on the initial arc above which a scan is excluded
 _CHANCE = 1.3  # ratio of the scores' scatter to the expected scatter that chance may explain
 _ITERATIONS = 30
-_CONVERGED = 1e-3  # largest step [standard errors]
+_CONVERGED = 1e-3  # largest step at convergence [standard errors]
 
 
 def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
@@ -189,7 +189,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
     """Derivatives (T, 6) of the scans' costs by the arc's parameters, and the Hessian (6, 6) of the total cost.
 
-    `jacobian` (T, 3, 6) is that of the poses with respect to the arc's parameters.
+    `jacobian` (T, 3, 6) has the derivatives of the poses with respect to the arc's parameters.
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)

@@ -14,7 +14,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
 from trackslip.motion.steady_twist import within
 
-SETTLE = 1.5  # default time until the robot's motion is steady after the sprockets [s]
+SETTLE = 1.5  # default time from steady sprocket speeds to steady motion [s]
 _BLOCK = 0.5  # duration of the blocks over which sprocket speeds are averaged [s]
 _DRIFT = 0.05  # largest change in a steady sprocket's mean speed, relative to the faster sprocket's speed [-]
 _SLOW = 0.2  # speed, relative to the run's highest, below which the largest change is constant [-]
@@ -37,12 +37,12 @@ _SHORTEST_PIECE = 1.5  # minimum duration of a piece [s]
 
 @dataclass(frozen=True)
 class SteadyPart:
-    """A stretch with constant sprocket speeds and no gap in its clock."""
+    """A stretch of a run with constant sprocket speeds and no gap in the clock."""
 
     name: str
     """Name of the run and, if the run has several stretches, the start time of this stretch."""
     log: RunLog
-    """The run from the end of the previous stretch to the start of the next."""
+    """The run from the end of the previous stretch to the start of the next stretch."""
     window: tuple[float, float]
     """Start and end of the stretch [s]."""
     notes: tuple[str, ...]

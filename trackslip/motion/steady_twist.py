@@ -33,7 +33,7 @@ class SteadyTwist:
 
 
 MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]
-"""Function that returns the twist of a run in a steady window [s], or raises LogError if it cannot be determined."""
+"""Function that returns the twist of a run in a steady window [s], or raises LogError if the run is unsuitable."""
 
 
 def within(time: Array, window: tuple[float, float]) -> np.ndarray:

@@ -102,7 +102,7 @@ class LoadedLaw(Compensation):
 
 
 def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
-    """Build the compensation by a known law. With an IcrLoad law, it uses the measured load."""
+    """Build the compensation by a known law, which for an IcrLoad law uses the measured load."""
     return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
 
 

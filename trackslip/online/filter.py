@@ -88,7 +88,7 @@ class IcrFilter:
         self.start(np.arange(n), pose)
 
     def start(self, robots: np.ndarray, pose: Array) -> None:
-        """Start anew for the robots with indices `robots` (R,) at known poses (R, 3)."""
+        """Restart the robots with indices `robots` (R,) at known poses (R, 3)."""
         self.state[robots, 3:] = self._prior[robots]
         self.restarts[robots], self._turning[robots] = 0, 0.0
         self._begin(robots, pose, np.zeros((len(robots), 3, 3)), self._share)
@@ -131,7 +131,7 @@ class IcrFilter:
         walks = (*pose_walks, tuning.gain_walk, tuning.radius_error_walk, tuning.centre_walk)
         self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(walks)
         for k, most in enumerate(self._spreads, 3):
-            over = self.covariance[:, k, k] > most**2  # the uncertainty never exceeds the initial one without a law
+            over = self.covariance[:, k, k] > most**2  # never more uncertain than without prior knowledge
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
             self.covariance[:, k, :] *= shrink[:, None]
             self.covariance[:, :, k] *= shrink[:, None]

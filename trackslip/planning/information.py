@@ -17,7 +17,7 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.route import RATE
 
 _LENGTHS = (2.0, 10.0)  # window lengths that suit precise and imprecise poses [s]
-_DETERMINED = 0.5  # largest standard error of a determined parameter, as a fraction of the prior's
+_DETERMINED = 0.5  # largest standard error of a determined parameter, relative to the prior standard deviation
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class PoseQuality:
         require(self.heading is None or self.heading > 0, "heading", self.heading, "a number > 0, or None")
 
     def thinned(self, rate: float) -> PoseQuality:
-        """Equivalent quality with at most `rate` poses per second [Hz], each more precise to make up for the number."""
+        """Equivalent quality with at most `rate` poses per second [Hz], which are more precise in return."""
         if self.rate <= rate:
             return self
         share = np.sqrt(rate / self.rate)
@@ -53,7 +53,7 @@ class Expectation:
 
 
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> PreparedDrive:
-    """Build a drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], always combining `merge` periods."""
+    """Build a drive with belt speeds (T, 2) [m/s] for periods of 1 / `rate` [s], `merge` of them combined into one."""
     edges, omega = merged(np.arange(len(speeds) + 1) / rate, speeds / radius, -(-len(speeds) // merge))
     time = np.arange(0.5 / poses.rate, edges[-1], 1 / poses.rate)
     pose = np.zeros((len(time), 3))
@@ -115,7 +115,7 @@ def _covariance(
     way = data.way(model.geometry.sprocket_radius)
     last = np.append(windows.first[1:], len(rows)) - 1
     typical = np.median(way[rows[last]] - way[rows[windows.first]])
-    variance = white + slip * typical / 6  # variance of a random walk about its mean: 1/6 of the end's
+    variance = white + slip * typical / 6  # about its mean, a random walk has 1/6 of its final variance
     weight = data.known[:, rows] / variance[1:, None]
     found = residuals(model, data, windows, values, free, weight)
     pull = found.slope[:3] * np.where(found.known[:3], 1 / variance[:, None], 0.0)[:, None]

@@ -20,7 +20,7 @@ from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path,
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws for which a drive can be planned."""
 PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
-_EVALUATIONS, _FEWEST = 1000, 200  # routes tried in a search, of drives up to _LONG and of very long drives
+_EVALUATIONS, _FEWEST = 1000, 200  # routes tried in a search for drives up to _LONG, and fewest for longer drives
 _LONG = 120.0  # duration above which a search tries fewer routes [s]
 _POSES = 1200  # most poses used in a search; more are replaced by fewer, more precise poses
 _THINNED = (2.0, 10.0)  # fewest and most poses per second in a search [Hz]
@@ -69,7 +69,7 @@ class DrivePlan(PlacedRoute):
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Reference value for the error of each of the law's parameters, in the parameter's unit."""
+        """Value to which the error of each of the law's parameters is relative, in the parameter's unit."""
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 

@@ -64,16 +64,16 @@ class PlacedRoute:
 
     maneuvers: Maneuvers
     start: Array  # (3,) first pose, relative to the centre of the area [m, m, rad]
-    places: Array  # (2, 2) lowest and highest x and y of the robot's centre, relative to the area's [m]
+    places: Array  # (2, 2) lowest and highest x and y of the robot's centre, relative to the area's centre [m]
 
 
 @dataclass(frozen=True)
 class Maneuvers:
-    """Maneuvers: the distances that the belts drive, and the times that this takes within the limits."""
+    """A sequence of maneuvers: the distances that the belts drive, and the durations within the limits."""
 
     way: Array  # (n, 2) distances driven by the left and right belts, negative backwards [m]
-    duration: Array  # (n,) whole command periods [s]
-    acceleration: float  # of the faster belt [m/s^2]
+    duration: Array  # (n,) durations, in whole command periods [s]
+    acceleration: float  # acceleration of the faster belt [m/s^2]
 
     @classmethod
     def of(cls, way: Array, limits: DriveLimits) -> Maneuvers:
@@ -203,7 +203,7 @@ def _slipped(maneuvers: Maneuvers, places: Array, knowledge: Knowledge) -> Array
     first, second = (np.zeros(lever.shape) for _ in range(2))
     np.cumsum(middle * part, axis=-1, out=first[..., 1:])
     np.cumsum(middle**2 * part, axis=-1, out=second[..., 1:])
-    swung = np.maximum(lever**2 * driven - 2 * lever * first + second, 0.0)  # squared levers
+    swung = np.maximum(lever**2 * driven - 2 * lever * first + second, 0.0)  # sum of squared levers of all parts so far
     return np.sqrt(max(along, across) ** 2 * driven + turning**2 * swung)
 
 

@@ -133,9 +133,9 @@ def wheel_contact(
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 20,
 ) -> Contact:
-    """Build wheels with patches of uniform pressure, one at each end of an axle. For the rest, see `line_contact`.
+    """Build wheels with `points` points on patches of uniform pressure, one patch at each end of an axle.
 
-    `axles` are the axles' distances ahead of their common centre [m], with mean 0. Each patch has `points` points.
+    `axles` are the axles' distances ahead of their centre [m], with mean 0. For other arguments, see `line_contact`.
     """
     require_positive("half_gauge", half_gauge)
     require_positive("patch_length", patch_length)

@@ -18,7 +18,7 @@ from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference,
 from trackslip.trajectory.waypoints import read_waypoints
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # on [0, 1]
+_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # nodes and weights on [0, 1]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class PathPiece:
 
 
 class ClothoidPath(PlanarPath):
-    """A sequence of pieces, in which the heading is quadratic in the arc length and positions are integrals of it."""
+    """A sequence of pieces. Headings are quadratic in the arc length, and positions are Gauss-Legendre integrals."""
 
     def __init__(self, start: ArrayLike, pieces: Sequence[PathPiece]) -> None:
         """Join the pieces, the first from the pose `start` (3,)."""
@@ -61,7 +61,7 @@ class ClothoidPath(PlanarPath):
         return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
 
     def _chord(self, k: np.ndarray, way: Array) -> Complex:
-        """Vectors (...) from knots k (...) to the points `way` (...) [m] further along the path, by Gauss-Legendre."""
+        """Vectors (...) from knots k (...) to points `way` (...) [m] further along, by Gauss-Legendre quadrature."""
         at = way[..., None] * _NODES
         heading = self._heading[k, None] + at * (self._curvature[k, None] + self._sharpness[k, None] * at / 2)
         return way * (np.exp(1j * heading) @ _WEIGHTS)

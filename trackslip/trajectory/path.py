@@ -51,7 +51,7 @@ class PlanarPath(ABC):
 
 
 Curve = Callable[[Array, int], Complex]
-"""Function of parameters (...) and the order of a derivative (0 to 2) that returns it (...), like SciPy's splines."""
+"""Function that returns a curve's points (order 0) or derivatives (orders 1, 2) at parameters (...), as in SciPy."""
 
 
 class ParametricPath(PlanarPath):
@@ -117,7 +117,7 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         velocity = curve(u, 1)
         with np.errstate(divide="ignore", invalid="ignore"):  # the speed is zero at a cusp; NaN counts as coarse
             slope = 1 / np.abs(velocity)
-            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # the polynomial halfway
+            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # polynomial halfway along
             miss = np.abs(_arc_length(curve, u[:-1], middle) - lengths / 2)
             turn = np.abs(np.angle(velocity[1:] / velocity[:-1]))
         coarse = (lengths > STEP) | ~(miss < _CLOSE) | ~(turn < _MAX_TURN) | (len(lengths) < 2)
@@ -172,7 +172,7 @@ class MotionLimits:
 
 
 LIMITS = MotionLimits()
-"""Limits that the default robot's motors can keep up with, slip included."""
+"""Limits within which the default robot's motors can follow a reference, slip included."""
 
 
 class ProfiledReference(PiecewiseReference):
@@ -185,14 +185,14 @@ class ProfiledReference(PiecewiseReference):
         speed_at: Callable[[Array], Array] | None = None,
         direction: int = 1,
     ) -> None:
-        """`speed_at` returns the largest speeds (...) [m/s] at arc lengths (...) [m]; MIN_SPEED replaces lower values.
+        """Plan the speeds. `speed_at` returns limits (...) [m/s] at arc lengths (...) [m]; at least MIN_SPEED is used.
 
         `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError if a bend is too tight for
         MIN_SPEED.
         """
         self._path, self._direction = path, direction
         turn = -np.copysign(np.pi, path.pose(path.knots[0])[2]) if direction < 0 else 0.0
-        self._turn = np.array([0.0, 0.0, turn])  # from the path's heading to the robot's
+        self._turn = np.array([0.0, 0.0, turn])  # offset from the path's poses to the robot's
         speeds = _speeds(path, limits, speed_at)  # (K,)
         durations = 2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:])
         super().__init__(durations, direction * speeds[:-1], direction * speeds[1:])

@@ -25,7 +25,7 @@ _ALONG = np.cos(np.radians(45))  # cosine of the largest angle between a chord a
 
 
 class Stretches(PiecewiseReference):
-    """A sequence of references, in which the heading does not jump by whole turns."""
+    """Several references in sequence, whose headings continue without jumps by whole turns."""
 
     def __init__(self, references: Sequence[ProfiledReference]) -> None:
         self._references = references
@@ -91,7 +91,7 @@ def waypoints(
     Args:
         points: world positions (N, 2) [m].
         limits: limits on speed, acceleration and yaw rate.
-        yaw: headings (N,) [rad], which decide where the robot reverses and which it has where it starts and stops.
+        yaw: headings (N,) [rad], which determine where the robot reverses, and its headings at starts and stops.
         speed: speed limits (N,) at the points [m/s]; between points the squared limit is linear.
 
     Raises:
