@@ -49,7 +49,7 @@ class LogWarning(UserWarning):
 
 
 class RobotWarning(UserWarning):
-    """A robot whose results need caution, because they are not verified by theory or only part of its model is used."""
+    """A robot whose results need caution, because theory does not verify them or they use only part of its model."""
 
 
 class SettingsFileError(TrackslipError, ValueError):

@@ -33,7 +33,7 @@ class TrackingErrors:
     rms_position_after_12s: float
     """Root mean square of the position error after the transient, from 12 s on [m]; NaN for a shorter run."""
     rms_position_arc: float
-    """Root mean square of the position error in turns of the reference, as in the paper's arc [m]; NaN if none."""
+    """Root mean square of the position error in reference turns, as in the paper's arc [m]; NaN without turns."""
     rms_heading: float
     """Root mean square of the heading error [rad]."""
     cross_track: float

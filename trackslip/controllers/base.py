@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class Controller(Protocol):
-    """Converts a pose into the body twist to drive. It does not handle slip: see `SlipLaw` and `compensation`.
+    """A controller converts poses into body twists to drive. Slip is handled by `SlipLaw` and `compensation`.
 
     A call may be for any number of robots, so a controller with state stores the state of each robot separately.
     """
@@ -31,7 +31,7 @@ class Controller(Protocol):
 
 @runtime_checkable
 class SensesSprockets(Protocol):
-    """A controller that also uses the sprocket speeds."""
+    """A controller that also uses the measured sprocket speeds."""
 
     def sense(self, omega: Array) -> None:
         """Pass the sprocket speeds (N, 2) [rad/s] measured over the last period to the controller, before `twist`."""

@@ -222,13 +222,13 @@ class Lqr(ControlLaw):
     """
 
     position_scale: float = 0.1
-    """Scale of e_x and e_y [m]."""
+    """Error e_x or e_y that costs 1 [m]."""
     heading_scale: float = 0.3
-    """Scale of e_phi [rad]."""
+    """Error e_phi that costs 1 [rad]."""
     speed_scale: float = 0.1
-    """Scale of the correction of v [m/s]."""
+    """Correction of v that costs 1 [m/s]."""
     yaw_rate_scale: float = 0.3
-    """Scale of the correction of w [rad/s]."""
+    """Correction of w that costs 1 [rad/s]."""
     period: float = 0.05
     """Time between two commands [s]."""
     _gains: OncePerReference[Array] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)

@@ -29,8 +29,8 @@ STEP = 0.01
 class PurePursuit(Scheduled):
     """Law that drives the arc through a goal on the path, `look_ahead` further along than the reference pose.
 
-    The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d; without errors it
-    equals the path's curvature. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and
+    The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d. Without errors the
+    arc has the path's curvature. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and
     xi = 1 / sqrt(2). The robot waits rather than drive against the direction of the reference.
     """
 
@@ -113,14 +113,14 @@ class PathAhead:
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, self._reference.pose(time)), -1, 0)
         v = speed_to_keep_up(desired, (e_x, e_y, e_phi), gain(desired))
         x, y, _ = np.moveaxis(body_errors(pose, goal), -1, 0)
-        # A robot far ahead of the reference may be close to the goal; it must not spin there.
+        # A robot far ahead of the reference may be close to the goal, where it must not spin.
         curvature = 2 * y / np.maximum(x**2 + y**2, (look_ahead / 2) ** 2)
         return v, curvature, left + np.sign(desired[0]) * (np.cos(e_phi) * e_x + np.sin(e_phi) * e_y)
 
     def point(self, time: float, distance: float) -> tuple[Array, float]:
         """The pose (3,) `distance` [m] further along the path than at `time` [s], and the distance to the next break.
 
-        Both distances are in m. A break is a cusp, a stop or the end of the path; it is followed by the path's tangent.
+        Both distances are in m. A break is a cusp, a stop or the end of the path, followed by the path's tangent.
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)
@@ -171,8 +171,8 @@ def speed_to_keep_up(desired: Array, errors: Errors, gain: Array) -> Array:
     """Speeds (...) [m/s]: v_d plus k [1/s] times the error along the path, or 0 if the sum is opposite to v_d.
 
     `desired` is the reference twist (2,), `errors` are each (...), and `gain` is k. Laws that steer towards a point
-    ahead use this speed. These laws are unstable when the robot drives away from that point, so the robot waits for a
-    reference behind it. With these laws the robot turns round only while it drives, so the speed must not depend on its
+    ahead use this speed. Such laws are unstable when the robot drives away from that point, so the robot waits for a
+    reference behind it. With such laws the robot turns round only while driving, so the speed must not depend on the
     heading. To first order the speed equals v_d cos(e_phi) + k e_x.
     """
     e_x, e_y, e_phi = errors

@@ -85,7 +85,7 @@ TARGETS: dict[str, Callable[..., str]] = {
 
 @dataclass(frozen=True)
 class Deployed:
-    """A law in a form for another program."""
+    """A law in the format of another program."""
 
     law: str
     """Name of the law."""

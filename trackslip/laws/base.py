@@ -64,7 +64,7 @@ class SlipLaw(ABC):
                 turned = missed if k == 0 else missed / _limited((wrong - missed) / turned)
                 wrong = missed
                 real = np.where(found, real, real * np.abs(ratio) * np.exp(1j * turned))
-                found = found | (np.abs(ratio - 1) < _CONVERGED)  # kept: another step might cross a jump
+                found = found | (np.abs(ratio - 1) < _CONVERGED)  # final, as another step might cross a jump
                 if found.all():
                     break
         return _of_plane(np.where(in_place, 1j * turning, real), geometry)

@@ -154,7 +154,7 @@ def entry(content: Any, *keys: str | int) -> Any:
 
 
 def number(content: Any, *keys: str | int) -> float | None:
-    """The finite number at nested keys; None if missing or anything else."""
+    """The finite number at nested keys; None if missing or not a finite number."""
     found = entry(content, *keys)
     if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= sys.float_info.max:
         return None
@@ -162,6 +162,6 @@ def number(content: Any, *keys: str | int) -> float | None:
 
 
 def text(content: Any, *keys: str | int) -> str:
-    """The text at nested keys; empty if missing or anything else."""
+    """The text at nested keys; empty if missing or not a text."""
     found = entry(content, *keys)
     return found if isinstance(found, str) else ""

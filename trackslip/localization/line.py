@@ -12,7 +12,7 @@ from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extr
 
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two initial headings beside it [rad]
 _FROM_SIDE = np.sin(np.radians(30.0))  # sine of the viewing angle above which a plate is seen from the side
-_WHOLE = 0.8  # visible fraction of a side above which both ends of the visible part locate the side
+_WHOLE = 0.8  # visible fraction of a side above which both visible ends locate the side
 _MIN_EXTENT = 0.35  # smallest extent of a valid line [m]
 
 
@@ -89,8 +89,8 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
     """Initial poses (S, K, 3) for fits.
 
-    They have the heading of the fitted line, that of its mirror image, and headings slightly to each side of edge-on.
-    If the line is seen from the side, the latter are replaced by the pose of the line, shifted slightly towards each
+    The headings are that of the fitted line, that of its mirror image, and one on each side of edge-on. If the line
+    is seen from the side, the poses near edge-on are replaced by the pose of the line, shifted slightly towards each
     end or, if part of the plate is out of sight, as far as it may extend. With `near` (S, 3), two more poses follow.
     """
     line = fit_line(cluster)

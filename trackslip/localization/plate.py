@@ -195,10 +195,10 @@ class PlateLocator:
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
     """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along the plates where too small.
 
-    They are too small where one or two beams hit the short face of a plate seen from the side. These beams seem to
-    determine the position along the plate precisely, but no longer do so once the plate slides and they hit the long
-    face. The variance is then that from the edges, with weights `weight` (S, 2) [1/rad]. `short` is the distance at
-    which a short face turned towards the LRF spans one beam step [m].
+    Covariances are too small where one or two beams hit the short face of a plate seen from the side. The beams seem to
+    determine the position along the plate precisely, but do not if the plate slides so that they hit the long face.
+    The variance is then that from the edges, with weights `weight` (S, 2) [1/rad]. `short` is the distance at which a
+    short face turned towards the LRF spans one beam step [m].
     """
     angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
     information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]

@@ -22,7 +22,7 @@ FINER_GAPS = (0.25, 0.1)
 MIN_RETURNS = 4  # fewest returns for a pose; three always fit exactly, on whichever face they are
 MIN_NOISE = 0.5e-3
 """Smallest assumed noise of a scanner, because the plate is never a perfect rectangle [m]."""
-_ABOUT = 0.15  # maximum distance of returns from an expected plate, above a tracker's error [m]
+_ABOUT = 0.15  # maximum distance of a return from an expected plate, above a tracker's error [m]
 _ON_PLATE = 0.03  # maximum distance of a return from its plate, unless five standard deviations are more [m]
 _HOUSING = 0.05  # range below which returns are from the LRF's housing or stand [m]
 _STATIC = 5.0  # distance from the background within which returns belong to it [standard deviations]
@@ -197,9 +197,9 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     """Extract the cluster of points on the plate (paper, Sec. III-B) from scans with ranges (S, B).
 
     With expected poses `near` (S, 3) in the LRF's frame, the cluster consists of all pieces around the expected plate,
-    which an object in front may have divided. If there are none, it is the piece nearest to `near`, and without `near`
-    the piece with most returns; only pieces no larger than the plate are considered, split where neighbouring returns
-    are more than MAX_GAP apart.
+    which an object in front may have divided. If there are no such pieces, the cluster is the piece nearest to `near`;
+    without `near`, it is the piece with most returns. Only pieces no larger than the plate are considered, split where
+    neighbouring returns are more than MAX_GAP apart.
     """
     returns = returns_of(scan)
     mine = np.zeros(len(returns.row), bool)
@@ -219,7 +219,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
 def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
     """Clusters in scans (S, B) that could be the plate, and the index of the scan (C,) for each cluster.
 
-    They are the pieces of each scan with most returns that are no larger than the plate, split at gaps above `gap` [m].
+    The pieces of each scan with most returns are chosen, if no larger than the plate, split at gaps above `gap` [m].
     """
     returns = returns_of(scan)
     pieces = returns.split(gap)

@@ -230,7 +230,7 @@ def _furthest(mean: Array, floor: float, noise: float) -> np.ndarray:
     """Last block (n,) for each first block up to which neither column of `mean` (n, 2) varies too much.
 
     The allowed variation is a share of the faster sprocket's speed, or `floor` if larger, plus `noise`. It grows more
-    slowly than the variation, so the last block for a later first block is never an earlier one.
+    slowly than the variation, so a later first block never has an earlier last block.
     """
     furthest, end = np.empty(len(mean), int), 0
     for first in range(len(mean)):

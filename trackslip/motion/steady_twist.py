@@ -86,7 +86,7 @@ _MAX_GAP_TURN = 2.5  # largest turn in a gap that an arc can bridge [rad]
 def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """Compute the mean twist by the paper's method (Sec. III-B): smooth the poses, then divide displacements by time.
 
-    The paper does not specify its low-pass filter; here it is applied to position and heading. The filter's delay does
+    The paper does not specify the low-pass filter; here, position and heading are filtered. The filter's delay does
     not matter in a steady turn, but noise lengthens the displacements. Noise in the twists cancels in the mean except
     at the ends, which only a wide lag window accounts for. Raises LogError if there are too few valid poses, or the
     robot turns too far from row to row or within a gap.

@@ -200,7 +200,7 @@ def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> 
     """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), divided by the weight.
 
     They minimise the power that belts at speeds (M, K) of order one dissipate under loads (M, K), plus the power of the
-    required forces. The solver is Newton's method with backtracking and decreasing smoothing where sliding reverses.
+    required forces. Newton's method is used, with backtracking and decreasing smoothing where sliding reverses.
     """
     x, y = contact.x, contact.y
     # the sliding velocity, weighted by friction, is linear in the twist

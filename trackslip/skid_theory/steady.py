@@ -111,7 +111,7 @@ def _acceleration(twist: Array, contact: Contact) -> Array:
 
 
 def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load) -> Array:
-    """Twists (M, 3) at which the ground forces balance the load and accelerations (M, 2) in units of gravity."""
+    """Twists (M, 3) at which the ground forces balance the load and cause accelerations (M, 2) in units of gravity."""
     scale = np.abs(speeds).max(axis=1, keepdims=True)
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill

@@ -19,7 +19,7 @@ class Reference(Protocol):
         """Time at which the reference ends [s]."""
 
     def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        """Poses (..., 3) at times (...) [s], with phi unwrapped."""
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
@@ -46,7 +46,7 @@ class PiecewiseReference(ABC):
         return self._times
 
     def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        """Poses (..., 3) at times (...) [s], with phi unwrapped."""
         k, way, _ = self._driven(time)
         return self.pose_in(k, way)
 

@@ -48,7 +48,7 @@ class ClothoidPath(PlanarPath):
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
 
     def pose(self, s: Array) -> Array:
-        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
         k = cell(self._s, s)
         way = s - self._s[k]
         point = self._point[k] + self._chord(k, way)
@@ -56,7 +56,7 @@ class ClothoidPath(PlanarPath):
         return np.stack([point.real, point.imag, heading], axis=-1)
 
     def curvature(self, s: Array) -> Array:
-        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        """Curvatures (...) [1/m] at arc lengths (...) [m], positive to the left."""
         k = cell(self._s, s)
         return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
 

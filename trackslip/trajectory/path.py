@@ -43,11 +43,11 @@ class PlanarPath(ABC):
 
     @abstractmethod
     def pose(self, s: Array) -> Array:
-        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
 
     @abstractmethod
     def curvature(self, s: Array) -> Array:
-        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        """Curvatures (...) [1/m] at arc lengths (...) [m], positive to the left."""
 
 
 Curve = Callable[[Array, int], Complex]
@@ -83,7 +83,7 @@ class ParametricPath(PlanarPath):
         self._heading = heading
 
     def pose(self, s: Array) -> Array:
-        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
         k, u = cell(self._s, s), self._parameter(s)
         point = self._rotation * self._curve(u, 0) + self._shift
         heading = self._heading[k] + np.angle(self._curve(u, 1) * np.conj(self._velocity[k]))
@@ -94,7 +94,7 @@ class ParametricPath(PlanarPath):
         return self._parameter(s)
 
     def curvature(self, s: Array) -> Array:
-        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        """Curvatures (...) [1/m] at arc lengths (...) [m], positive to the left."""
         u = self._parameter(s)
         velocity = self._curve(u, 1)
         return (np.conj(velocity) * self._curve(u, 2)).imag / np.abs(velocity) ** 3
