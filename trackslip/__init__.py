@@ -1,11 +1,11 @@
-"""Slip of tracked robots: kinematics, localization, identification and control. Needs no simulator.
+"""Slip of tracked robots: kinematics, localization, identification and control, usable without a simulator.
 
     import trackslip
 
     found = trackslip.identify("out/grid")
     found.laws[found.best]
 
-The names below are imported when they are first used, so that `import trackslip` is quick.
+The public names are imported when they are first used, so that `import trackslip` is quick.
 """
 
 import importlib

@@ -1,4 +1,4 @@
-"""The public names, and where they are; `__init__.py` imports each when it is first used."""
+"""The public names and their modules. `__init__.py` imports each name when it is first used."""
 
 from .bags.choice import BagChoice as BagChoice
 from .bags.drives import load as load

@@ -1,4 +1,4 @@
-"""`python -m trackslip` is the command `trackslip`, which comes with the package `experiments`."""
+"""Entry point of `python -m trackslip`, which runs the command `trackslip` from the package `experiments`."""
 
 import importlib.util
 import runpy

@@ -1,4 +1,4 @@
-"""Errors that a user can fix: each message is one line and says what is allowed."""
+"""Errors that a user can fix, with messages of one line that state what is allowed, and checks that raise them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numbers import Integral, Real
 from pathlib import PurePath
 from typing import Any
 
-_LONG = 200  # most characters of a value that are shown
+_LONG = 200  # length above which a value is abbreviated in messages [characters]
 
 
 class TrackslipError(Exception):
-    """Base class of all errors that trackslip raises deliberately; `message` is put on one line."""
+    """Base class of all errors that trackslip raises deliberately, with a message of one line."""
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(" ".join(message.splitlines()))  # names in files may contain line breaks
+        super().__init__(" ".join(message.splitlines()))  # names from files may contain line breaks
 
 
 class InvalidValueError(TrackslipError, ValueError):
@@ -24,57 +24,57 @@ class InvalidValueError(TrackslipError, ValueError):
 
     Args:
         field: name of the field or option.
-        value: the value given.
-        allowed: what is allowed, in words.
+        value: the invalid value.
+        allowed: description of the allowed values.
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
         plain = float(value) if isinstance(value, float) else str(value) if isinstance(value, PurePath) else value
-        shown = repr(plain)  # the repr of NumPy's floats and of paths includes the type
+        shown = repr(plain)  # the repr of NumPy floats and paths includes the type
         if len(shown) > _LONG:
             shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
 
     def __reduce__(self) -> tuple[type[InvalidValueError], tuple[str, object, str]]:
-        return type(self), (self.field, self.value, self.allowed)  # so that other processes can raise it
+        return type(self), (self.field, self.value, self.allowed)  # picklable, for other processes
 
 
 class LogError(TrackslipError, ValueError):
-    """A log that cannot be read or used; the message names the file, row and column where it can."""
+    """A log that cannot be read or used. The message names the file and, if possible, row and column."""
 
 
 class LogWarning(UserWarning):
-    """Rows or runs of a log that were left out; the message names the file, and row and column where it can."""
+    """Omitted rows or runs of a log. The message names the file and, if possible, row and column."""
 
 
 class RobotWarning(UserWarning):
-    """A robot whose results need caution: not verified to follow theory, or only part of its model used."""
+    """A robot whose results need caution, because theory does not verify them or they use only part of its model."""
 
 
 class SettingsFileError(TrackslipError, ValueError):
-    """A file of settings that cannot be read; the message names the file and the field."""
+    """A settings file that cannot be read. The message names the file and the field."""
 
 
 class ReferenceFileError(TrackslipError, ValueError):
-    """A file of waypoints that cannot be read or driven; the message names the file, row and column."""
+    """A waypoint file that cannot be read or driven. The message names the file, row and column."""
 
 
 class OutputError(TrackslipError, OSError):
-    """A result that cannot be written."""
+    """An output file that cannot be written."""
 
 
 class RunFailedError(TrackslipError):
-    """A run that stopped before its end: a robot tipped over, or a controller failed."""
+    """A run that stopped before its end because a robot tipped over or a controller failed."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.logs: list[Any] = []
-        """RunLogs of the fleet until then, with the message as "failure" in the metadata; empty if under two rows."""
+        """RunLogs of the fleet, with the message as "failure" in their metadata; empty for fewer than two rows."""
 
 
 def require(allowed: object, field: str, value: object, what: str) -> None:
-    """Raise InvalidValueError unless the value is allowed; `what` says in words what is allowed."""
+    """Raise InvalidValueError for `field` unless `allowed` is true; `what` describes the allowed values."""
     if not allowed:
         raise InvalidValueError(field, value, what)
 
@@ -121,12 +121,12 @@ def require_whole(field: str, value: Any, low: int, high: float = float("inf")) 
 
 
 def checked(default: Any, require: Callable[..., None], *limits: Any, **metadata: Any) -> Any:
-    """A field of a Checked dataclass, whose values pass `require(name, value, *limits)`."""
+    """Return a field of a Checked dataclass, whose values are checked with `require(name, value, *limits)`."""
     return field(default=default, metadata={"check": (require, limits), **metadata})
 
 
 class Checked:
-    """Base class of dataclasses with `checked` fields; for more checks, override `__post_init__` and call this one."""
+    """Base class of dataclasses with `checked` fields. For more checks, extend `__post_init__`."""
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]
@@ -136,13 +136,13 @@ class Checked:
 
 
 def _finite(value: Any) -> bool:
-    """True for a finite number that isn't too large for a float."""
+    """Whether a value is a finite number that isn't too large for a float."""
     large = isinstance(value, Integral) and abs(int(value)) > sys.float_info.max
     return bool(-float("inf") < value < float("inf")) and not large
 
 
 def _true(comparison: Callable[[], object]) -> bool:
-    """True if a comparison holds; False if text or several numbers are compared with a number."""
+    """Whether a comparison is true; False if text or several numbers are compared with a number."""
     try:
         return bool(comparison())
     except (TypeError, ValueError):
@@ -150,7 +150,7 @@ def _true(comparison: Callable[[], object]) -> bool:
 
 
 def counted(count: int, noun: str) -> str:
-    """A count with its noun, for messages: 1 drive, 2 drives."""
+    """Format a count with its noun for messages: 1 drive, 2 drives."""
     return f"{count:,} {noun if count == 1 else f'{noun}s'}"
 
 

@@ -1,4 +1,4 @@
-"""Files: JSON, regular files, and the format of stored results, so that newer formats are refused, not misread."""
+"""Reading of regular files and JSON, and the format of stored results, by which newer formats are refused."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from typing import Any
 
 from trackslip.errors import LogError, first_line
 
-_MOST = 256_000_000  # most bytes of a text file; as JSON it takes some gigabytes of memory
+_MOST = 256_000_000  # largest text file, which takes several gigabytes of memory if it is JSON [bytes]
 _POINTER = b"version https://git-lfs.github.com/spec/"
-_DIGITS = 18  # most digits of an integer that surely fits in 64 bits
+_DIGITS = 18  # largest number of digits with which every integer fits in 64 bits
 
 
 def regular_file(path: Path) -> Path:
-    """The path, if it is a regular file: not a pipe or device, whose content may never end, or a Git LFS pointer.
+    """Return `path` if it is a regular file. Raises OSError with the reason otherwise.
 
-    Raises OSError with the reason otherwise.
+    A pipe or a device, whose content may never end, and a Git LFS pointer are not regular files.
     """
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
@@ -35,9 +35,9 @@ def regular_file(path: Path) -> Path:
 
 
 def read_text(path: Path, most: int = _MOST) -> str:
-    """The text of a file in UTF-8, without its byte order mark.
+    """Read the text of a file in UTF-8, without the byte order mark.
 
-    Raises OSError if there is no regular file or it has more than `most` bytes, UnicodeDecodeError if it isn't text.
+    Raises OSError if `path` is not a regular file or has more than `most` bytes, UnicodeDecodeError if it isn't text.
     """
     size = regular_file(path).stat().st_size
     if size > most:
@@ -46,7 +46,7 @@ def read_text(path: Path, most: int = _MOST) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """The content of a JSON file, integers beyond 64 bits as floating-point numbers; LogError if it can't be read."""
+    """Read a JSON file, with integers above 64 bits as floats. Raises LogError if the file can't be read."""
     try:
         return json.loads(read_text(path), parse_int=_integer)
     except OSError as error:
@@ -56,7 +56,7 @@ def read_json(path: Path) -> Any:
 
 
 def reason(error: Exception) -> str:
-    """Why the content of a file can't be used, in words for people who don't know Python."""
+    """Explain to people who don't know Python why an error makes the content of a file unusable."""
     match error:
         case KeyError():
             return f"{error.args[0]} is missing"
@@ -75,14 +75,14 @@ def _integer(digits: str) -> int | float:
 
 
 FORMAT = 1
-"""Format of the manifests, laws and runs written by this version; it increases when older versions cannot read them."""
+"""Format of manifests, laws and runs from this version. The number increases when older versions cannot read them."""
 MANIFEST = "manifest.json"
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
-    """Raise LogError if `content`, called `source` in the message, is from a newer version.
+    """Raise LogError if `content`, called `source` in the message, has the format of a newer version.
 
-    Content without `format` is of the first format. A manifest has `versions`, which name the version that wrote it.
+    Content without the key `format` has the first format. In a manifest, `versions` includes the writer's version.
     """
     version = content.get("format", 1)
     if version not in range(1, FORMAT + 1):
@@ -94,7 +94,7 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
 
 
 def installed_version() -> str:
-    """The version of trackslip, "(unknown version)" in a checkout that isn't installed."""
+    """Version of trackslip, or "(unknown version)" in a checkout that isn't installed."""
     try:
         return importlib.metadata.version("trackslip")
     except importlib.metadata.PackageNotFoundError:
@@ -102,9 +102,9 @@ def installed_version() -> str:
 
 
 def known_manifest(folder: Path) -> Mapping[str, Any]:
-    """The manifest of a folder of results, empty where there is none, as in a folder of a real robot's logs.
+    """Read the manifest of a results folder; empty if missing, as in a folder with a real robot's logs.
 
-    Raises LogError if it is damaged or from a newer version.
+    Raises LogError if the manifest is damaged or from a newer version.
     """
     file = folder / MANIFEST
     if not file.exists():

@@ -1,6 +1,6 @@
 """Kinematics of a tracked robot with slip: Eqs. 2-7 and 15 of the paper.
 
-Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x, y, phi). Other axes are arbitrary.
+On the last axis, tracks are ordered (left, right), a twist is (v, w) and a pose (x, y, phi). Other axes are arbitrary.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from trackslip.se2 import Array as Array
 from trackslip.se2 import advance as advance
 from trackslip.se2 import wrap_angle as wrap_angle
 
-SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
+SIDES = np.array([-1.0, 1.0])  # (2,) signs in the track speeds v + SIDES * b * w: the left track is slower if w > 0
 
 
-GEARS = (1e-4, 1e4)  # least and most turns of an encoder per turn of the sprocket
-_SIZES = (1e-3, 100.0)  # of robots: anything else is a mistake in the units [m]
+GEARS = (1e-4, 1e4)  # allowed range of turns of an encoder per turn of the sprocket
+_SIZES = (1e-3, 100.0)  # allowed range of a robot's dimensions; other values are mistakes in the units [m]
 
 
 @dataclass(frozen=True)
 class RobotGeometry:
-    """Geometry of a robot, as needed by the kinematics."""
+    """The robot's dimensions in the kinematics."""
 
     half_gauge: float
     """b: half the distance between the centre lines of the tracks [m]."""
@@ -37,13 +37,13 @@ class RobotGeometry:
 
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
-    """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
+    """Speeds (V_l, V_r) (..., 2) of the track centres over the ground [m/s] at twists (..., 2)."""
     twist = np.asarray(twist, float)
     return np.asarray(twist[..., :1] + SIDES * half_gauge * twist[..., 1:])
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
-    """Body twist (..., 2) from the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
+    """Body twists (..., 2) from real track speeds (V_l, V_r) (..., 2) [m/s]; Eq. 5."""
     speeds = np.asarray(speeds, float)
     left, right, twist = speeds[..., 0], speeds[..., 1], np.empty(speeds.shape)
     twist[..., 0] = (right + left) / 2
@@ -52,20 +52,20 @@ def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
 
 
 def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Body twist (..., 2) from sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2 and 5."""
+    """Body twists (..., 2) from sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2 and 5."""
     speeds = geometry.sprocket_radius * np.asarray(omega, float) * (1 - np.asarray(slip, float))
     return twist_of_tracks(speeds, geometry.half_gauge)
 
 
 def sprocket_speeds(twist: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2) at known slips (..., 2) != 1; Eq. 15."""
+    """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2) at slips (..., 2) other than 1; Eq. 15."""
     return track_speeds(twist, geometry.half_gauge) / (geometry.sprocket_radius * (1 - np.asarray(slip, float)))
 
 
 def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Slips (..., 2), i = 1 - V / (r omega), of a measured twist (..., 2); Eqs. 2-3.
+    """Slips (..., 2), i = 1 - V / (r omega), at sprocket speeds omega (..., 2) [rad/s] and twists (..., 2); Eqs. 2-3.
 
-    The slip of a track with a stationary sprocket is undefined: NaN.
+    The slip of a track whose sprocket is at rest is undefined, NaN.
     """
     commanded = geometry.sprocket_radius * np.asarray(omega, float)
     real = track_speeds(twist, geometry.half_gauge)
@@ -76,7 +76,7 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
 
 def curvature(twist: ArrayLike) -> Array:
-    """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
+    """Path curvatures kappa = w / v (...) [1/m] of twists (..., 2): +-infinity when turning in place, 0 at rest."""
     twist = np.asarray(twist, float)
     v, w = twist[..., 0], twist[..., 1]
     if v.all():

@@ -1,4 +1,4 @@
-"""Tracking errors of a run and the effort of its motors."""
+"""Tracking errors and motor effort of a run."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
-TRANSIENT = 12.0  # time by which an initial error has decayed; the paper's arc begins then [s]
-LOST = 0.5  # distance from the reference above which a run has failed [m]
+TRANSIENT = 12.0  # time by which an initial error has decayed, and at which the paper's arc begins [s]
+LOST = 0.5  # distance from the reference above which a run counts as failed [m]
 _TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
 
 
@@ -26,26 +26,26 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """Tracking errors of a run. Position errors are distances from the reference pose at the same time."""
+    """Tracking errors of a run. Position errors are distances to the reference pose at the same time."""
 
     rms_position: float
     """Root mean square of the position error [m]."""
     rms_position_after_12s: float
-    """The same from 12 s on, after the transient; NaN for a shorter run [m]."""
+    """Root mean square of the position error after the transient, from 12 s on [m]; NaN for a shorter run."""
     rms_position_arc: float
-    """The same while the reference turns (the arc of the paper's path); NaN if it never does [m]."""
+    """Root mean square of the position error in reference turns, as in the paper's arc [m]; NaN without turns."""
     rms_heading: float
     """Root mean square of the heading error [rad]."""
     cross_track: float
-    """Root mean square of the error across the direction of the reference [m]."""
+    """Root mean square of the position error across the reference's heading [m]."""
     max_position: float
     """Largest position error [m]."""
     final_position: float
-    """Position error at the end [m]."""
+    """Position error at the end of the run [m]."""
     final_heading: float
-    """Absolute heading error at the end [rad]."""
+    """Absolute heading error at the end of the run [rad]."""
     success: bool
-    """True if the position error stayed within LOST."""
+    """Whether the position error never exceeded LOST."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ class Expense:
     """Effort of the motors in a run."""
 
     effort: float
-    """Time integral of the mean square of the two sprockets' set points [rad^2/s]."""
+    """Time integral of the mean square of both sprockets' set points [rad^2/s]."""
     roughness: float
-    """Root mean square rate of change of the set points [rad/s^2]."""
+    """Root mean square of the set points' rate of change [rad/s^2]."""
     saturation_s: float
-    """Time with a motor at its limit or a sprocket commanded to its top speed [s]."""
+    """Time during which a motor is at its limit or a sprocket's set point at its top speed [s]."""
 
 
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
-    """Errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
+    """Compute the errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
     time, pose = np.asarray(time, float), np.asarray(pose, float)
     desired = reference.pose(time)
     away = pose - desired
@@ -81,14 +81,14 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
 
 
 def expense(log: RunLog, top_speed: float) -> Expense:
-    """Effort of the motors in a simulated run, with sprockets limited to `top_speed` [rad/s].
+    """Compute the motor effort in a simulated run with sprocket speeds limited to `top_speed` [rad/s].
 
     Raises ValueError if the run has no commands, or no true data about its motors.
     """
     if log.command is None or log.truth is None or log.truth.saturated is None:
         raise ValueError(f"run {log.run!r}: has no commands, or no truth about its motors")
     step = np.diff(log.time)
-    held = log.command[:-1]  # a command holds until the next row
+    held = log.command[:-1]  # a command is held until the next row
     at_top = np.abs(held).max(axis=1) > top_speed * (1 - 1e-9)
     saturated = np.maximum(log.truth.saturated[1:].max(axis=1), at_top)
     return Expense(
@@ -99,6 +99,6 @@ def expense(log: RunLog, top_speed: float) -> Expense:
 
 
 def rms(values: ArrayLike) -> float:
-    """Root mean square of all elements; NaN if there are none."""
+    """Root mean square of all elements; NaN for an empty array."""
     values = np.asarray(values, float)
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")

@@ -1,6 +1,6 @@
-"""Motion in the plane: rotations, poses and arcs, the group SE(2).
+"""Motion in the plane: rotations, poses and arcs in the group SE(2).
 
-Vectors are (x, y), poses (x, y, phi), and motions at constant velocity (forward, left, turn), on the last axis. Other
+On the last axis, vectors are (x, y), poses (x, y, phi), and motions at constant velocity (forward, left, turn). Other
 axes broadcast. Headings and turns are not wrapped.
 """
 
@@ -16,19 +16,19 @@ from trackslip.errors import require_finite
 
 Array = NDArray[np.floating[Any]]
 
-_SMALL_TURN = 0.03  # turn below which a series replaces a difference of nearly equal numbers [rad]
+_SMALL_TURN = 0.03  # turn below which a series is used instead of a difference of nearly equal numbers [rad]
 
 
 @dataclass(frozen=True)
 class Mounting:
-    """Place and heading of a sensor on the robot, relative to its turning centre."""
+    """Position and heading of a sensor on the robot, relative to the robot's turning centre."""
 
     x: float = 0.0
-    """Distance ahead [m]."""
+    """Distance ahead of the turning centre [m]."""
     y: float = 0.0
-    """Distance to the left [m]."""
+    """Distance to the left of the turning centre [m]."""
     yaw: float = 0.0
-    """Sensor heading minus robot heading, counter-clockwise [rad]."""
+    """Heading of the sensor minus heading of the robot, counter-clockwise [rad]."""
 
     def __post_init__(self) -> None:
         for name in ("x", "y", "yaw"):
@@ -41,43 +41,43 @@ class Mounting:
 
 
 def wrap_angle(angle: ArrayLike) -> Array:
-    """Angles wrapped to [-pi, pi)."""
+    """Wrap angles (...) to [-pi, pi) [rad]."""
     return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
 
 
 def direction(heading: ArrayLike) -> Array:
-    """Unit vectors (..., 2) that point along `heading` (...) [rad]."""
+    """Unit vectors (..., 2) in the directions `heading` (...) [rad]."""
     return _columns(np.cos(heading), np.sin(heading))
 
 
 def rotate(angle: ArrayLike, vector: ArrayLike) -> Array:
-    """Vectors (..., 2) turned by `angle` (...) [rad]."""
+    """Rotate vectors (..., 2) by `angle` (...) [rad]."""
     vector = np.asarray(vector, float)
     return _columns(*_turned(angle, vector[..., 0], vector[..., 1]))
 
 
 def to_world(frame: ArrayLike, points: ArrayLike) -> Array:
-    """World coordinates of points (..., 2) that are given in frames with poses (..., 3)."""
+    """Convert points (..., 2) from frames with poses (..., 3) to the world frame."""
     frame, points = np.asarray(frame, float), np.asarray(points, float)
     x, y = _turned(frame[..., 2], points[..., 0], points[..., 1])
     return _columns(frame[..., 0] + x, frame[..., 1] + y)
 
 
 def from_world(frame: ArrayLike, points: ArrayLike) -> Array:
-    """Coordinates of world points (..., 2) in frames with poses (..., 3)."""
+    """Convert points (..., 2) from the world frame to frames with poses (..., 3)."""
     frame, points = np.asarray(frame, float), np.asarray(points, float)
     return _columns(*_turned(-frame[..., 2], points[..., 0] - frame[..., 0], points[..., 1] - frame[..., 1]))
 
 
 def compose(frame: ArrayLike, pose: ArrayLike) -> Array:
-    """World poses (..., 3) of poses (..., 3) that are given in frames with poses (..., 3)."""
+    """Convert poses (..., 3) from frames with poses `frame` (..., 3) to the world frame."""
     frame, pose = np.asarray(frame, float), np.asarray(pose, float)
     x, y = _turned(frame[..., 2], pose[..., 0], pose[..., 1])
     return _columns(frame[..., 0] + x, frame[..., 1] + y, frame[..., 2] + pose[..., 2])
 
 
 def between(frame: ArrayLike, pose: ArrayLike) -> Array:
-    """World poses (..., 3) expressed in frames with poses (..., 3): the inverse of `compose`."""
+    """Convert poses (..., 3) from the world frame to frames with poses `frame` (..., 3): the inverse of `compose`."""
     frame, pose = np.asarray(frame, float), np.asarray(pose, float)
     local = pose - frame
     local[..., 0], local[..., 1] = _turned(-frame[..., 2], local[..., 0], local[..., 1])
@@ -90,7 +90,7 @@ def _turned(angle: ArrayLike, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _columns(*parts: Any) -> Array:
-    """Like np.stack of arrays (...) along a new last axis, but faster for few numbers."""
+    """Stack arrays (...) along a new last axis like np.stack, but faster for few numbers."""
     stacked = np.empty((*np.broadcast(*parts).shape, len(parts)))
     for k, part in enumerate(parts):
         stacked[..., k] = part
@@ -98,12 +98,12 @@ def _columns(*parts: Any) -> Array:
 
 
 def inverse(pose: ArrayLike) -> Array:
-    """Poses (..., 3) of the world frame in frames with poses (..., 3)."""
+    """Poses (..., 3) of the world frame, expressed in frames with poses `pose` (..., 3)."""
     return between(pose, np.zeros(3))
 
 
 def chain(start: ArrayLike, steps: ArrayLike) -> Array:
-    """Poses (T, 3) from the first (3,) and the steps (T - 1, 3) between them, each in the frame of the one before."""
+    """Poses (T, 3) from the first pose (3,) and steps (T - 1, 3), each in the frame of the previous pose."""
     start, steps = np.asarray(start, float), np.asarray(steps, float)
     heading = start[2] + np.append(0.0, np.cumsum(steps[:, 2]))
     way = np.cumsum(rotate(heading[:-1], steps[:, :2]), axis=0)
@@ -111,33 +111,33 @@ def chain(start: ArrayLike, steps: ArrayLike) -> Array:
 
 
 def steps(pose: Array) -> Array:
-    """The steps (T - 1, 3) between poses (T, 3), each in the frame of the one before: the inverse of `chain`."""
+    """Steps (T - 1, 3) between poses (T, 3), each in the frame of the previous pose: the inverse of `chain`."""
     return between(pose[:-1], pose[1:])
 
 
 def exp(motion: ArrayLike) -> Array:
-    """Poses (..., 3) reached from the origin by motions (..., 3), along arcs."""
+    """Poses (..., 3) reached from the origin by motions (..., 3) along arcs."""
     motion = np.asarray(motion, float)
     turn = motion[..., 2]
     return np.concatenate([_chord(turn)[..., None] * rotate(turn / 2, motion[..., :2]), motion[..., 2:]], axis=-1)
 
 
 def log(pose: ArrayLike) -> Array:
-    """The motions (..., 3) that reach poses (..., 3) from the origin: the inverse of `exp` for turns below 2 pi."""
+    """Motions (..., 3) from the origin to poses (..., 3): the inverse of `exp` for turns below 2 pi."""
     pose = np.asarray(pose, float)
     turn = pose[..., 2]
     return np.concatenate([rotate(-turn / 2, pose[..., :2]) / _chord(turn)[..., None], pose[..., 2:]], axis=-1)
 
 
 def drive(pose: ArrayLike, motion: ArrayLike) -> tuple[Array, Array, Array]:
-    """Poses (..., 3) after motions (..., 3) from poses (..., 3), and derivatives (..., 3, 3) by pose and motion.
+    """Poses (..., 3) after motions (..., 3) from poses (..., 3), and their derivatives (..., 3, 3) by pose and motion.
 
-    Rows of the derivatives are components of the poses afterwards.
+    The rows of the derivatives are components of the final poses.
     """
     pose, motion = np.broadcast_arrays(np.asarray(pose, float), np.asarray(motion, float))
     along, across, d_along, d_across = arc_quotients(motion[..., 2])
     quotients = np.stack([np.stack([along, across], axis=-1), np.stack([d_along, d_across], axis=-1)], axis=-2)
-    ahead = rotate(pose[..., None, 2], quotients)  # displacement and its derivative by the turn, per unit forwards
+    ahead = rotate(pose[..., None, 2], quotients)  # displacement per unit forwards, and its derivative by the turn
     left = ahead[..., ::-1] * np.array([-1.0, 1.0])
     way, slope = np.moveaxis(motion[..., None, :1] * ahead + motion[..., None, 1:2] * left, -2, 0)
     by_pose, by_motion = (np.zeros((*pose.shape, 3)) for _ in range(2))
@@ -149,7 +149,7 @@ def drive(pose: ArrayLike, motion: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def advance(pose: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
-    """Poses (..., 3) after driving constant twists (v, w) (..., 2) for `duration` (...) [s]: exact arcs (Eqs. 6-7)."""
+    """Poses (..., 3) after driving constant twists (v, w) (..., 2) for `duration` (...) [s] along arcs; Eqs. 6-7."""
     pose, twist = np.asarray(pose, float), np.asarray(twist, float)
     turn = twist[..., 1] * duration
     chord = twist[..., 0] * duration * _chord(turn)
@@ -159,12 +159,12 @@ def advance(pose: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
 
 
 def _chord(turn: ArrayLike) -> Array:
-    """Ratio (...) of an arc's chord to its length, for a turn (...) [rad]."""
+    """Ratios (...) of chord to length of arcs with turns (...) [rad]."""
     return np.sinc(np.asarray(turn) / (2 * np.pi))
 
 
 def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
-    """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
+    """Values of sin(t) / t and (1 - cos t) / t for turns t (...) [rad], followed by their derivatives."""
     turn = np.asarray(turn, float)
     along, across = np.sinc(turn / np.pi), np.sin(turn / 2) * _chord(turn)
     divisor = np.where(turn == 0, 1.0, turn)

@@ -17,29 +17,29 @@ T = TypeVar("T")
 
 
 class Controller(Protocol):
-    """Converts a pose into the body twist to drive. It does not handle slip: see `SlipLaw` and `compensation`.
+    """A controller converts poses into body twists to drive. Slip is handled by `SlipLaw` and `compensation`.
 
-    A controller gets the poses of any number of robots at once, so it keeps any state per robot.
+    A call may be for any number of robots, so a controller with state stores the state of each robot separately.
     """
 
     def reset(self) -> None:
-        """Discard the state, because a new run begins."""
+        """Discard the controller's state before a new run."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) to drive at `time` [s] from measured poses (..., 3)."""
+        """Compute the twists (..., 2) to drive at `time` [s] for robots measured at poses (..., 3)."""
 
 
 @runtime_checkable
 class SensesSprockets(Protocol):
-    """A controller that also uses the sprocket speeds."""
+    """A controller that also uses the measured sprocket speeds."""
 
     def sense(self, omega: Array) -> None:
-        """Take the sprocket speeds (N, 2) [rad/s] measured over the last period; called before `twist`."""
+        """Pass the sprocket speeds (N, 2) [rad/s] measured over the last period to the controller, before `twist`."""
 
 
 @dataclass(frozen=True)
 class ControlLaw:
-    """Base class of controllers. All their numbers must be positive. Without state, there is nothing to reset."""
+    """Base class of control laws without state. All parameters of type float must be positive."""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
@@ -47,12 +47,12 @@ class ControlLaw:
                 require_positive(parameter.name, getattr(self, parameter.name))
 
     def reset(self) -> None:
-        """Nothing to reset."""
+        """Do nothing: a law without state needs no reset."""
 
 
 @dataclass(frozen=True)
 class Remembering(ControlLaw):
-    """Base class of laws with state. The first call after `reset` fixes the number of robots."""
+    """Base class of control laws with state. The first call after `reset` fixes the number of robots."""
 
     _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -61,7 +61,7 @@ class Remembering(ControlLaw):
         self._kept.clear()
 
     def _elapsed(self, time: float, robots: tuple[int, ...]) -> float | None:
-        """Time since the last call [s]; None in the first one. Raises InvalidValueError if `robots` has changed."""
+        """Time since the last call [s], None in the first call. Raises InvalidValueError if `robots` has changed."""
         before, last = self._kept.setdefault("robots", robots), self._kept.get("time")
         require(robots == before, "pose", (*robots, 3), f"of shape {(*before, 3)} until reset")
         self._kept["time"] = time
@@ -69,12 +69,12 @@ class Remembering(ControlLaw):
 
 
 class OncePerReference(Generic[T]):
-    """Caches a value computed from a reference, for the last reference only; compares references by identity."""
+    """Cache for a value computed from the latest reference. References are compared by identity."""
 
     _kept: tuple[Reference, T] | None = None
 
     def __call__(self, build: Callable[[Reference], T], reference: Reference) -> T:
-        """`build(reference)`, called only if `reference` is not the one from the last call."""
+        """Return `build(reference)`, computed anew only if `reference` differs from that of the last call."""
         if self._kept is None or self._kept[0] is not reference:
             self._kept = (reference, build(reference))
         return self._kept[1]
@@ -82,9 +82,9 @@ class OncePerReference(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Scheduled(ControlLaw):
-    """Base class of laws with a gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference twist; Eqs. 28-30.
+    """Base class of laws with the gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference twist (Eqs. 28-30).
 
-    Feedback gains proportional to it make errors decay over a distance instead of a time. It is 0 at standstill.
+    With feedback gains proportional to 2 xi a, errors decay over a distance, not a time. The gain is 0 at standstill.
     """
 
     damping: float = 0.7
@@ -93,6 +93,6 @@ class Scheduled(ControlLaw):
     """g, called b in the paper's Eqs. 28-30 [1/m^2]."""
 
     def speed_gain(self, twist: ArrayLike) -> Array:
-        """The gain (...) [1/s] at reference twists (..., 2)."""
+        """Gains 2 xi a (...) [1/s] at reference twists (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
         return np.asarray(2 * self.damping * np.sqrt(w**2 + self.stiffness * v**2))

@@ -5,8 +5,8 @@ ICRA 1990; C. Samson and K. Ait-Abderrahim, "Feedback control of a nonholonomic 
 1991; C. Canudas de Wit, B. Siciliano and G. Bastin (eds.), "Theory of Robot Control", Springer 1996; G. Oriolo, A. De
 Luca and M. Vendittelli, "WMR control via dynamic feedback linearization: design, implementation, and experimental
 validation", IEEE Trans. Control Systems Technology 10(6), 2002; B. D. O. Anderson and J. B. Moore, "Optimal Control:
-Linear Quadratic Methods", Prentice-Hall 1990, with weights from Bryson's rule: errors and corrections contribute
-equally to the cost when each equals its scale.
+Linear Quadratic Methods", Prentice-Hall 1990, with weights from Bryson's rule: an error or correction that equals its
+scale costs 1.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 Errors = tuple[Array, Array, Array]
-"""Errors (e_x, e_y, e_phi), (...) each [m, m, rad]."""
+"""Body-frame errors (e_x, e_y, e_phi), each (...) [m, m, rad]."""
 
 
 @dataclass(frozen=True)
 class Feedforward(ControlLaw):
-    """Drives the twist of the reference in open loop."""
+    """Open-loop law that drives the reference twist."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2): the reference twist for each of the poses (..., 3)."""
+        """Twists (..., 2), all equal to the reference twist, for poses (..., 3)."""
         return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()
 
 
 @dataclass(frozen=True)
 class ErrorFeedback(ControlLaw, ABC):
-    """A law that uses only the reference twist and the body-frame error."""
+    """Base class of laws that use only the reference twist and the body-frame error."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
+        """Twists (..., 2) for measured poses (..., 3)."""
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
         return np.stack(self._command(reference.twist(time), (e_x, e_y, e_phi)), axis=-1)
 
     @abstractmethod
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
-        """v and w, each (...), from the reference twist (2,) and the errors (e_x, e_y, e_phi), (...) each."""
+        """v and w, each (...), for the reference twist `desired` (2,) and the errors (e_x, e_y, e_phi), each (...)."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,12 @@ class LinearTimeVarying(Scheduled, ErrorFeedback):
     """
 
     def gains(self, twist: ArrayLike) -> Array:
-        """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
+        """Gains (k1, k2, k3) (..., 3) [1/s, 1/(m s), 1/s] at reference twists (..., 2); Eqs. 29-30."""
         k1 = self.speed_gain(twist)
         return np.stack([k1, self.stiffness * np.abs(np.asarray(twist, float)[..., 0]), k1], axis=-1)
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
-        """Eq. 31."""
+        """v and w of Eq. 31."""
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         k1, k2, k3 = self.gains(desired)
         return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * np.sign(v_d) * e_y + k3 * e_phi
@@ -81,7 +81,7 @@ class Samson(Scheduled, ErrorFeedback):
     """
 
     def gains(self, twist: ArrayLike) -> Array:
-        """(k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""
+        """Gains (k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""
         k1 = self.speed_gain(twist)
         return np.stack([k1, np.full_like(k1, self.stiffness), k1], axis=-1)
 
@@ -95,16 +95,16 @@ class Samson(Scheduled, ErrorFeedback):
 class Kanayama(ErrorFeedback):
     """Feedback v = v_d cos(e_phi) + K_x e_x, w = w_d + v_d K_y e_y + |v_d| K_phi sin(e_phi).
 
-    The paper has v_d (K_y e_y + K_phi sin(e_phi)), for driving forwards only; with the absolute value, the Lyapunov
-    function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y decreases in reverse too.
+    The paper has v_d (K_y e_y + K_phi sin(e_phi)), for driving forwards only. With |v_d| in the last term, the Lyapunov
+    function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y also decreases in reverse.
     """
 
     along: float = 1.0
-    """K_x [1/s]."""
+    """K_x, gain on the error along the robot [1/s]."""
     across: float = 15.0
-    """K_y [1/m^2]."""
+    """K_y, gain on the error across the robot [1/m^2]."""
     heading: float = 6.0
-    """K_phi [1/m]; 2 sqrt(K_y) is critically damped on a straight line."""
+    """K_phi, gain on the heading error [1/m]. The value 2 sqrt(K_y) gives critical damping on a straight line."""
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
@@ -114,17 +114,17 @@ class Kanayama(ErrorFeedback):
 
 @dataclass(frozen=True)
 class OffsetPoint(ErrorFeedback):
-    """Steers a point ahead of the robot (behind it in reverse) onto the corresponding point of the reference.
+    """Law that steers a point ahead of the robot (behind it in reverse) onto the corresponding point of the reference.
 
-    The twist and the velocity of that point determine each other, so its error E obeys E' = -k E exactly. The heading
-    is not controlled: it follows like a trailer's heading, at the rate |v_d| / distance, which is why the point changes
-    sides with the direction of travel. While the reference stands still, the point is ahead.
+    The point's velocity determines the twist, so the point's position error E obeys E' = -k E exactly. The heading is
+    not controlled: like a trailer's heading, it converges at the rate |v_d| / distance, and is stable only if the point
+    leads in the direction of travel. While the reference stands still, the point is ahead.
     """
 
     distance: float = 0.2
     """Distance of the point from the centre of the robot [m]."""
     gain: float = 1.0
-    """k [1/s]."""
+    """k, gain on the position error of the point [1/s]."""
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
@@ -136,26 +136,26 @@ class OffsetPoint(ErrorFeedback):
 
 
 ACCELERATION_STEP = 0.01
-"""Half of the time over which the acceleration of the reference is estimated [s]."""
+"""Half the time interval from which the acceleration of the reference is estimated [s]."""
 
 
 @dataclass(frozen=True)
 class DynamicFeedback(Remembering):
-    """Turns the position into two double integrators, with the speed xi as a state of the controller.
+    """Law that turns the position into two double integrators, with the speed xi as a state of the controller.
 
     With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
     w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error along each axis obeys e'' + k_d e' + k_p e = 0, forwards and in
     reverse.
 
     The law is singular at xi = 0. If the reference speed, or xi in the reference's direction, is below `least_speed`, a
-    static law takes over and xi follows its speed; up to 1.5 times that limit the two laws are blended. When the static
-    law takes over, its speed difference from xi decays with `handover_time`, so the speed never jumps.
+    static law takes over and xi follows the static law's speed; up to 1.5 times `least_speed` the two laws are blended.
+    The initial difference between xi and that speed decays with `handover_time`, so the speed never jumps.
     """
 
     stiffness: float = 1.0
-    """k_p [1/s^2]."""
+    """k_p, gain on the position error [1/s^2]."""
     damping: float = 1.4
-    """k_d [1/s]."""
+    """k_d, gain on the velocity error [1/s]."""
     least_speed: float = 0.03
     """Speed below which the static law is used [m/s]."""
     handover_time: float = 0.3
@@ -164,7 +164,7 @@ class DynamicFeedback(Remembering):
     """The law used near standstill."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
+        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call since `reset`."""
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
         cos, sin = np.cos(e_phi), np.sin(e_phi)
@@ -184,12 +184,12 @@ class DynamicFeedback(Remembering):
         return np.stack([v, w], axis=-1)
 
     def _since_last_call(self, time: float, static_speed: Array) -> tuple[float, Array, Array]:
-        """Time since the last call [s], xi in that call, and its difference from the static law's speed, (...)."""
+        """Time since the last call [s], and from that call xi and xi minus the static law's speed, each (...) [m/s]."""
         elapsed = self._elapsed(time, static_speed.shape)
         if elapsed is None:
             return 0.0, static_speed, np.zeros_like(static_speed)
         speed = self._kept["speed"]
-        known = np.isfinite(speed)  # a robot whose pose was lost begins again
+        known = np.isfinite(speed)  # without a pose in the last call, xi starts from the static law's speed
         offset = np.where(known, speed - self._kept["static_speed"], 0.0)
         return elapsed, np.where(known, speed, static_speed), offset
 
@@ -200,7 +200,7 @@ class DynamicFeedback(Remembering):
 
 
 def _speed_rate(reference: Reference, time: float) -> float:
-    """Rate of change of the reference's speed [m/s^2]; one-sided at its start and end, where the speed may jump."""
+    """Rate of change of the reference's speed [m/s^2]; one-sided at the start and end, where the speed may jump."""
     last = np.nextafter(reference.duration, 0.0)
     before, after = np.clip([time - ACCELERATION_STEP, time + ACCELERATION_STEP], 0.0, last)
     if after <= before:
@@ -210,25 +210,25 @@ def _speed_rate(reference: Reference, time: float) -> float:
 
 
 STANDING = 5.0
-"""Time at rest assumed after the end of the reference, so that the gains do not fade before the end [s]."""
+"""Duration of the standstill appended to the reference, so that gains do not decrease towards its end [s]."""
 
 
 @dataclass(frozen=True)
 class Lqr(ControlLaw):
-    """Feedforward plus feedback, (v, w) = (v_d cos(e_phi), w_d) - K_k e, that minimises a sum of squares.
+    """Law (v, w) = (v_d cos(e_phi), w_d) - K_k e that minimises a weighted sum of squared errors and corrections.
 
-    The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, u being the correction of the twist,
-    held for a period; K_k follows from the Riccati recursion backwards from the end of the reference.
+    The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, where u is the correction of the
+    twist, held for a period. K_k follows from the Riccati recursion backwards from the end of the reference.
     """
 
     position_scale: float = 0.1
-    """Scale of e_x and e_y [m]."""
+    """Error e_x or e_y that costs 1 [m]."""
     heading_scale: float = 0.3
-    """Scale of e_phi [rad]."""
+    """Error e_phi that costs 1 [rad]."""
     speed_scale: float = 0.1
-    """Scale of a correction of v [m/s]."""
+    """Correction of v that costs 1 [m/s]."""
     yaw_rate_scale: float = 0.3
-    """Scale of a correction of w [rad/s]."""
+    """Correction of w that costs 1 [rad/s]."""
     period: float = 0.05
     """Time between two commands [s]."""
     _gains: OncePerReference[Array] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
@@ -244,17 +244,17 @@ class Lqr(ControlLaw):
         return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
+        """Twists (..., 2) for measured poses (..., 3)."""
         gains = self._gains(self.gains, reference)
         k = min(max(int(np.floor(time / self.period + 1e-6)), 0), len(gains) - 1)
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
-        # Sums are written out because the rounding of a matrix product depends on the number of robots.
+        # The sums are written out because the rounding of a matrix product depends on the number of robots.
         along, turning = (row[0] * e_x + row[1] * e_y + row[2] * e_phi for row in gains[k])
         return np.stack([v_d * np.cos(e_phi) - along, w_d - turning], axis=-1)
 
     def gains(self, reference: Reference) -> Array:
-        """K_k (S, 2, 3) for every period from 0 to the first one after the end of `reference`."""
+        """Gains K_k (S, 2, 3) for each period, from the start of `reference` to the first period after its end."""
         moving = int(np.ceil(reference.duration / self.period)) + 1
         steps = moving + int(np.ceil(STANDING / self.period))
         middles = (np.arange(steps) + 0.5) * self.period
@@ -268,12 +268,12 @@ class Lqr(ControlLaw):
 
 
 def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
-    """A (..., 3, 3) and B (..., 3, 2) for the body-frame error over `period` [s] at reference twists (..., 2).
+    """Matrices A (..., 3, 3), B (..., 3, 2) of the body-frame error over `period` [s] at reference twists (..., 2).
 
-    They are the matrix exponential of the linearised Eq. 20 with inputs held, exact for a constant reference twist.
+    A and B come from the matrix exponential of the linearised Eq. 20 and are exact for constant twists and inputs.
     """
     v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-    rates = np.zeros((*v.shape, 5, 5))  # of the error and the inputs
+    rates = np.zeros((*v.shape, 5, 5))  # rates of the error and the inputs
     rates[..., 0, 1], rates[..., 1, 0], rates[..., 1, 2] = w, -w, v
     rates[..., 0, 3] = rates[..., 2, 4] = -1.0
     after = scipy.linalg.expm(rates * period)
@@ -281,7 +281,7 @@ def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
 
 
 def riccati_step(a: Array, b: Array, q: Array, r: Array, cost: Array) -> tuple[Array, Array]:
-    """Gain K (2, 3) and cost-to-go (3, 3) one step before the cost-to-go `cost` (3, 3)."""
+    """Gain K (2, 3) and cost-to-go (3, 3) of a step, from the cost-to-go `cost` (3, 3) after that step."""
     gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
     earlier = q + a.T @ cost @ (a - b @ gain)
     return gain, (earlier + earlier.T) / 2

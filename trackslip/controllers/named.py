@@ -1,4 +1,4 @@
-"""Controllers by name."""
+"""The table of controllers by name."""
 
 from __future__ import annotations
 

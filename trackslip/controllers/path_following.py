@@ -21,31 +21,31 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class PathFollowing(Remembering):
-    """Steers onto the path beside the robot instead of towards the reference's present pose.
+    """Law that steers onto the path beside the robot instead of towards the reference's present pose.
 
     Each robot has its own virtual target: the reference pose at a time tau. In the target's frame the robot is s ahead,
     y to the left and turned by theta. The target stays beside the robot through v_d tau' = v cos(theta) + k_s s; where
-    the reference stands still, tau runs with time. The robot approaches the path at the angle
+    the reference stands still, tau advances like time. The robot approaches the path at the angle
     delta = -sign(v) theta_a tanh(k_delta y) by turning at theta' = delta' - k |v| (theta - delta)
     - gamma y v (sin(theta) - sin(delta)) / (theta - delta). Near a straight line, errors decay with the distance x like
     exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
 
-    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited: a late robot doesn't cut corners and speeds up
-    by `catch_up` at most. Where the reference almost stands still, the law changes to tau' = rho, v = -k_t s.
+    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited to 1 +- `catch_up`, so a late robot speeds up
+    but doesn't cut corners. Where the reference almost stands still, the law changes to tau' = rho, v = -k_t s.
     """
 
     along: float = 3.0
-    """k_s, rate at which the target's distance along the path from the robot decays [1/s]."""
+    """k_s, rate at which the distance between target and robot along the path decays [1/s]."""
     approach_angle: float = 0.8
-    """theta_a, angle of the approach from far away [rad]."""
+    """theta_a, angle to the path at which a distant robot approaches [rad]."""
     approach: float = 4.0
-    """k_delta, inverse of the distance from the path at which the approach flattens [1/m]."""
+    """k_delta, inverse of the distance from the path below which the approach angle decreases [1/m]."""
     across: float = 5.0
-    """gamma [1/m^2]."""
+    """gamma, gain on the distance from the path [1/m^2]."""
     heading: float = 5.0
-    """k [1/m]."""
+    """k, gain on the deviation from the approach angle [1/m]."""
     timing: float = 0.6
-    """k_t, rate at which a delay is made up for [1/s]."""
+    """k_t, rate at which a delay decays [1/s]."""
     catch_up: float = 0.3
     """Largest |rho - 1|, less than 1 [-]."""
     least_speed: float = 0.03
@@ -57,7 +57,7 @@ class PathFollowing(Remembering):
         require(self.catch_up < 1, "catch_up", self.catch_up, "less than 1")
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
+        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call since `reset`."""
         pose = np.asarray(pose, float)
         elapsed = self._elapsed(time, pose.shape[:-1])
         if elapsed is None:
@@ -76,7 +76,7 @@ class PathFollowing(Remembering):
         self._kept.update(target=target, rate=rate)
         steepest = np.sign(v) * self.approach_angle
         delta = -steepest * np.tanh(self.approach * y)
-        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # derivative of delta by y
+        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # derivative of delta with respect to y
         off, middle = theta - delta, (theta + delta) / 2
         steering = slope * (v * np.sin(theta) - w_d * rate * s)
         steering -= self.across * y * v * np.cos(middle) * np.sinc(off / (2 * np.pi))

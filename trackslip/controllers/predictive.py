@@ -25,10 +25,10 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Horizon(Remembering, ABC):
-    """Base class of laws that minimise predicted errors with limited track speeds, each held for one interval.
+    """Base class of laws that minimise predicted errors over plans, which are limited track speeds for K intervals.
 
-    Each call shifts the previous plan in time, improves it, and drives its first twist. A robot whose pose is not
-    finite keeps its shifted plan.
+    Each call shifts the plan from the previous call in time, improves the plan, and drives its first twist. If a
+    robot's pose is not finite, its plan is only shifted.
     """
 
     intervals: int = 15
@@ -36,15 +36,15 @@ class Horizon(Remembering, ABC):
     interval: float = 0.2
     """Duration of an interval [s]."""
     position_scale: float = 0.1
-    """Error in x or y that costs as much as the other quantities at their scales [m]."""
+    """Error in x or y that costs 1 [m]."""
     heading_scale: float = 0.6
-    """Heading error that costs as much [rad]."""
+    """Heading error that costs 1 [rad]."""
     final_weight: float = 10.0
-    """Factor on the cost of the errors at the end of the horizon [-]."""
+    """Factor by which errors at the end of the horizon cost more than earlier errors [-]."""
     track_speed: float = 0.295
     """Speed limit of each track, slightly below the 0.3 m/s of the sprockets [m/s]."""
     half_gauge: float = 0.213
-    """b + D, the effective half gauge with slip compensation; half the gauge without it [m]."""
+    """With slip compensation the effective half gauge b + D, without it half the gauge [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,10 +60,10 @@ class Horizon(Remembering, ABC):
         return weights
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
+        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call since `reset`."""
         pose = np.asarray(pose, float)
         nodes = time + self.interval * np.arange(self.intervals + 1)
-        twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)  # (K, 2), means
+        twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)  # (K, 2), interval means
         wanted = track_speeds(twists, self.half_gauge)
         shape = (*pose.shape[:-1], self.intervals, 2)
         elapsed = self._elapsed(time, pose.shape[:-1])
@@ -82,11 +82,11 @@ class Horizon(Remembering, ABC):
     def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
         """Improved versions (R, K, 2) of the plans (R, K, 2) at `time` [s], for robots at poses (R, 3).
 
-        The reference has `poses` (K + 1, 3) at the ends of the intervals, and mean `twists` (K, 2) in them.
+        `poses` (K + 1, 3) are the reference poses at the limits of the intervals, `twists` (K, 2) the mean twists.
         """
 
     def _shifted(self, plans: Array, elapsed: float) -> Array:
-        """Plans (..., K, 2), shifted by `elapsed` [s]; their last speeds are held."""
+        """Plans (..., K, 2) shifted by `elapsed` [s] and extended with their last speeds."""
         last = self.intervals - 1
         later = np.minimum(np.arange(last + 1) + elapsed / self.interval, last)
         k = np.minimum(later.astype(int), max(last - 1, 0))
@@ -94,20 +94,20 @@ class Horizon(Remembering, ABC):
         return (1 - share) * plans[..., k, :] + share * plans[..., np.minimum(k + 1, last), :]
 
 
-_SHARES = np.append(0.5 ** np.arange(20), 0.0)  # fractions of a Newton step that are tried
-_STILL = 1e-10  # a solution is final if no unknown changes by more
-_STEPS = 100  # at most; more would only shift rounding errors in ill-conditioned problems
+_SHARES = np.append(0.5 ** np.arange(20), 0.0)  # step lengths tried, as fractions of a Newton step
+_STILL = 1e-10  # convergence threshold for the change of each unknown in a step
+_STEPS = 100  # maximum number of steps; further steps would only move rounding errors in ill-conditioned problems
 
 
 @dataclass(frozen=True)
 class _LeastSquares(Horizon, ABC):
-    """Minimises the squares of predicted errors and of track speed deviations, using linearised motion."""
+    """Base class of laws that minimise squares of predicted errors and track speed deviations in linearised motion."""
 
     speed_scale: float = 0.12
-    """Deviation of a track speed from the reference that costs as much [m/s]."""
+    """Deviation of a track speed from the reference that costs 1 [m/s]."""
 
     def _driven(self, pose: Array, plans: Array) -> tuple[Array, Array]:
-        """Poses (R, K, 3) after each interval of plans (R, K, 2) from poses (R, 3), and derivatives (R, 3 K, 2 K)."""
+        """Poses (R, K, 3) after the intervals of `plans` (R, K, 2) from `pose` (R, 3), and Jacobians (R, 3 K, 2 K)."""
         motion = np.zeros((*plans.shape[:-1], 3))
         motion[..., ::2] = self.interval * twist_of_tracks(plans, self.half_gauge)
         starts = np.zeros_like(motion)
@@ -115,7 +115,7 @@ class _LeastSquares(Horizon, ABC):
         reached, _, by_motion = se2.drive(starts, motion)
         reached[..., :2] = pose[:, None, :2] + np.cumsum(reached[..., :2], axis=1)
         by_speeds = by_motion[..., ::2] @ (self.interval * twist_of_tracks(np.eye(2), self.half_gauge).T)
-        # A turn in interval j also turns the path from there to the end of interval k.
+        # A turn in interval j also rotates the path between the ends of intervals j and k.
         x, y, _ = np.moveaxis(reached[:, :, None] - reached[:, None], -1, 0)  # (R, K, K)
         effect = np.repeat(by_speeds[:, None], self.intervals, axis=1)  # (R, k, j, 3, 2)
         effect[..., 0, :] -= y[..., None] * by_speeds[:, None, :, 2]
@@ -124,7 +124,7 @@ class _LeastSquares(Horizon, ABC):
         return reached, effect.swapaxes(2, 3).reshape(-1, 3 * self.intervals, 2 * self.intervals)
 
     def _optimum(self, plans: Array, deviation: Array, effect: Array, wanted: Array) -> Array:
-        """The best plans (R, K, 2) if, under the present plans, poses deviate from the reference by (R, K, 3).
+        """Best plans (R, K, 2) if `plans` lead to the deviations (R, K, 3) from the reference poses.
 
         `effect` (R, 3 K, 2 K) maps plans to pose changes; `wanted` (K, 2) is the reference's track speeds.
         """
@@ -138,11 +138,11 @@ class _LeastSquares(Horizon, ABC):
 
 @dataclass(frozen=True)
 class LinearPredictive(_LeastSquares):
-    """Minimises the errors predicted by motion linearised about the reference, subject to the tracks' limits."""
+    """Law that minimises errors predicted by motion linearised about the reference, within track speed limits."""
 
     def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
         wanted = track_speeds(twists, self.half_gauge)
-        way, effect = self._driven(np.zeros((1, 3)), wanted[None])  # in the frame of the reference's pose
+        way, effect = self._driven(np.zeros((1, 3)), wanted[None])  # relative to the reference's first pose
         x, y, turn = np.moveaxis(-body_errors(pose, poses[0])[:, None], -1, 0)  # (R, 1) each
         x, y = x - turn * way[..., 1], y + turn * way[..., 0]
         deviation = np.stack([x, y, np.broadcast_to(turn, x.shape)], axis=-1)
@@ -151,13 +151,13 @@ class LinearPredictive(_LeastSquares):
 
 @dataclass(frozen=True)
 class ModelPredictive(_LeastSquares):
-    """Minimises the errors predicted by the unicycle's motion, subject to the tracks' limits.
+    """Law that minimises errors predicted by the unicycle's motion, within track speed limits.
 
     Each call takes a few Gauss-Newton steps from the shifted plan of the previous call (real-time iteration).
     """
 
     iterations: int = 3
-    """Gauss-Newton steps per call [-]."""
+    """Number of Gauss-Newton steps per call [-]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -173,9 +173,9 @@ class ModelPredictive(_LeastSquares):
 
 
 def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
-    """The u (R, n) within +-`bound` that minimise u H u / 2 - b u, for H (R, n, n) or (1, n, n) and b (R, n).
+    """Vectors u (R, n) within +-`bound` that minimise u H u / 2 - b u, for H (R, n, n) or (1, n, n) and b (R, n).
 
-    By projected Newton steps: D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
+    The solver is the projected Newton method of D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
     """
     optimum = np.linalg.solve(hessian, right[..., None])[..., 0]
     (rows,) = np.nonzero(np.abs(optimum).max(axis=1) > bound)
@@ -199,21 +199,21 @@ def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
 
 @dataclass(frozen=True)
 class PathIntegral(Horizon):
-    """Averages sampled plans, each weighted by exp(-cost / temperature), and drives the first twist of the mean.
+    """Law that drives the first twist of the mean of sampled plans, which are weighted by exp(-cost / temperature).
 
     Samples are normally distributed about the shifted plan of the previous call, in pairs of opposite deviations, and
-    clipped to the tracks' limits. Uncontrolled motion is the reference's, so a deviation d of a track speed from it
-    costs temperature d^2 / (2 noise^2): with many samples and no active limit, the plan is that of model predictive
-    control with speed_scale = noise sqrt(2 / temperature). Random numbers depend on the seed and the time only, so a
-    robot's twist depends on its own poses only.
+    clipped to the track speed limits. The uncontrolled motion is the reference motion, so a deviation d from the
+    reference's track speed costs temperature d^2 / (2 noise^2): with many samples and no active limit, the plan is that
+    of model predictive control with speed_scale = noise sqrt(2 / temperature). The random numbers depend only on the
+    seed and the time, so a robot's twist depends only on its own poses.
     """
 
     samples: int = 400
     """Number of sampled plans, rounded up to an even number [-]."""
     noise: float = 0.03
-    """Standard deviation of each sampled track speed in each interval [m/s]."""
+    """Standard deviation of the sampled track speeds in each interval [m/s]."""
     temperature: float = 0.125
-    """lambda, in units of the cost [-]."""
+    """Temperature lambda, in units of the cost [-]."""
     seed: int = 1
     """Seed of the random numbers [-]."""
 
@@ -230,11 +230,11 @@ class PathIntegral(Horizon):
         return np.reshape(better, plans.shape)
 
     def _averaged(self, plan: Array, pose: Array, deviations: Array, wanted: Array, speeds: Array) -> Array:
-        """The plan (K, 2) of a robot at `pose` (3,), averaged over samples that differ from it by `deviations`."""
+        """Weighted mean (K, 2) of the samples `plan` + `deviations` (M, K, 2) for a robot at `pose` (3,)."""
         sampled = np.clip(plan + deviations, -self.track_speed, self.track_speed)  # (M, K, 2)
         v, w = np.moveaxis(twist_of_tracks(sampled, self.half_gauge), -1, 0)  # (M, K)
         heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
-        middle = heading - w * (self.interval / 2)  # direction of chords, 1 - w^2 interval^2 / 24 as long as arcs
+        middle = heading - w * (self.interval / 2)  # chord direction; chord / arc = 1 - w^2 interval^2 / 24
         chord = v * self.interval * (1 - (w * self.interval) ** 2 / 24)
         x = pose[0] - wanted[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
         y = pose[1] - wanted[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)

@@ -22,16 +22,16 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 STEP = 0.01
-"""Approximate time between samples of the speed of a reference [s]."""
+"""Approximate sampling period for the speed of a reference [s]."""
 
 
 @dataclass(frozen=True)
 class PurePursuit(Scheduled):
-    """Drives the arc through a goal that is `look_ahead` further along the path than the reference.
+    """Law that drives the arc through a goal on the path, `look_ahead` further along than the reference pose.
 
-    The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d; without errors it
-    equals the path's curvature. On a straight line the closed loop equals that of Eq. 31 with g = 2 / look_ahead^2 and
-    xi = 1 / sqrt(2). The robot never drives against the direction of the reference; it waits instead.
+    The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d. Without errors the
+    arc has the path's curvature. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and
+    xi = 1 / sqrt(2). The robot waits rather than drive against the direction of the reference.
     """
 
     look_ahead: float = 0.3
@@ -39,7 +39,7 @@ class PurePursuit(Scheduled):
     _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
+        """Twists (..., 2) for measured poses (..., 3)."""
         path = self._path(PathAhead, reference)
         v, curvature, _ = path.pursued(time, pose, self.look_ahead, self.speed_gain)
         return np.stack([v, v * curvature], axis=-1)
@@ -47,26 +47,26 @@ class PurePursuit(Scheduled):
 
 @dataclass(frozen=True)
 class RegulatedPurePursuit(Scheduled):
-    """Pure pursuit that looks further ahead at speed and slows down in sharp bends and before cusps, stops and the end.
+    """Pure pursuit that looks further ahead at high speed and slows down in sharp bends and before cusps and stops.
 
-    The controller from Nav2, with the same parameter names. Here its desired speed is the one that keeps up with the
-    reference, and the speed isn't reduced near obstacles.
+    This is the controller from Nav2, with the same parameter names. Here the desired speed is the speed that keeps up
+    with the reference, and is not reduced near obstacles.
     """
 
     lookahead_time: float = 1.5
-    """Distance of the goal along the path, divided by the reference's speed [s]."""
+    """Distance of the goal along the path divided by the reference speed [s]."""
     min_lookahead_dist: float = 0.15
-    """Least distance of the goal [m]."""
+    """Smallest distance of the goal along the path [m]."""
     max_lookahead_dist: float = 0.6
-    """Largest distance of the goal [m]."""
+    """Largest distance of the goal along the path [m]."""
     regulated_linear_scaling_min_radius: float = 0.4
     """Arc radius below which the speed falls in proportion to the radius [m]."""
     regulated_linear_scaling_min_speed: float = 0.05
-    """Speed below which bends do not reduce it [m/s]."""
+    """Lowest speed to which bends reduce the desired speed [m/s]."""
     approach_velocity_scaling_dist: float = 0.05
-    """Distance to a cusp, a stop or the end below which the speed falls in proportion to the distance [m]."""
+    """Distance to a cusp, stop or end of the path below which the speed falls in proportion to the distance [m]."""
     min_approach_linear_velocity: float = 0.05
-    """Speed below which such an approach does not reduce it [m/s]."""
+    """Lowest speed to which the approach to a cusp, a stop or the end of the path reduces the desired speed [m/s]."""
     _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class RegulatedPurePursuit(Scheduled):
         require_at_most("min_lookahead_dist", self.min_lookahead_dist, self.max_lookahead_dist, "m")
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
+        """Twists (..., 2) for measured poses (..., 3)."""
         distance = self.lookahead_time * abs(reference.twist(time)[0])
         distance = min(max(distance, self.min_lookahead_dist), self.max_lookahead_dist)
         path = self._path(PathAhead, reference)
@@ -88,7 +88,7 @@ class RegulatedPurePursuit(Scheduled):
 
 
 class PathAhead:
-    """The path of a reference, divided where it changes direction or stops."""
+    """The path of a reference, split where the reference reverses or stops."""
 
     def __init__(self, reference: Reference) -> None:
         self._reference = reference
@@ -103,24 +103,24 @@ class PathAhead:
     def pursued(
         self, time: float, pose: ArrayLike, look_ahead: float, gain: Callable[[Array], Array]
     ) -> tuple[Array, Array, Array]:
-        """Speeds [m/s], curvatures of arcs to the goal [1/m] and distances left [m], (...) each, at poses (..., 3).
+        """Speeds [m/s], curvatures of arcs to a goal [1/m] and remaining distances [m], each (...), at poses (..., 3).
 
-        The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; distances left are to the next cusp,
-        stop or end. `gain` is the speed law's gain as a function of the reference twist.
+        The goal is `look_ahead` [m] beyond the reference pose at `time` [s]. A remaining distance ends at the next
+        cusp, stop or end of the path. `gain` is the speed law's gain as a function of the reference twist.
         """
         desired = self._reference.twist(time)
         goal, left = self.point(time, look_ahead)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, self._reference.pose(time)), -1, 0)
         v = speed_to_keep_up(desired, (e_x, e_y, e_phi), gain(desired))
         x, y, _ = np.moveaxis(body_errors(pose, goal), -1, 0)
-        # A robot far ahead of the reference that has nearly reached the goal must not spin.
+        # A robot far ahead of the reference may be close to the goal, where it must not spin.
         curvature = 2 * y / np.maximum(x**2 + y**2, (look_ahead / 2) ** 2)
         return v, curvature, left + np.sign(desired[0]) * (np.cos(e_phi) * e_x + np.sin(e_phi) * e_y)
 
     def point(self, time: float, distance: float) -> tuple[Array, float]:
-        """The pose (3,) on the path `distance` [m] beyond the pose at `time` [s], in the direction of travel.
+        """The pose (3,) `distance` [m] further along the path than at `time` [s], and the distance to the next break.
 
-        Beyond the next cusp, stop or end the path continues along its tangent; the distance to there comes second [m].
+        Both distances are in m. A break is a cusp, a stop or the end of the path, followed by the path's tangent.
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)
@@ -133,20 +133,20 @@ class PathAhead:
 
 @dataclass(frozen=True)
 class Stanley(Scheduled, ErrorFeedback):
-    """Steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto the path of that axle.
+    """Law that steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto the axle's path.
 
-    The steering angle is delta = psi + atan(k e / (k_s + |v|)): psi is the direction of the path of the axle relative
-    to the robot, which for a reference of curvature kappa_d is e_phi + atan(wheelbase kappa_d), and e its distance to
-    the left of the axle. There is thus no steady-state error on arcs. Then w = |v| tan(delta) / wheelbase. A steered
-    axle has no effect at standstill and cannot back up to a reference that drives forwards, so the robot waits then.
+    The steering angle is delta = psi + atan(k e / (k_s + |v|)), where psi is the direction of the axle's path relative
+    to the robot, e_phi + atan(wheelbase kappa_d) for a reference of curvature kappa_d, and e the distance of that path
+    to the left of the axle. There is thus no steady-state error on arcs. The yaw rate is |v| tan(delta) / wheelbase.
+    A steered axle cannot back up to a reference that drives forwards, so the robot waits for a reference behind it.
     """
 
     wheelbase: float = 0.2
     """Distance of the virtual axle from the centre of the robot [m]."""
     gain: float = 1.0
-    """k [1/s]."""
+    """k, gain on the axle's distance from its path [1/s]."""
     softening: float = 0.1
-    """k_s, which limits the angle at low speed [m/s]."""
+    """k_s, which limits the steering angle at low speed [m/s]."""
     steering_limit: float = np.pi / 3
     """Maximum |delta| [rad]."""
 
@@ -168,12 +168,12 @@ class Stanley(Scheduled, ErrorFeedback):
 
 
 def speed_to_keep_up(desired: Array, errors: Errors, gain: Array) -> Array:
-    """v_d plus k [1/s] times the error along the path, (...) [m/s], or 0 if the sum is opposite to v_d.
+    """Speeds (...) [m/s]: v_d plus k [1/s] times the error along the path, or 0 if the sum is opposite to v_d.
 
-    Takes the reference twist (2,) and the errors, (...) each. It is for laws that steer towards a point ahead. These
-    are unstable when the robot drives away from that point, so it waits for a reference behind it; and the robot can
-    only turn round while driving, so the speed must not depend on its heading. To first order this equals
-    v_d cos(e_phi) + k e_x.
+    `desired` is the reference twist (2,), `errors` are each (...), and `gain` is k. Laws that steer towards a point
+    ahead use this speed. Such laws are unstable when the robot drives away from that point, so the robot waits for a
+    reference behind it. With such laws the robot turns round only while driving, so the speed must not depend on the
+    heading. To first order the speed equals v_d cos(e_phi) + k e_x.
     """
     e_x, e_y, e_phi = errors
     direction = np.sign(desired[0])

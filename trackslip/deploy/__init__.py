@@ -1,1 +1,1 @@
-"""Identified laws for other programs: parameters of ros2_control, JSON, and code in C and Python."""
+"""Identified laws for other programs: parameters for ros2_control, JSON, and code in C and Python."""

@@ -1,7 +1,7 @@
-"""Writes laws for other programs in one call, as code, parameters or JSON.
+"""Export of laws to other programs, as code, parameters or JSON.
 
-Code is a C header that needs only <math.h>, or a Python module that needs only `math`. Its functions are the equations
-of `trackslip.laws`, from the folder `templates`; the law's numbers precede them as constants.
+The code is a C header that needs only <math.h>, or a Python module that needs only `math`. Functions from the folder
+`templates` implement the equations of `trackslip.laws`; the law's numbers precede the functions as constants.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 
 def c_text(stored: StoredLaws, law: str) -> str:
-    """A header for C99 and C++ with the functions trackslip_sprocket_speeds and trackslip_body_twist for a law."""
+    """Write a header for C99 and C++ with the functions trackslip_sprocket_speeds and trackslip_body_twist."""
     lines = [
         f"static const double trackslip_{name} = {value!r}; /* {about} */\n"
         for name, (value, about) in _constants(stored, law).items()
@@ -43,7 +43,7 @@ def c_text(stored: StoredLaws, law: str) -> str:
 
 
 def python_text(stored: StoredLaws, law: str) -> str:
-    """A module with the functions `sprocket_speeds` and `body_twist` for a law."""
+    """Write a Python module with the functions `sprocket_speeds` and `body_twist` for a law."""
     lines = [f"{name.upper()} = {value!r}  # {about}\n" for name, (value, about) in _constants(stored, law).items()]
     functions = _template(law, "py")
     imports = "import math\n\n" if "math." in functions else ""
@@ -56,7 +56,7 @@ def _template(law: str, language: str) -> str:
 
 
 def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
-    """Values and descriptions, by name, of the constants that a law's functions use."""
+    """Values and descriptions of the constants in a law's functions, by name."""
     geometry = stored.geometry
     radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
     if expressible(law):
@@ -80,19 +80,19 @@ TARGETS: dict[str, Callable[..., str]] = {
     "c": c_text,
     "python": python_text,
 }
-"""Deployment targets: functions that return a file's text, given stored laws and the name of one of them."""
+"""Functions by deployment target that return the text of a file, given stored laws and the name of a law."""
 
 
 @dataclass(frozen=True)
 class Deployed:
-    """A law in the form that another program reads."""
+    """A law in the format of another program."""
 
     law: str
     """Name of the law."""
     text: str
     """Text of the file."""
     instead: str
-    """A sentence if an expressible law stands in for the best one; empty if the best law is used."""
+    """A sentence if an expressible law replaces the best law; empty if the best law is used."""
 
 
 def deploy_law(
@@ -102,18 +102,18 @@ def deploy_law(
     controller: str = CONTROLLER,
     accept: bool = False,
 ) -> str:
-    """The text of a file with which another program drives and computes odometry according to a slip law.
+    """Write the text of a file with which another program drives and computes odometry according to a slip law.
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification.
-        to: `ros2_control` (parameters of diff_drive_controller as YAML), `ros_control` (the same for ROS 1), `json`,
-            `c` (a header) or `python` (a module).
-        law: name of the law; by default the best one that the target can express.
-        controller: name of the robot's controller, for ros2_control and ros_control.
-        accept: whether to deploy a law although its identification raised an alarm.
+        to: `ros2_control` (parameters of diff_drive_controller as YAML), `ros_control` (YAML for ROS 1), `json`, `c` (a
+            header) or `python` (a module).
+        law: name of the law; by default the best law if the target can express it, else the best expressible law.
+        controller: name of the robot's controller, used for ros2_control and ros_control.
+        accept: whether to deploy a law even if its identification raised an alarm.
 
-    Raises TrackslipError if the source holds no laws, for an unknown target, law or controller, for a law that the
-    target can't express, and for an alarm that isn't accepted.
+    Raises TrackslipError for a source without laws, for an unknown target or law, for an invalid controller name, for a
+    law that the target can't express, and for an alarm that isn't accepted.
     """
     return deployed(source, to, law, controller, accept).text
 
@@ -125,12 +125,12 @@ def deployed(
     controller: str = CONTROLLER,
     accept: bool = False,
 ) -> Deployed:
-    """A law for another program, chosen as in `deploy_law`."""
+    """Write a law for another program. The arguments are those of `deploy_law`."""
     require(to in TARGETS, "to", to, f"one of {', '.join(TARGETS)}")
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))
     else:
-        from trackslip.identification.result import identification_to_json  # imported late: needs SciPy
+        from trackslip.identification.result import identification_to_json  # imported late because it needs SciPy
 
         stored = stored_laws(identification_to_json(source), "the identification")
     name = stored.law_named(best_expressible(stored, to) if law is None else law)

@@ -1,4 +1,4 @@
-"""Constant ICRs as parameters of diff_drive_controller (ROS 1 and 2)."""
+"""Laws of constant ICRs as parameters of diff_drive_controller (ROS 1 and 2)."""
 
 from __future__ import annotations
 
@@ -15,20 +15,19 @@ _MEANING = (
     "1 + epsilon of the left sprocket",
     "1 + epsilon of the right sprocket",
 )
-_NEGLIGIBLE = 1e-6  # distance below which two points of the robot are taken as one [m]
+_NEGLIGIBLE = 1e-6  # distance below which two points of the robot count as the same [m]
 _RATE = 50.0  # default rate at which the controller publishes odometry [Hz]
-_UNKNOWN = 1e6  # variance of rates that the tracks can't measure [m^2/s^2, rad^2/s^2]
+_UNKNOWN = 1e6  # variance of velocities that the tracks can't measure [m^2/s^2, rad^2/s^2]
 
 
 def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2) -> str:
-    """YAML with parameters for diff_drive_controller to drive and compute odometry according to the law.
+    """Write YAML parameters with which diff_drive_controller drives and computes odometry according to the law.
 
-    The controller's wheels are at the ICRs: their separation is the ICRs' distance, their radii are the effective ones.
-    If the tracks' D differ, odometry describes the point midway between the ICRs, and a comment says so.
+    The controller's wheels are at the ICRs: the wheel separation is the distance between the ICRs, and the wheels have
+    the effective radii. If D differs between the tracks, odometry describes the point midway between the ICRs, as a
+    comment in the file explains. Twist variances are included for laws fitted to drives, whose varying slip is known.
 
-    Variances of the twists are included for a law fitted to drives, as only then is the varying slip known.
-
-    `controller` is the name of the robot's controller, `ros` the ROS version that the file is for. Raises
+    `controller` is the name of the robot's controller, and `ros` the ROS version, 1 or 2. Raises
     InvalidValueError if `controller` isn't a valid name.
     """
     is_name = controller.isidentifier() and controller.isascii()
@@ -72,7 +71,7 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
 
 
 def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
-    """Variances of x, y, z, roll, pitch and yaw rates that match the varying slip; empty if that isn't known."""
+    """Variances of the x, y, z, roll, pitch and yaw rates that match the varying slip; empty if unknown."""
     deviations = [
         number(stored.content, "drive", "laws", law, "noise", f"slip_{what}")
         for what in ("forward", "sideways", "turn")
@@ -84,12 +83,12 @@ def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
 
 
 def expressible(law: str) -> bool:
-    """True if a differential drive can express a law: its sprocket speeds are linear in the twist."""
+    """Whether a differential drive can express a law, which requires sprocket speeds that are linear in the twist."""
     return "ros2_control" in FAMILIES[law].targets
 
 
 def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """D [m] and epsilon [-] of the left and of the right track under a law of constant ICRs."""
+    """D [m] and epsilon [-] of the left track and of the right track, for a law of constant ICRs."""
     values = stored.values(law)
 
     def of(name: str, side: str) -> float:
@@ -100,24 +99,24 @@ def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tu
 
 
 def best_expressible(stored: StoredLaws, target: str) -> str:
-    """The best law if a target can express it, otherwise the best identified law of constant ICRs."""
+    """Name of the best law if a target can express it, otherwise of the best identified law of constant ICRs."""
     best, other = stored.law_named(None), text(stored.content, "expressible")
     return other if target not in FAMILIES[best].targets and other in stored.laws else best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:
-    """A sentence if `law` isn't the best law; empty if it is, or if the best law isn't known."""
+    """A sentence if `law` isn't the best law; empty if `law` is the best law or the best law is unknown."""
     best = text(stored.content, "best")
     return f"The best law is {best}: this is {law}" if best not in ("", law) else ""
 
 
 def nearest(stored: StoredLaws, target: str) -> str:
-    """The laws that a target can express, in words."""
+    """A phrase that lists the stored laws that a target can express."""
     known = [name for name in stored.laws if name != NO_SLIP and target in FAMILIES[name].targets]
     return f"those in {stored.name}: {', '.join(known) or 'none'}"
 
 
 def yaml_number(value: float) -> str:
-    """A number in a form that even YAML 1.1 reads exactly, as a float."""
+    """Format a number so that even YAML 1.1 reads it exactly, as a float."""
     mantissa, _, exponent = repr(float(value)).partition("e")
     return mantissa if not exponent else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"

@@ -1,4 +1,4 @@
-"""Facts about a deployed law, as comments and as JSON: parameters, intervals, origin and alarms."""
+"""Facts about a deployed law as comments and as JSON: parameters, intervals, origin and alarms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackslip.files import installed_version
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, entry, laws_content, number, text
 
-_MAX_LENGTH = 200  # most characters of a line taken from a file
+_MAX_LENGTH = 200  # maximum length of a line from a file [characters]
 _SPELLED = str.maketrans(
     {
         **{"±": "+/-", "°": " deg", "ε": "epsilon", "τ": "tau", "ψ": "psi", "²": "^2", "·": "*", "×": "x"},
@@ -21,13 +21,13 @@ _SPELLED = str.maketrans(
 
 
 def alarms_of(stored: StoredLaws) -> list[str]:
-    """The alarms that the identification raised, a line each."""
+    """Alarms raised in the identification, one line each."""
     found = entry(stored.content, "alarms")
     return [line for alarm in found if (line := text(alarm, "line"))] if isinstance(found, list | tuple) else []
 
 
 def fact_lines(stored: StoredLaws, law: str) -> list[str]:
-    """The facts about a law as lines of ASCII, for comments."""
+    """Facts about a law as lines of ASCII, for comments."""
     robot = stored.geometry
     lines = [
         f"Slip law {law}: {FAMILIES[law].title}. Written by trackslip {installed_version()}; SI units, radians.",
@@ -40,7 +40,7 @@ def fact_lines(stored: StoredLaws, law: str) -> list[str]:
 
 
 def json_text(stored: StoredLaws, law: str) -> str:
-    """JSON of one law, which `load_laws` also reads; docs/ros.md describes its keys."""
+    """Write a law as JSON that `load_laws` can read. The keys are described in docs/ros.md."""
     values = stored.values(law)
     intervals = {name: stored.interval95(law, name) for name in values}
     stderr = {name: number(stored.content, "slip_laws", law, "stderr", name) for name in values}
@@ -54,7 +54,7 @@ def json_text(stored: StoredLaws, law: str) -> str:
 
 
 def comment(lines: Iterable[str], mark: str) -> str:
-    """The lines, each with a comment mark in front."""
+    """Join lines, each with a comment mark in front."""
     return "".join(f"{mark} {line}".rstrip() + "\n" for line in lines)
 
 
@@ -77,10 +77,10 @@ def _origin_line(stored: StoredLaws) -> str:
 
 
 def _plain(line: str) -> str:
-    """A line as ASCII that is safe in comments of any language."""
+    """Convert a line to ASCII that is safe in comments of any language."""
     blank = "".join(c if c.isprintable() else " " for c in line.translate(_SPELLED))
     ascii_only = blank.encode("ascii", "replace").decode().rstrip()
-    for closing in ("*/", "/*", "??"):  # end and start of C comments, and C trigraphs
+    for closing in ("*/", "/*", "??"):  # end and start of C comments, and start of C trigraphs
         while closing in ascii_only:
             ascii_only = ascii_only.replace(closing, f"{closing[0]} {closing[1]}")
     return ascii_only if len(ascii_only) <= _MAX_LENGTH else f"{ascii_only[: _MAX_LENGTH - 4]} ..."

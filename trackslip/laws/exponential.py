@@ -1,4 +1,4 @@
-"""The paper's exponential law, and an extension that depends on speed."""
+"""The paper's exponential law, and its extension by a dependence on speed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackslip.laws.base import SlipLaw, by_side, require_between
 
 @dataclass(frozen=True)
 class Exponential(SlipLaw):
-    """The paper's law, i(R) = alpha exp(beta R) for the outer and the inner track (Eqs. 10-13)."""
+    """The paper's law, i(R) = alpha exp(beta R), with alpha and beta for the outer and the inner track (Eqs. 10-13)."""
 
     alpha_outer: float
     """Slip of the outer track at zero radius [-]."""
@@ -34,7 +34,7 @@ class Exponential(SlipLaw):
         return self._decayed(kappa, self.alpha_inner, self.alpha_outer)
 
     def _decayed(self, kappa: ArrayLike, inner: float | Array, outer: float | Array) -> Array:
-        """Slips (..., 2) at curvatures (...) from those at zero radius."""
+        """Slips (..., 2) at curvatures (...), from the `inner` and `outer` slips at zero radius."""
         with np.errstate(divide="ignore", over="ignore"):
             radius = 1 / np.abs(np.asarray(kappa, float))
         return by_side(kappa, inner * np.exp(self.beta_inner * radius), outer * np.exp(self.beta_outer * radius))
@@ -42,25 +42,25 @@ class Exponential(SlipLaw):
 
 @dataclass(frozen=True)
 class ExponentialSpeed(Exponential):
-    """An exponential whose slip at zero radius grows with speed: i(R, v) = (alpha + gamma |v|) exp(beta R)."""
+    """An exponential law whose slip at zero radius grows with speed: i(R, v) = (alpha + gamma |v|) exp(beta R)."""
 
     gamma_outer: float
-    """Growth of the outer track's slip with speed [s/m]."""
+    """Increase in the outer track's slip with speed [s/m]."""
     gamma_inner: float
-    """Growth of the inner track's slip with speed [s/m]."""
+    """Increase in the inner track's slip with speed [s/m]."""
 
-    twist_iterations = 24  # convergence is slow where slip grows fast with speed
+    twist_iterations = 24  # convergence is slow if slip increases steeply with speed
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between(self, ("gamma_outer", "gamma_inner"), -np.inf, np.inf, "finite")
 
     def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) at twists (..., 2); calling the law returns the limit for |v| = 0."""
+        """Slips (..., 2) at twists (..., 2). Calls of the law return the limit for |v| = 0."""
         speed = np.abs(np.asarray(twist, float)[..., 0])
         inner, outer = self.alpha_inner + self.gamma_inner * speed, self.alpha_outer + self.gamma_outer * speed
         return self._decayed(curvature(twist), inner, outer)
 
 
 PUBLISHED = Exponential(alpha_outer=0.07, beta_outer=-0.68, alpha_inner=-0.15, beta_inner=-0.63)
-"""Eq. 11 of the paper, identified from 25 runs of ResQuake on stone paving."""
+"""The law of Eq. 11, which the paper identified from 25 runs of ResQuake on stone paving."""

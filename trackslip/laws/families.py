@@ -1,6 +1,6 @@
-"""The slip laws that can be fitted, one entry each: parameters, limits, symbols and deployment targets.
+"""The families of slip laws that can be fitted, with their parameters, limits, symbols and deployment targets.
 
-To add a law, write its class in `trackslip.laws` and its entry here; `examples/own_slip_law.py` does both in one file.
+To add a law, write a class in `trackslip.laws` and an entry here; `examples/own_slip_law.py` does both in one file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from trackslip.laws.exponential import Exponential, ExponentialSpeed
 from trackslip.laws.icr import MAX_COMPLIANCE, ConstantIcr, IcrLoad, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
-_DIFFERENCE = 1e-6  # step of derivatives, relative to the scales of the parameters
+_DIFFERENCE = 1e-6  # step of finite differences, relative to the scales of the parameters
 
 
 @dataclass(frozen=True)
@@ -26,69 +26,69 @@ class Parameter:
     """A free parameter of a family."""
 
     starts: tuple[float, ...]
-    """Starting values: fits start from the first of each parameter, then from the second of each, and so on."""
+    """Initial values. The first fit starts from the first value of each parameter, the second from the second, etc."""
     low: float  # lower limit
     high: float  # upper limit
-    scale: float  # size of a significant change
-    unit: str  # unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges
-    symbol: str = ""  # letter in formulas, without the track's index; by default the name is printed
-    meaning: str = ""  # meaning of the letter, for reports
+    scale: float  # size of a significant change in the parameter
+    unit: str  # unit as printed; empty if dimensionless. If it is m, the four fields above are in half gauges
+    symbol: str = ""  # letter in formulas, without the index of the track; by default the name is used
+    meaning: str = ""  # meaning of the parameter, for reports
 
 
 @dataclass(frozen=True)
 class LawFamily:
-    """Slip laws that differ only in the values of their parameters."""
+    """A set of slip laws that differ only in the values of their parameters."""
 
     title: str  # a short description
-    parameters: Mapping[str, Parameter]  # free parameters by name, in the order of their values in arrays
+    parameters: Mapping[str, Parameter]  # free parameters by name, in the order of values in arrays
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
-    """Builds a law from parameter values: numbers, or arrays of one shape."""
+    """Function that builds a law from parameter values, which are numbers or arrays of the same shape."""
     targets: tuple[str, ...] = ("json",)  # deployment targets, from `trackslip.deploy.TARGETS`
-    loaded: bool = False  # true if slip depends on the traction per unit load, which runs must then provide
+    loaded: bool = False  # whether slip depends on the traction per unit load, which runs must then contain
     two_sided: bool = False
-    """True if left and right turns slip differently, so that fits need turns to both sides."""
+    """Whether slip differs between left and right turns, so that fits need turns to both sides."""
     fast: bool = False
-    """True if slip depends on the lateral acceleration, which must reach a few tenths of a m/s² to show an effect."""
-    of_runs: bool = True  # true if it is fitted to steady runs
-    of_drives: bool = True  # true if it is fitted to whole drives
+    """Whether slip depends on the lateral acceleration, whose effect is visible from a few tenths of a m/s²."""
+    of_runs: bool = True  # whether laws are fitted to steady runs
+    of_drives: bool = True  # whether laws are fitted to whole drives
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of their values in arrays."""
+        """Names of the parameters, in the order of values in arrays."""
         return tuple(self.parameters)
 
     def limits(self, half_gauge: float) -> Array:
-        """Lower limits, upper limits and scales (3, p) for a robot with this half gauge [m]."""
+        """Lower limits, upper limits and scales (3, p) of the parameters, for a robot with `half_gauge` [m]."""
         rows = [(p.low, p.high, p.scale) for p in self.parameters.values()]
         return (np.array(rows).reshape(-1, 3) * self._units(half_gauge)[:, None]).T
 
     def starts(self, half_gauge: float) -> Array:
-        """Starting values (K, p) for fits."""
+        """Initial values (K, p) for K fits."""
         most = max((len(p.starts) for p in self.parameters.values()), default=1)
         rows = [[p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)]
         return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
 
     def under(self, load: Array | None) -> LawFamily:
-        """The family at tractions per unit load (...) [-]; unchanged if its laws ignore load."""
+        """The family at tractions per unit load (..., 2) [-]; the same family if its laws ignore load."""
         if load is None:
             return self
         return replace(self, build=lambda values, geometry: self.build(values, geometry).under(load))
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
-        """The law with parameters (..., p): many laws of shape (...) at once."""
+        """Build the law with parameters (..., p), which represents many laws of shape (...)."""
         return self.build({name: values[..., k] for k, name in enumerate(self.names)}, geometry)
 
     def twist_slopes(self, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values (m, p) of m laws.
 
-        They are central differences, taken just inside a limit for values at it, and 0 where no twist has these speeds.
+        They are central differences, just inside a limit for values at it, and 0 where no twist has these speeds.
         """
         if not self.names:
             return np.empty((len(values), len(omega), 2, 0))
         low, high, scale = self.limits(geometry.half_gauge)
         step = _DIFFERENCE * scale
         inside = np.clip(values, low + step, high - step)[:, None, :]
-        pushes = np.diag(step)[:, None, None, :]  # one parameter at a time, for all laws: (p, 1, 1, p)
+        pushes = np.diag(step)[:, None, None, :]  # steps in one parameter at a time, for all laws: (p, 1, 1, p)
         ahead, behind = (self.law(inside + push, geometry).twist(omega, geometry) for push in (pushes, -pushes))
         slopes = np.moveaxis(ahead - behind, 0, -1) / (2 * step)
         return np.where(np.isfinite(slopes), slopes, 0.0)
@@ -98,7 +98,7 @@ class LawFamily:
 
 
 def _build(kind: Callable[..., SlipLaw]) -> Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]:
-    """Builds laws of a kind from their parameters and, if it has one, the robot's half gauge."""
+    """Return a function that builds laws of a kind from parameters and, for kinds that have it, the half gauge."""
     has_gauge = "half_gauge" in kind.__dataclass_fields__  # type: ignore[attr-defined]
     return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if has_gauge else kind(**p)
 
@@ -129,7 +129,7 @@ _RADIUS_SIDES = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADI
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
-GAINS = "two_gains"  # family of the gains that people compute by hand: the yardstick for all others
+GAINS = "two_gains"  # family of the gains that people compute by hand, with which other laws are compared
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False),
@@ -180,22 +180,22 @@ FAMILIES: dict[str, LawFamily] = {
         two_sided=True,
     ),
 }
-"""Families by name, simple ones first."""
+"""Families by name, the simplest first."""
 
 
 def drive_laws() -> tuple[str, ...]:
-    """Names of the families that are fitted to whole drives."""
+    """Names of the families whose laws are fitted to whole drives."""
     return tuple(name for name, family in FAMILIES.items() if family.of_drives)
 
 
 def family(name: str) -> LawFamily:
-    """The family called `name`; raises InvalidValueError if there is none."""
+    """The family called `name`. Raises InvalidValueError for an unknown name."""
     require(name in FAMILIES, "law", name, f"one of {', '.join(FAMILIES)}")
     return FAMILIES[name]
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
-    """A law of the family `name` from stored values; raises InvalidValueError for missing or invalid ones."""
+    """Build a law of the family `name` from stored values. Raises InvalidValueError for missing or invalid values."""
     model = family(name)
     geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
     numbers = {}

@@ -1,4 +1,4 @@
-"""Slip laws in JSON files, with the robot's geometry and further results of their identification."""
+"""Slip laws in JSON files, with the robot's geometry and further results of the identification."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.families import FAMILIES, family, law_from_values
 
-NO_SLIP = "none"  # name of the law of a robot that doesn't slip
+NO_SLIP = "none"  # name of the law without slip
 SHIPPED = Path(__file__).parent / "laws.json"
-"""Laws of the default robot on the default ground, made by `trackslip reproduce`."""
+"""File with the laws of the default robot on the default ground, from `trackslip reproduce`."""
 
 
 @dataclass(frozen=True)
 class StoredLaws:
     """The laws in a file, with the rest of the file's content."""
 
-    name: str  # the file's name in messages and comments, without the folders that lead to it
-    geometry: RobotGeometry  # geometry of the robot that the laws were identified for
-    laws: Mapping[str, SlipLaw]  # laws by family name; `none` is always there
+    name: str  # name of the file in messages and comments, without its folder
+    geometry: RobotGeometry  # geometry of the robot for which the laws were identified
+    laws: Mapping[str, SlipLaw]  # laws by family name, always including `none`
     content: Mapping[str, Any]  # content of the file
-    manifest: Mapping[str, Any]  # content of the manifest next to it; empty where there is none
+    manifest: Mapping[str, Any]  # content of the manifest next to the file; empty without a manifest
 
     def law_named(self, name: str | None) -> str:
-        """`name` if there is such a law; for None the best law as stored, or the only one.
+        """Return `name`, or for None the name of the best law according to the file or of the only law.
 
-        Raises InvalidValueError for an unknown name, LogError if the file doesn't state the best law.
+        Raises InvalidValueError for an unknown name, LogError if the file has several laws but doesn't state the best.
         """
         if name is not None:
             require(name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})")
@@ -49,43 +49,43 @@ class StoredLaws:
         return identified[0]
 
     def values(self, law: str) -> dict[str, float]:
-        """Parameters of a law by name, in SI units."""
+        """Values of a law's parameters by name, in SI units."""
         return {name: float(getattr(self.laws[law], name)) for name in FAMILIES[law].names}
 
     def drive_fit(self, law: str) -> Mapping[str, Any] | None:
-        """The law's fit to whole drives; None if it wasn't fitted to any."""
+        """Stored fit of the law to whole drives; None without such a fit."""
         found = entry(self.content, "drive", "laws", law)
         return found if isinstance(found, Mapping) else None
 
     def fit(self, law: str) -> Mapping[str, Any]:
-        """The fit that the law comes from; empty if none is stored."""
+        """Stored fit from which the law comes; empty if none is stored."""
         steady, short = (entry(self.content, key, law) for key in ("laws", "slip_laws"))
         drive = self.drive_fit(law)
         inner = drive if self.content.get("method") == "drive" or steady is None else steady
         return next((laws for laws in (inner, short) if isinstance(laws, Mapping)), {})
 
     def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
-        """95 % interval of a parameter; None if unknown, for example because the parameter was held fixed."""
+        """95 % interval of a parameter; None if unknown, for example because the parameter was fixed."""
         low, high = (number(self.content, "slip_laws", law, "interval95", parameter, k) for k in (0, 1))
         return None if low is None or high is None else (low, high)
 
 
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
-    """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
+    """Read the laws in a JSON file, or in the summary.json of a results folder, by family name.
 
     If `robot` is given, the laws must have been identified for this geometry. Raises LogError if the file does not
-    exist, holds no slip laws, or was made for another robot or by a newer version.
+    exist, holds no slip laws, is for another robot, or was written by a newer version.
     """
     return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
-    """Write laws by family name to a JSON file that `load_laws` and the commands' option `--laws` read.
+    """Write laws by family name to a JSON file for `load_laws` and the command-line option `--laws`.
 
     `geometry` is that of the robot for which the laws were identified. Laws without parameters are not stored.
 
     Raises:
-        InvalidValueError: if a name is not that of a family, or a law does not belong to the family it is named for.
+        InvalidValueError: if a name is not the name of a family, or a law does not belong to the family of its name.
         OutputError: if the file cannot be written.
     """
     stored: dict[str, dict[str, Any]] = {}
@@ -102,18 +102,18 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
-    """The content of a laws file: for each family name, `values` (the parameters) and what else describes the law."""
+    """Build the content of a laws file. Each family name maps to the law's `values` and, optionally, other entries."""
     return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
 
 
 def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
-    """The laws in a JSON file, or in the summary.json of a folder of results, with the rest of its content.
+    """Read the laws in a JSON file, or in the summary.json of a results folder, with the rest of the content.
 
-    Raises LogError as `load_laws` does.
+    Raises LogError like `load_laws`.
     """
     file = path / "summary.json" if path.is_dir() else path
     stored = stored_laws(read_json(file), str(file), known_manifest(path) if path.is_dir() else {}, robot)
-    # the name goes into comments of other programs, so it must not contain this machine's folders
+    # the name appears in code for other programs, so it must not contain local folders
     name = file.name if file == path else f"{path.resolve().name}/{file.name}"
     return replace(stored, name="the laws shipped with trackslip" if file == SHIPPED else name)
 
@@ -121,7 +121,7 @@ def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
 def stored_laws(
     content: Any, name: str, manifest: Mapping[str, Any] | None = None, robot: RobotGeometry | None = None
 ) -> StoredLaws:
-    """The laws in a file's content; messages call the file `name`; raises LogError as `load_laws` does."""
+    """Extract the laws from the content of a file, called `name` in messages. Raises LogError like `load_laws`."""
     try:
         require_known_format(content, name)
         geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
@@ -144,7 +144,7 @@ def stored_laws(
 
 
 def entry(content: Any, *keys: str | int) -> Any:
-    """The value under nested keys, or list indices, in the content of a JSON file; None if there is none."""
+    """The value at nested keys or list indices in the content of a JSON file; None if missing."""
     for key in keys:
         try:
             content = content[key]
@@ -154,7 +154,7 @@ def entry(content: Any, *keys: str | int) -> Any:
 
 
 def number(content: Any, *keys: str | int) -> float | None:
-    """The finite number under nested keys; None for anything else."""
+    """The finite number at nested keys; None if missing or not a finite number."""
     found = entry(content, *keys)
     if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= sys.float_info.max:
         return None
@@ -162,6 +162,6 @@ def number(content: Any, *keys: str | int) -> float | None:
 
 
 def text(content: Any, *keys: str | int) -> str:
-    """The text under nested keys; empty for anything else."""
+    """The text at nested keys; empty if missing or not a text."""
     found = entry(content, *keys)
     return found if isinstance(found, str) else ""

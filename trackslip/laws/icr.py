@@ -1,4 +1,4 @@
-"""Constant instantaneous centres of rotation (ICRs) of the tracks, with or without slip proportional to their force."""
+"""Laws of constant instantaneous centres of rotation (ICRs) of the tracks, with or without slip under load."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from trackslip.laws.base import SlipLaw, require_between
 class IcrLaw(SlipLaw):
     """Base class of laws with ICRs, whose sprocket speeds and twists are regular at every radius.
 
-    They are computed without the slip ratio, which has a pole where a sprocket stands still.
+    Speeds and twists are computed without the slip ratio, which has a pole where a sprocket stands still.
     """
 
     half_gauge: float
     offsets: ClassVar[tuple[str, ...]] = ("offset",)
-    """Field names of D: one for both tracks, or one for each."""
+    """Names of the fields for D: a name for both tracks, or a name for each track."""
     radius_errors: ClassVar[tuple[str, ...]] = ("radius_error",)
-    """Field names of epsilon: one for both tracks, or one for each."""
+    """Names of the fields for epsilon: a name for both tracks, or a name for each track."""
 
     def __post_init__(self) -> None:
         require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
@@ -33,42 +33,42 @@ class IcrLaw(SlipLaw):
 
     @cached_property
     def _reach(self) -> Array:
-        """b + D (..., 2) of the left and right track, or (..., 1) if they are equal [m]."""
+        """b + D (..., 2) of the left and right track, or (..., 1) if equal for both [m]."""
         return self._of_tracks(self.offsets) + np.asarray(self.half_gauge, float)[..., None]
 
     @cached_property
     def _scale(self) -> Array:
-        """1 + epsilon (..., 2) of the left and right track, or (..., 1) if they are equal."""
+        """1 + epsilon (..., 2) of the left and right track, or (..., 1) if equal for both [-]."""
         return 1 + self._of_tracks(self.radius_errors)
 
     def _of_tracks(self, names: tuple[str, ...]) -> Array:
         return np.stack(np.broadcast_arrays(*(np.asarray(getattr(self, name), float) for name in names)), axis=-1)
 
     def __call__(self, kappa: ArrayLike) -> Array:
-        """Slips (..., 2) at curvatures (...), driving forwards or turning in place."""
+        """Slips (..., 2) at curvatures (...) when driving forwards or turning in place."""
         direction = np.arctan(np.asarray(kappa, float))  # finite for infinite curvature
         return self.slip(np.stack([np.cos(direction), np.sin(direction)], axis=-1))
 
     def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) at twists (..., 2), infinite where a sprocket stands still."""
+        """Slips (..., 2) at twists (..., 2); infinite where a sprocket stands still."""
         commanded = self.sprocket_speeds(twist, RobotGeometry(self.half_gauge, sprocket_radius=1.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1 - track_speeds(twist, self.half_gauge) / commanded
 
 
 class _ConstantIcrs(IcrLaw):
-    """Commanded track speeds V are linear in the twist, with D and epsilon of each track.
+    """Base class of laws in which track speeds V are linear in the twist, with D and epsilon of each track.
 
     (1 + epsilon) V = v -+ (b + D) w
     """
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
+        """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         twist = np.asarray(twist, float)
         return (twist[..., :1] + SIDES * self._reach * twist[..., 1:]) / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
+        """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         arms = SIDES * self._reach
         left, right = np.moveaxis(geometry.sprocket_radius * self._scale * np.asarray(omega, float), -1, 0)
         w = (right - left) / (arms[..., 1] - arms[..., 0])
@@ -77,10 +77,10 @@ class _ConstantIcrs(IcrLaw):
 
 @dataclass(frozen=True)
 class ConstantIcr(_ConstantIcrs):
-    """Both ICRs at a distance D outside their tracks, as Coulomb friction predicts for slow turns.
+    """The law of ICRs at a distance D outside both tracks, as Coulomb friction predicts for slow turns.
 
-    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa): for epsilon = 0, D / (R + b + D) on the outer track and
-    -D / (R - b - D) on the inner one.
+    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa), which for epsilon = 0 is D / (R + b + D) on the outer
+    track and -D / (R - b - D) on the inner track.
     """
 
     offset: float
@@ -94,7 +94,7 @@ class ConstantIcr(_ConstantIcrs):
 
 @dataclass(frozen=True)
 class IcrSides(_ConstantIcrs):
-    """Constant ICRs that differ between left and right, for an off-centre mass or unequal tracks.
+    """The law of constant ICRs that differ between left and right, for an off-centre mass or unequal tracks.
 
     Reversing the motion reverses all friction forces, so D and epsilon belong to a side of the robot, not of the turn.
     """
@@ -116,19 +116,19 @@ class IcrSides(_ConstantIcrs):
 
 MAX_COMPLIANCE = 1.2  # largest slip per traction per unit load [-]
 MAX_LOAD = 0.8
-"""Largest traction per unit load, in magnitude [-]; even at MAX_COMPLIANCE, a track still moves."""
+"""Largest magnitude of the traction per unit load [-], at which a track moves even with MAX_COMPLIANCE."""
 
 
 @dataclass(frozen=True)
 class IcrLoad(IcrLaw):
-    """Constant ICRs, and slip in proportion to the traction per unit load, as on ground that shears.
+    """The law of constant ICRs and slip in proportion to the traction per unit load, as on ground that shears.
 
     With the twist (v', w') of constant ICRs and the traction per unit load (t, t_left) that the robot needs,
 
         v = v' - t sqrt((C v')^2 + (S w')^2)        w = w'        u = -t_left (C |v| + S |w|)
 
-    Straight uphill the belts slip by C t; downhill the robot outruns them by as much. In turns the tracks slide
-    sideways anyway, and yield to any other force as well. Where uphill is to the left, the robot drifts right: u < 0.
+    Straight uphill the belts slip by C t; downhill the robot is faster than the belts by the same ratio. In turns the
+    tracks slide sideways and thus also yield to other forces. If uphill is to the left, the robot drifts right: u < 0.
 
     For small tractions, C = 2 K / (mu L) with the ground's shear modulus K, its friction mu and the length L of the
     contact (Janosi and Hanamoto, 1961), and S = L / (2 mu) in turns that shear the ground to its limit.
@@ -145,33 +145,33 @@ class IcrLoad(IcrLaw):
     turn_compliance: float = 0.0
     """S: speed lost per yaw rate and traction per unit load [m]."""
     load: Array | tuple[float, float] = (0.0, 0.0)
-    """(t, t_left): traction needed, positive uphill, per load on the tracks; one pair, or one per motion [-]."""
+    """(t, t_left): required traction per load on the tracks, positive uphill, one pair or a pair per motion [-]."""
     records_icr: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between(self, ("turn_compliance",), -np.inf, np.inf, "finite")
         for name, most in (("compliance", MAX_COMPLIANCE), ("load", MAX_LOAD)):
-            limit = most * 1.01  # room for finite differences at the limit
+            limit = most * 1.01  # margin for finite differences at the limit
             require_between(self, (name,), -limit, limit, f"between {-most} and {most}")
 
     def under(self, load: ArrayLike) -> IcrLoad:
-        """The law for a robot that needs tractions per unit load `load`, one (2,) or many (..., 2) [-]."""
+        """The law for a robot with tractions per unit load `load`, a pair (2,) or pairs (..., 2) [-]."""
         return replace(self, load=np.asarray(load, float))
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
+        """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         return self.unloaded_law.sprocket_speeds(self.unloaded(twist), geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
+        """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         free = self.unloaded_law.twist(omega, geometry)
         v, w = free[..., 0], free[..., 1]
         slower = v - self._tractions[0] * np.hypot(self.compliance * v, self.turn_compliance * w)
         return np.stack(np.broadcast_arrays(slower, w), axis=-1)
 
     def unloaded(self, twist: ArrayLike) -> Array:
-        """The twist (..., 2) without load at the sprocket speeds that produce a twist (..., 2) under load."""
+        """Twists (..., 2) without load at the sprocket speeds that produce twists `twist` (..., 2) under load."""
         twist = np.asarray(twist, float)
         v, w = twist[..., 0], twist[..., 1]
         along = self._tractions[0]
@@ -180,19 +180,19 @@ class IcrLoad(IcrLaw):
         return np.stack(np.broadcast_arrays((v + np.sign(along) * lost) / stiff, w), axis=-1)
 
     def sideslip(self, twist: ArrayLike) -> Array:
-        """Speed to the left (...) [m/s] at twists (..., 2)."""
+        """Speeds to the left (...) [m/s] at twists (..., 2)."""
         v, w = np.moveaxis(np.abs(np.asarray(twist, float)), -1, 0)
         return np.asarray(-self._tractions[1] * (self.compliance * v + self.turn_compliance * w))
 
     def yielding(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Velocities (..., 3) (forwards, leftwards, yaw) that load adds at sprocket speeds omega (..., 2)."""
+        """Velocities (..., 3) (forwards, leftwards, yaw) that load adds at sprocket speeds omega (..., 2) [rad/s]."""
         twist = self.twist(omega, geometry)
         slower = twist[..., 0] - self.unloaded_law.twist(omega, geometry)[..., 0]
         return np.stack([slower, self.sideslip(twist), np.zeros_like(slower)], axis=-1)
 
     @property
     def _tractions(self) -> tuple[Array, Array]:
-        """t and t_left (...)."""
+        """Tractions per unit load t and t_left, each (...) [-]."""
         load = np.asarray(self.load, float)
         return load[..., 0], load[..., 1]
 

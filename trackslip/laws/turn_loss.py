@@ -1,4 +1,4 @@
-"""Constant ICRs for a robot that loses speed in turns, and for one that skids in fast turns."""
+"""Laws of constant ICRs for robots that lose speed in turns or skid in fast turns."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.base import require_between
 from trackslip.laws.icr import IcrLaw
 
-_MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at any speed difference
+_MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # limits on g within which v increases with the belts' mean speed
 _ITERATIONS = 60
-_CONVERGED = 1e-15  # last step, relative to the twist
+_CONVERGED = 1e-15  # last step, relative to the largest speed
 
 
 class _SpeedLost(IcrLaw):
-    """The yaw rate of constant ICRs, and a speed that turning reduces."""
+    """Base class of laws with the yaw rate of constant ICRs and a speed that turning reduces."""
 
     offset: float
     turn_loss: float
@@ -28,14 +28,14 @@ class _SpeedLost(IcrLaw):
         require_between(self, ("turn_loss",), _MIN_LOSS, _MAX_LOSS, allowed)
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
+        """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
         v, difference, loss = np.broadcast_arrays(v, self._reach[..., 0] * w, self.turn_loss)
         mean = _mean_speed(v, difference, loss)
         return (mean[..., None] + SIDES * difference[..., None]) / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
+        """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         belt = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
         mean, difference = (belt[..., 1] + belt[..., 0]) / 2, (belt[..., 1] - belt[..., 0]) / 2
         v = mean * (1 - self.turn_loss * _sine(difference, mean) ** 2)
@@ -44,13 +44,13 @@ class _SpeedLost(IcrLaw):
 
 @dataclass(frozen=True)
 class TurnLoss(_SpeedLost):
-    """Constant ICRs of a robot that loses speed in turns, as fast skid-steered robots do.
+    """The law of constant ICRs and a loss of speed in turns, as in fast skid-steered robots.
 
-    With the belts' speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
+    With belt speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
 
         w = d / (b + D)        v = s (1 - g sin^2 theta)        tan theta = d / s
 
-    With g = 0, this is the law of constant ICRs.
+    With g = 0, the law is that of constant ICRs.
     """
 
     offset: float
@@ -60,12 +60,12 @@ class TurnLoss(_SpeedLost):
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     turn_loss: float = 0.0
-    """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
+    """g: share of the speed that is lost when turning about the robot's centre [-]."""
 
 
 @dataclass(frozen=True)
 class TurnLossSides(_SpeedLost):
-    """TurnLoss with an epsilon for each side, such as for unequally inflated tyres: the robot pulls to one side."""
+    """TurnLoss with an epsilon for each side, for robots that pull to one side, as with unequally inflated tyres."""
 
     offset: float
     """D: distance of the ICRs outside the centre lines of the tracks [m]."""
@@ -76,20 +76,20 @@ class TurnLossSides(_SpeedLost):
     half_gauge: float
     """b: half the distance between the tracks' centre lines [m]."""
     turn_loss: float = 0.0
-    """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
+    """g: share of the speed that is lost when turning about the robot's centre [-]."""
 
     radius_errors = ("radius_error_left", "radius_error_right")
 
 
 @dataclass(frozen=True)
 class Centrifugal(TurnLoss):
-    """Turn loss, and slip in proportion to the lateral acceleration, as for fast robots on ice.
+    """TurnLoss with slip in proportion to the lateral acceleration, as for fast robots on ice.
 
-    If the same belt speeds produce the twist (v', w') under TurnLoss,
+    If (v', w') is the twist that the belt speeds produce under TurnLoss,
 
         v' = v (1 + k |v w|)        w' = w (1 + k |v w|)
 
-    Friction that holds the robot on its curve can't drive it, so the robot skids along the same curve more slowly.
+    Friction that holds the robot on its curve can't also drive it, so the robot skids more slowly along the same curve.
     """
 
     centrifugal_slip: float = 0.0
@@ -97,20 +97,20 @@ class Centrifugal(TurnLoss):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")  # for differences at 0
+        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")  # finite differences at 0
 
     def __call__(self, kappa: ArrayLike) -> Array:
-        """Slips (..., 2) at curvatures (...) in slow driving."""
+        """Slips (..., 2) at curvatures (...) in the limit of slow driving."""
         return TurnLoss(self.offset, self.half_gauge, self.radius_error, self.turn_loss)(kappa)
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
+        """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         twist = np.asarray(twist, float)
         skid = 1 + np.asarray(self.centrifugal_slip) * np.abs(twist[..., 0] * twist[..., 1])
         return super().sprocket_speeds(skid[..., None] * twist, geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
+        """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
 
         The factor q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's formula.
         """
@@ -121,16 +121,16 @@ class Centrifugal(TurnLoss):
 
 
 def _sine(difference: Array, mean: Array) -> Array:
-    """sin theta (...) from the belts' half speed differences and mean speeds (...); 0 at rest."""
+    """sin theta (...) from half the belt speed differences (...) and the mean belt speeds (...); 0 at rest."""
     size = np.hypot(difference, mean)
     return difference / np.where(size == 0, 1.0, size)
 
 
 def _mean_speed(v: Array, difference: Array, loss: Array) -> Array:
-    """The s (...) for which s (1 - g sin^2 theta) = v, the only real root of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
+    """Mean belt speeds s (...) with s (1 - g sin^2 theta) = v, only real roots of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
 
-    Newton's method is applied to the speed itself, which grows with s; a step that leaves the interval known to contain
-    the root is replaced by a bisection.
+    Newton's method is applied to the first equation, whose left side increases with s. A step that leaves the interval
+    known to contain the root is replaced by a bisection.
     """
     size = np.maximum(np.abs(v), np.abs(difference))
     size = np.where(size == 0, 1.0, size)

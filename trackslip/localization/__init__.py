@@ -1,1 +1,1 @@
-"""From one scan to the pose of the plate, with covariance (paper, Sec. III-B)."""
+"""Poses of the plate from single scans, with covariances (paper, Sec. III-B)."""

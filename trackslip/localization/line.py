@@ -1,4 +1,4 @@
-"""Lines through the points on the plate: the paper's localization (Sec. III-B), and poses to start fits from."""
+"""Lines through the points on the plate: the paper's localization (Sec. III-B), and initial poses for fits."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from trackslip.kinematics import Array
 from trackslip.localization.likelihood import in_axes
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
 
-_BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
-_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the angle to the line of sight above which a line is seen from the side
-_WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_MIN_EXTENT = 0.35  # of a valid line [m]
+_BESIDE = np.radians(2.0)  # angle between the line of sight and the two initial headings beside it [rad]
+_FROM_SIDE = np.sin(np.radians(30.0))  # sine of the viewing angle above which a plate is seen from the side
+_WHOLE = 0.8  # visible fraction of a side above which both visible ends locate the side
+_MIN_EXTENT = 0.35  # smallest extent of a valid line [m]
 
 
 @dataclass(frozen=True)
 class LineLocator:
-    """Total-least-squares line through the cluster: its slope is the heading, its mid-point the position.
+    """Locator that fits a total-least-squares line: its slope is the heading, its mid-point the position.
 
     Two effects that the paper does not mention are corrected. The points lie on the face of the plate, half its
-    thickness closer to the LRF than its centre. And twice per turn the plate is seen edge-on, and the line fits the
-    thin face, 90 degrees off: clusters shorter than _MIN_EXTENT are rejected.
+    thickness closer to the LRF than the plate's centre. And twice per turn the plate is seen edge-on, and the line fits
+    the thin face, 90 degrees off: clusters shorter than _MIN_EXTENT are rejected.
     """
 
     plate: Plate = field(default_factory=Plate)
@@ -43,15 +43,15 @@ class LineLocator:
 
 @dataclass(frozen=True)
 class Line:
-    """Lines through clusters, in the LRF's frame."""
+    """Lines through the clusters of S scans, in the LRF's frame."""
 
-    heading: Array  # (S,) known up to half a turn [rad]
-    middle: Array  # (S, 2) half-way between the outermost points [m]
+    heading: Array  # (S,) ambiguous by half a turn [rad]
+    middle: Array  # (S, 2) halfway between the outermost points [m]
     extent: Array  # (S,) distance between the outermost points along the line [m]
 
 
 def fit_line(cluster: Cluster) -> Line:
-    """Total-least-squares line through the returns of each cluster; arbitrary for an empty one."""
+    """Fit a total-least-squares line to the returns of each cluster; arbitrary for an empty cluster."""
     row, n = cluster.row, np.maximum(cluster.count, 1)
     x, y = cluster.range * np.cos(cluster.bearing), cluster.range * np.sin(cluster.bearing)
     mean_x, mean_y = cluster.sums(x) / n, cluster.sums(y) / n
@@ -64,20 +64,20 @@ def fit_line(cluster: Cluster) -> Line:
 
 
 def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: np.ndarray) -> Array:
-    """Covariance (S, 3, 3) of a line fit: noise across the line, the silhouette's beam spacing along it, model error.
+    """Covariance (S, 3, 3) of line fits, from noise across the line, beam spacing along the line, and model error.
 
-    The model is wrong where both faces are visible, because one line is fitted to the returns from both.
+    The model is wrong where both faces are visible, because a single line is fitted to the returns from both faces.
     """
     n = np.maximum(cluster.count, 3)
     distance = np.maximum(np.hypot(line.middle[:, 0], line.middle[:, 1]), 1e-3)
     sight = np.arctan2(line.middle[:, 1], line.middle[:, 0])
     grazing = np.maximum(np.abs(np.sin(line.heading - sight)), 1e-2)
-    facing = np.abs(np.cos(line.heading - sight))  # how much of the short face is seen
-    short_share = plate.thickness * facing / (plate.thickness * facing + plate.length * grazing)  # of the returns
+    facing = np.abs(np.cos(line.heading - sight))  # apparent size of the short face, relative to its thickness
+    short_share = plate.thickness * facing / (plate.thickness * facing + plate.length * grazing)  # share of returns
     mixed = plate.thickness * short_share
     across = (scan.noise * grazing) ** 2 / n + mixed**2
     along = (distance * scan.beam_step / grazing) ** 2 / 12 / 2 + (scan.noise * (1 - grazing)) ** 2 / 2 + mixed**2
-    # least squares with that share of the returns at one end, off by the thickness
+    # turn of a least-squares line if the share `short_share` of the returns is at one end, off by the thickness
     leaning = 3 * plate.thickness / plate.length * short_share
     heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2) + leaning**2
     axes = in_axes(line.heading)
@@ -87,11 +87,11 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
-    """Poses (S, K, 3) from which fits start.
+    """Initial poses (S, K, 3) for fits.
 
-    Their headings are the line's, its mirror image, and one on each side of edge-on; poses from `near` follow. If the
-    line is seen from the side, the edge-on starts are replaced by the pose of the line, shifted slightly towards both
-    ends or, if part of the plate is out of sight, as far as it may extend.
+    The headings are that of the fitted line, that of its mirror image, and one on each side of edge-on. If the line
+    is seen from the side, the poses near edge-on are replaced by the pose of the line, shifted slightly towards each
+    end or, if part of the plate is out of sight, as far as it may extend. With `near` (S, 3), two more poses follow.
     """
     line = fit_line(cluster)
     distance = np.hypot(line.middle[:, 0], line.middle[:, 1])
@@ -110,7 +110,7 @@ def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None)
 
 
 def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Array:
-    """Poses (S, 3) of plates with `heading` (S,) whose near faces touch the returns around `middle` (S, 2)."""
+    """Poses (S, 3) of plates with `heading` (S,), placed so that the faces towards the LRF touch the returns."""
     row = cluster.row
     x, y = cluster.range * np.cos(cluster.bearing), cluster.range * np.sin(cluster.bearing)
     e = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
@@ -118,7 +118,7 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
     centre = np.zeros((len(heading), 2))
     for axis, size in ((e, plate.length), (n, plate.thickness)):
         low, high = cluster.extremes(x * axis[row, 0] + y * axis[row, 1])
-        away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
-        near = np.where(away, low + size / 2, high - size / 2)  # a side seen in part is seen at its near end
+        away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the side of low coordinates
+        near = np.where(away, low + size / 2, high - size / 2)  # a partly visible side is visible at its near end
         centre += np.where(high - low > _WHOLE * size, (low + high) / 2, near)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)

@@ -1,10 +1,10 @@
 """Maximum-likelihood fit of the known rectangle to the ranges of a scan (see `likelihood`).
 
 The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
-sight), so it is maximised from several starts, by damped Gauss-Newton steps for all scans and starts at once. If the
-climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Covariances follow
-from the likelihood's curvature, except where it is misleading: a plate seen edge-on gives no valid pose, and one seen
-from the side is located along its length only as well as the edges of its silhouette allow.
+sight), so it is maximised from several initial poses, by damped Gauss-Newton steps for all scans and poses at once. If
+the fit from an expected pose explains the scan as well as the noise allows, no other initial pose is tried. Covariances
+follow from the likelihood's curvature, except where this is misleading: a plate seen edge-on has no valid pose, and the
+position of a plate seen from the side, along its length, is only as precise as the edges of its silhouette.
 """
 
 from __future__ import annotations
@@ -39,59 +39,59 @@ from trackslip.localization.scan import (
     returns_at,
 )
 
-_AT_ONCE = 2000  # most scans fitted at once, to limit memory
+_AT_ONCE = 2000  # maximum number of scans fitted at once, to limit memory
 _HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
-_SCREENING = 4  # iterations from every start before the best one is selected
-_ITERATIONS = 8  # most iterations from the best start
-_MAX_MISFIT = 3.0  # rms residual of a valid pose [standard deviations]
-_MAX_HEADING_ERROR = np.radians(3.0)  # standard error of the heading of a valid pose [rad]
-_MAX_POSITION_ERROR = 0.05  # standard error of the position of a valid pose [m]
-_STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
-_EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
-_MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
-_ROUNDS = 2  # rounds of selecting the returns by the pose
-_SCREENED = 24  # beams of a cluster used to screen the starts
-_ALIKE = 1e-3  # cost difference of starts that led to the same pose: the first is taken, rounding does not decide
-_FEW_BEAMS = 1.5  # beam steps that a short face spans if one or two beams fit on it
-_FROM_SIDE = np.radians(45.0)  # viewing angle above which the long face prevails
+_SCREENING = 4  # iterations from every initial pose before the best fit is selected
+_ITERATIONS = 8  # maximum number of iterations from the best screened fit
+_MAX_MISFIT = 3.0  # maximum rms residual of a valid pose [standard deviations]
+_MAX_HEADING_ERROR = np.radians(3.0)  # maximum standard error of a valid heading [rad]
+_MAX_POSITION_ERROR = 0.05  # maximum standard error of a valid position [m]
+_STRAINED = 4.0  # excess of a misfit over 1 that indicates returns from other objects [standard deviations]
+_EXPLAINED = 7.0  # log likelihood gain if a return is from the plate instead of anything within a few metres
+_MIN_PLATE_RETURNS = 8  # number of returns below which a cluster may look like a plate by chance
+_ROUNDS = 2  # number of times that returns are selected by the fitted pose
+_SCREENED = 24  # number of beams per cluster with which initial poses are screened
+_ALIKE = 1e-3  # cost difference below which the first fit is used, so that rounding does not decide
+_FEW_BEAMS = 1.5  # beam steps on a short face below which the face holds one or two beams
+_FROM_SIDE = np.radians(45.0)  # viewing angle above which a plate counts as seen from the side
 _TINY = 1e-12  # avoids division by zero for edges without information
-_MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
+_MIN_DROPOUT = 0.02  # lowest assumed probability that a beam that hits the plate gives no return
 
 
 @dataclass(frozen=True)
 class PlateSolution(Rows):
-    """The pose of each scan, assuming that its cluster is the plate."""
+    """The pose of the plate in each scan, assuming that the scan's cluster is the plate."""
 
     pose: Array  # (S, 3) in the LRF's frame
     covariance: Array  # (S, 3, 3)
     misfit: Array  # (S,) rms residual of ranges and edges under the Huber loss [standard deviations]
     score: Array  # (S,) log likelihood of the scan relative to a scan without a plate
-    doubtful: np.ndarray  # (S,) bool: something else may be among the returns or in front of the plate
+    doubtful: np.ndarray  # (S,) bool: other objects may be among the returns or in front of the plate
 
     @classmethod
     def none(cls, scans: int) -> PlateSolution:
-        """Placeholder for scans in which nothing was found."""
+        """Return placeholders for scans without a solution."""
         unknown, unexplained = np.full((scans, 3, 3), UNKNOWN), np.full(scans, np.inf)
         return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
 
     def improve(self, rows: np.ndarray, other: PlateSolution) -> None:
-        """Overwrite the solutions of the scans `rows` (R,) that the R solutions of `other` explain better."""
+        """Overwrite the solutions for the scans `rows` (R,) where the R solutions in `other` have higher scores."""
         better = other.score > self.score[rows]
         self.put(rows[better], other.take(better))
 
 
 @dataclass(frozen=True)
 class PlateLocator:
-    """Fits the rectangle to each scan; a pose is valid if it explains the returns and its heading is determined."""
+    """Locator that fits the rectangle to each scan; poses are valid if they explain the returns and are precise."""
 
     plate: Plate = field(default_factory=Plate)
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
-        Without an expected pose every cluster that could be a plate is tried, and the one that explains most is kept.
-        If a cluster may contain returns from something else, or miss some from the plate, its returns are selected
-        again using the pose found.
+        Without expected poses, every cluster that could be a plate is tried, and the solution with the highest score is
+        kept. If a cluster may contain returns from other objects, or lack returns from the plate, its returns are
+        selected again with the fitted pose.
         """
         near = None if predicted is None else scan.from_world(predicted)
         found = PlateSolution.none(len(scan.ranges))
@@ -104,7 +104,7 @@ class PlateLocator:
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
     def _located(self, scan: Scan, near: Array | None) -> PlateSolution:
-        """Solutions, with expected poses `near` (S, 3) in the LRF's frame if there are any."""
+        """Solutions for all scans, starting from expected poses `near` (S, 3) in the LRF's frame if these are known."""
         if near is None:
             found = self._best(scan, MAX_GAP)
             doubtful = astray = np.flatnonzero(found.doubtful | ~np.isfinite(found.misfit))
@@ -119,7 +119,7 @@ class PlateLocator:
         return found
 
     def _sort_out(self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None) -> None:
-        """Improve the solutions `found` for the scans `rows` where selecting the returns by the pose explains more."""
+        """Improve the solutions for the scans `rows` by selecting the returns anew with the fitted poses."""
         part = replace(scan, ranges=scan.ranges[rows])
         for _ in range(_ROUNDS):
             pose = found.pose[rows]
@@ -128,7 +128,7 @@ class PlateLocator:
             found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
 
     def _best(self, scan: Scan, gap: float) -> PlateSolution:
-        """The solution of the best cluster of each scan, clusters being separated by more than `gap` [m]."""
+        """The solution from the best cluster of each scan, where gaps above `gap` [m] separate clusters."""
         cluster, row = candidates(scan, self.plate, gap)
         tried = self._solve(scan, cluster, None)
         best = np.flatnonzero(best_of_each(row, tried.score))
@@ -137,7 +137,7 @@ class PlateLocator:
         return found
 
     def _believed(self, found: PlateSolution) -> np.ndarray:
-        """Mask (S,) of the valid solutions."""
+        """Mask (S,) of the valid solutions in `found`."""
         variance = np.einsum("sii->si", found.covariance)
         return (
             (found.misfit < _MAX_MISFIT)
@@ -147,7 +147,7 @@ class PlateLocator:
         )
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
-        """The pose that explains each cluster of MIN_RETURNS or more returns best."""
+        """The best solution for each cluster of MIN_RETURNS or more returns."""
         found, rows = PlateSolution.none(len(cluster.count)), np.flatnonzero(cluster.count >= MIN_RETURNS)
         if not rows.size:
             return found
@@ -169,7 +169,7 @@ class PlateLocator:
     def _fit(
         self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
     ) -> tuple[Evaluation, Array]:
-        """The best fits and their misfits (S,), started only from the expected poses if these explain the returns."""
+        """The best fits and their misfits (S,). Where the fit from `near` (S, 3) succeeds, no other pose is tried."""
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
@@ -182,7 +182,7 @@ class PlateLocator:
         return fit, _misfit(fit, cluster)
 
     def _screened(self, beams: PlateBeams, first: Array) -> Evaluation:
-        """The best fits (S,) reached from the poses `first` (S, K, 3)."""
+        """The best fits for S scans from K initial poses each, `first` (S, K, 3)."""
         scans, k, _ = first.shape
         likelihood = PlateLikelihood(self.plate, _HUBER)
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
@@ -193,12 +193,12 @@ class PlateLocator:
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
-    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along them where too small.
+    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along the plates where too small.
 
-    They are too small where one or two beams fit on the short face of a plate seen from the side. Such beams seem to
-    determine the position along the plate precisely, but say nothing about it once the plate slides so that they hit
-    the long face. The edges, with weights `weight` (S, 2) [1/rad], then limit the variance. `short` is the distance at
-    which one beam fits on a short face that faces the LRF [m].
+    Covariances are too small where one or two beams hit the short face of a plate seen from the side. The beams seem to
+    determine the position along the plate precisely, but do not if the plate slides so that they hit the long face.
+    The variance is then that from the edges, with weights `weight` (S, 2) [1/rad]. `short` is the distance at which a
+    short face turned towards the LRF spans one beam step [m].
     """
     angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
     information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]
@@ -215,5 +215,5 @@ def _misfit(fit: Evaluation, cluster: Cluster) -> Array:
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:
-    """True where `count` returns (S,) scatter about the plate by more than noise explains."""
+    """Mask (S,) of the scans whose `count` (S,) returns scatter about the plate by more than noise explains."""
     return misfit - 1 > _STRAINED / np.sqrt(2 * count)

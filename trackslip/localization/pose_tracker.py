@@ -1,7 +1,7 @@
-"""Joins poses from single scans into a track, scan by scan or through recorded scans.
+"""Tracking of robots through the poses from single scans, scan by scan or in recorded scans.
 
-Half turns are resolved, outliers rejected, and gaps bridged by the encoders. Of recorded scans, a few are located
-independently, by fits from several starts; then all are located near the track between these few.
+Half turns are resolved, outliers rejected, and gaps bridged by the encoders. A few of the recorded scans are located
+independently, by fits from several initial poses; then all scans are located near the track through these few.
 """
 
 from __future__ import annotations
@@ -17,42 +17,42 @@ from trackslip.localization.likelihood import EDGE_ON, viewing_angle
 from trackslip.localization.scan import Locator, PoseEstimate, Scan
 
 GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
-"""Maximum distance of a valid pose from its prediction [m, rad]. It grows with the distance driven without a pose."""
+"""Maximum deviation of a valid pose from its prediction [m, rad], plus an allowance for driving without poses."""
 GROWTH = 0.3
 """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
 BLIND_TURN = np.radians(60.0)
-"""Heading error of the prediction above which the robot is lost; plus GATE_HEADING, it must be below pi / 2 [rad]."""
+"""Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be below pi / 2."""
 
 
 class Tracker:
-    """Follows N robots from scan to scan.
+    """Tracker of N robots from scan to scan.
 
-    The heading of a plate is known up to half a turn; the one nearest to the prediction is taken. The prediction
-    propagates the last pose by the encoders without slip; over one scan it is off by less than a millimetre.
+    The heading of a plate is ambiguous by half a turn, so the heading nearest to the prediction is used. The prediction
+    propagates the last pose by the encoders without slip, and is off by less than a millimetre over one scan.
     """
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
-        """`start` is the known pose of each robot, (N, 3) in the world."""
+        """Start from the known poses `start` (N, 3) of the robots in the world frame."""
         self._pose: Array = np.array(start, float)
         self.geometry = geometry
-        self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid pose
-        self._last: Array = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
+        self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid poses
+        self._last: Array = np.zeros((len(self._pose), 3, 3))  # covariances of the last valid poses
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Restart some robots (R,) at known poses (R, 3)."""
+        """Restart the tracks of some `robots` (R,) at known poses `start` (R, 3)."""
         self._pose[robots] = start
         self._blind[robots] = 0.0
         self._last[robots] = 0.0
 
     def predict(self, omega: Array, duration: float) -> Array:
-        """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; returns them (N, 3)."""
+        """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s], and return them (N, 3)."""
         twist = twist_of_tracks(self.geometry.sprocket_radius * omega, self.geometry.half_gauge)  # without slip
         self._pose = advance(self._pose, twist, duration)
         self._blind += np.abs(twist) * duration
         return self._pose.copy()
 
     def believes(self, estimate: PoseEstimate) -> np.ndarray:
-        """Mask (N,) of the estimates, one per robot, that are valid and close enough to the prediction."""
+        """Mask (N,) of the robots whose estimates are valid and close enough to the predictions."""
         away = self._unwrapped(estimate.pose) - self._pose
         growth = GROWTH * self._blind
         far = np.hypot(away[:, 0], away[:, 1]) > GATE_POSITION + growth[:, 0]
@@ -61,7 +61,7 @@ class Tracker:
         return estimate.valid & ~far & ~turned & ~lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Continue the tracks with one estimate per robot; predictions, not valid, replace rejected ones."""
+        """Continue the tracks with one estimate per robot. Predictions, marked invalid, replace rejected estimates."""
         pose, valid = self._unwrapped(estimate.pose), self.believes(estimate)
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0
@@ -69,15 +69,15 @@ class Tracker:
         return PoseEstimate(self._pose.copy(), self._covariance(), valid)
 
     def _unwrapped(self, pose: Array) -> Array:
-        """Poses (N, 3) with headings shifted by half turns to be nearest to the predictions."""
+        """Poses (N, 3) with headings shifted by half turns, so that they are nearest to the predictions."""
         unwrapped = pose.copy()
         unwrapped[:, 2] -= np.rint((pose[:, 2] - self._pose[:, 2]) / np.pi) * np.pi
         return unwrapped
 
     def _covariance(self) -> Array:
-        """Covariance (N, 3, 3) of the last valid pose, plus the growth over the distance driven since.
+        """Covariances (N, 3, 3) of the last valid poses plus their growth over the distance driven since.
 
-        Slip is not noise: its error grows with distance, and an error of the heading adds a lateral error.
+        Slip is not white noise: its error grows in proportion to distance, and a heading error adds a lateral error.
         """
         way, turn = self._blind.T
         heading = GROWTH * turn
@@ -88,27 +88,27 @@ class Tracker:
         return covariance
 
 
-EVERY = 8  # number of scans out of which one is located independently
+EVERY = 8  # interval between scans that are located independently [scans]
 
 
 class Follower:
-    """Follows N robots through recorded scans, which come in blocks.
+    """Tracker of N robots through recorded scans, which are processed in blocks.
 
-    The result does not depend on the blocks if all but the last one have a multiple of EVERY scans.
+    The result does not depend on the blocks if the number of scans in all but the last is a multiple of EVERY.
     """
 
     def __init__(self, locator: Locator, tracker: Tracker) -> None:
-        """`tracker` follows the N robots from their first scan."""
+        """Store the locator, and the `tracker` with the poses of the N robots in their first scan."""
         self._locator, self._tracker, self._of_keys = locator, tracker, copy.deepcopy(tracker)
 
     def follow(self, scan: Scan, angle: Array) -> PoseEstimate:
-        """Poses (N, T) of each robot in its next scans, with ranges (N, T, B).
+        """Track the N robots through the next block of T scans, with ranges (N, T, B).
 
-        `angle` (N, T, 2) is how far the sprockets turned between the previous scan and each scan [rad].
+        `angle` (N, T, 2) are the angles by which the sprockets turned from the previous scan to each scan [rad].
         """
         rows = scan.ranges.shape[1]
         keys = np.append(np.arange(EVERY - 1, rows - 1, EVERY), rows - 1)
-        start = self._of_keys.predict(angle[:, 0], 0.0)  # where the block before ended
+        start = self._of_keys.predict(angle[:, 0], 0.0)  # poses at the end of the previous block
         turned = np.add.reduceat(angle, np.append(0, keys[:-1] + 1), axis=1)
         known = self._tracked(self._of_keys, replace(scan, ranges=scan.ranges[:, keys]), turned)
         path = np.concatenate([start[:, None], known.pose], axis=1)
@@ -116,10 +116,10 @@ class Follower:
         return self._tracked(self._tracker, scan, angle, expected.reshape(-1, 3))
 
     def _tracked(self, tracker: Tracker, scan: Scan, angle: Array, expected: Array | None = None) -> PoseEstimate:
-        """Tracked poses (N, T) in scans that are all located at once, near expected poses (N T, 3) if there are any.
+        """Track the N robots through T scans that are all located at once, from expected poses (N T, 3) if known.
 
-        Where the tracker rejects a pose, something else was taken for the plate, and the plate is searched for again,
-        near the predicted pose.
+        Where the tracker rejects a pose, another object was mistaken for the plate, and the plate is located again from
+        the predicted pose.
         """
         robots, rows, beams = scan.ranges.shape
         single = self._locator.locate(replace(scan, ranges=scan.ranges.reshape(-1, beams)), expected)

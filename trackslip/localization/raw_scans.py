@@ -1,7 +1,7 @@
 """The plate in the raw scans of a stationary laser range finder.
 
-Its motion distinguishes the plate from its surroundings. What a beam measures in most scans, at different poses of the
-robot, is background and left out. In the rest, every scan is located independently, and poses that contradict the
+Motion distinguishes the plate from its surroundings. A range that a beam measures in most scans, at different poses of
+the robot, is background and ignored. The plate is located in each scan independently, and poses that contradict the
 encoders are rejected. No calibration is needed: distances and turns of the plate per sprocket radian are measured.
 """
 
@@ -20,33 +20,33 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_POSITION, GROWTH
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate, returns_at, returns_of
 
-_KEY_SCANS = 400  # scans, equal sprocket turns apart, to find the background: a robot may stand for long
-_FIRST_NOISE = 0.02  # assumed until the scanner's noise is known from the plate [m]
-_MAX_NOISE = 0.04  # more than any scanner has: ranges that spread more are neither background nor plate [m]
-_ROUNDS = 3  # of finding background and noise given the plate, and the plate given these
-_ABOUT = 0.1  # distance from the plate within which returns say nothing about the background [m]
-_MIN_RETURNS = 8  # of a scan from which the noise is estimated
-_COMPARED = (1, 2, 3, 4)  # offsets of the poses before and after that a pose is compared with
-_MIN_LOCATED = 12  # fewest located scans
-_TOLD = 0.3  # fraction of the distance driven over which one end, front or rear, must lead
+_KEY_SCANS = 400  # number of scans for the background, equal sprocket turns apart because a robot may rest
+_FIRST_NOISE = 0.02  # noise assumed until the scanner's noise is estimated from the plate [m]
+_MAX_NOISE = 0.04  # above the noise of any scanner; ranges that scatter more are not from a fixed object [m]
+_ROUNDS = 3  # number of alternations between locating the plate and estimating background and noise
+_ABOUT = 0.1  # distance from the plate within which returns are not used for the background [m]
+_MIN_RETURNS = 8  # fewest returns of a scan from which the noise is estimated
+_COMPARED = (1, 2, 3, 4)  # distances, in valid poses, to earlier and later poses with which a pose is compared
+_MIN_LOCATED = 12  # fewest scans in which the plate must be located
+_TOLD = 0.3  # net lead of one end, as a fraction of the distance driven, above which this end is the front
 
 
 @dataclass(frozen=True)
 class RawScans:
-    """The scans of a session."""
+    """The S scans of a session, with B beams each."""
 
-    time: Array  # (S,) of the first rays, ascending [s]
-    bearings: Array  # (B,) of the beams in the scanner's frame, equally spaced, ascending [rad]
+    time: Array  # (S,) times of the first rays, ascending [s]
+    bearings: Array  # (B,) bearings of the beams in the scanner's frame, equally spaced, ascending [rad]
     ranges: np.ndarray  # (S, B) float32, NaN for no return [m]
     lag: Array  # (B,) delay from the first ray to each beam [s]
-    max_range: float  # nothing farther away gives a return [m]
+    max_range: float  # distance beyond which objects give no return [m]
 
     @classmethod
     def measured(cls, time: Array, ranges: np.ndarray, message: Any, upside_down: bool = False) -> RawScans:
-        """Scans (S, B) at the times (S,) of their first rays; the `sensor_msgs/LaserScan` has angles and limits.
+        """Build scans from ranges (S, B), times (S,) of first rays, and a `sensor_msgs/LaserScan` with the settings.
 
-        Nothing came back where a range is not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams
-        may run clockwise. Raises LogError for scans without beams, angles or returns.
+        A range is no return if it is not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams may
+        run clockwise. Raises LogError for scans without beams, angles or returns.
         """
         beams, angle_min, angle_increment = ranges.shape[1], message.angle_min, message.angle_increment
         span = abs(angle_increment) * (beams - 1)
@@ -63,15 +63,15 @@ class RawScans:
         return cls(np.asarray(time, float), bearings[order], kept, lag[order], float(reach))
 
     def seen(self, level: Array, noise: float, rows: np.ndarray | slice = slice(None)) -> Scan:
-        """The scans `rows` with a background (B,); at an edge, a beam may meet its neighbours' background."""
+        """The scans `rows` with a background `level` (B,); at edges, beams may measure their neighbours' background."""
         beside = np.pad(level, 1, constant_values=np.nan)
         levels, ranges = np.stack([level, beside[:-2], beside[2:]]), self.ranges[rows].astype(float)
         return Scan(self.bearings, ranges, noise, np.zeros(3), self.max_range, background=levels)
 
     def opened(self, busy: np.ndarray) -> RawScans:
-        """Scans of a full circle, begun amid the quarter where least moves, so that their ends don't cut the plate.
+        """Rotate full-circle scans to begin in the quarter with least motion, so that their ends don't cut the plate.
 
-        `busy` (B,) counts moving returns in each beam. Scans of less than a full circle stay as they are.
+        `busy` (B,) is the number of moving returns in each beam. Scans of less than a full circle remain unchanged.
         """
         beams, span = len(busy), self.bearings[-1] - self.bearings[0]
         step = span / (beams - 1)
@@ -87,18 +87,18 @@ class RawScans:
 class FollowedPlate:
     """The plate in each of S scans, in the scanner's frame."""
 
-    time: Array  # (S,) when the beams met the plate [s]
-    estimate: PoseEstimate  # (S,) headings unwrapped; ahead is the end that leads when the sprockets turn forwards
+    time: Array  # (S,) times at which the beams hit the plate [s]
+    estimate: PoseEstimate  # (S,) headings unwrapped, pointing to the end that leads as the sprockets turn forwards
     cluster: Cluster  # (S,) the returns from the plate
-    scanner: Scan  # bearings and noise of the scanner, without ranges
-    notes: tuple[str, ...]  # a line for each doubt
+    scanner: Scan  # bearings and noise of the scanner; no ranges
+    notes: tuple[str, ...]  # one line for each doubt
 
 
 def follow_plate(raw: RawScans, angle: Array, plate: Plate) -> FollowedPlate:
-    """The poses of a plate of known size in all scans.
+    """Find the poses of a plate of known size in all scans.
 
-    `angle` (S, 2) is how far the sprockets have turned by each scan [rad]. Raises LogError if the sprockets hardly
-    turn, or if no plate of this size moves accordingly.
+    `angle` (S, 2) are the sprocket angles at the time of each scan [rad]. Raises LogError if the sprockets hardly turn,
+    or if no plate of this size moves as the encoders indicate.
     """
     turned = np.append(0.0, np.abs(np.diff(angle, axis=0)).max(axis=1).cumsum())
     keys = np.unique(np.searchsorted(turned, np.linspace(0.0, turned[-1], _KEY_SCANS)))
@@ -132,8 +132,8 @@ def follow_plate(raw: RawScans, angle: Array, plate: Plate) -> FollowedPlate:
 def background(ranges: np.ndarray) -> Array:
     """Ranges (B,) of the background in scans (S, B) between which the robot has moved; NaN where there is none.
 
-    The background is the median, if most returns are close to it. Ranges are NaN for no return, and -inf for a beam
-    that met the plate, which says nothing about the background.
+    The background is the median range if most ranges are close to the median. In `ranges`, NaN is no return and -inf a
+    return from the plate, which is ignored.
     """
     seen = np.where(np.isnan(ranges), np.inf, ranges)
     seen[ranges == -np.inf] = np.nan
@@ -145,7 +145,7 @@ def background(ranges: np.ndarray) -> Array:
 
 
 def _without_plate(scan: Scan, plate: Plate, estimate: PoseEstimate) -> Array:
-    """Ranges (S, B) with -inf for the returns from around the plates found."""
+    """Ranges (S, B) in which returns from the located plates and near them are replaced by -inf."""
     returns, ranges = returns_of(replace(scan, background=None)), scan.ranges.copy()
     near = estimate.valid[returns.row] & (plate.outside(estimate.pose, returns.row, returns.x, returns.y) < _ABOUT)
     ranges[returns.row[near], returns.beam[near]] = -np.inf
@@ -153,7 +153,7 @@ def _without_plate(scan: Scan, plate: Plate, estimate: PoseEstimate) -> Array:
 
 
 def _scatter(scan: Scan, plate: Plate, estimate: PoseEstimate) -> float:
-    """Standard deviation of the ranges about the plates found [m]; the noise of the scan if there are hardly any."""
+    """Standard deviation of ranges about the located plates [m], or the noise of the scan if returns are too few."""
     pose, ranges = estimate.pose[estimate.valid], scan.ranges[estimate.valid]
     cluster = extract_plate(replace(scan, ranges=ranges), plate, pose)
     full = np.flatnonzero(cluster.count >= _MIN_RETURNS)
@@ -161,13 +161,13 @@ def _scatter(scan: Scan, plate: Plate, estimate: PoseEstimate) -> float:
         return scan.noise
     beams, count = PlateBeams.of(scan, cluster.take(full)), cluster.count[full]
     squares = PlateLikelihood(plate, np.inf).misfit(beams, pose[full]) ** 2 * count
-    freedom = count - 2  # the fit of a face takes two degrees of freedom
-    median = freedom * (1 - 2 / (9 * freedom)) ** 3  # of chi squared (Wilson and Hilferty, 1931)
+    freedom = count - 2  # the fit of a face has two parameters
+    median = freedom * (1 - 2 / (9 * freedom)) ** 3  # median of chi squared (Wilson and Hilferty, 1931)
     return beams.noise * float(np.sqrt(np.median(squares / median)))
 
 
 def _driven(angle: Array, estimate: PoseEstimate) -> tuple[Array, Array]:
-    """How far the tracks (S, 2) have driven [m] and the plate (S,) has turned [rad], according to the encoders."""
+    """Distances (S, 2) driven by the tracks [m] and headings (S,) of the plate [rad], according to the encoders."""
     rows = np.flatnonzero(estimate.valid)
     moved, (left, right) = estimate.pose[rows[2:]] - estimate.pose[rows[:-2]], (angle[rows[2:]] - angle[rows[:-2]]).T
     distance = _median_ratio(np.hypot(moved[:, 0], moved[:, 1]), np.abs(left + right) / 2)
@@ -176,7 +176,7 @@ def _driven(angle: Array, estimate: PoseEstimate) -> tuple[Array, Array]:
 
 
 def _median_ratio(y: Array, x: Array) -> float:
-    """The median of y / x, weighted by |x|: the slope with the smallest absolute residuals; 0 if x is 0."""
+    """Median of y / x weighted by |x|, which is the slope with the smallest absolute residuals; 0 if all x are 0."""
     moves = np.abs(x) > 1e-9
     ratio, weight = y[moves] / x[moves], np.abs(x[moves])
     order = np.argsort(ratio)
@@ -185,9 +185,9 @@ def _median_ratio(y: Array, x: Array) -> float:
 
 
 def _plausible(tracks: Array, turn: Array, estimate: PoseEstimate) -> np.ndarray:
-    """(S,) bool: valid poses that agree with most of those around them.
+    """Mask (S,) of the valid poses that agree with most of the valid poses next to them.
 
-    Two poses agree if the plate turns between them as the encoders say, and moves no farther than the faster track.
+    Two poses agree if the turn between them matches the encoders and their distance is at most the faster track's.
     """
     rows = np.flatnonzero(estimate.valid)
     votes = np.zeros(len(turn))
@@ -203,9 +203,9 @@ def _plausible(tracks: Array, turn: Array, estimate: PoseEstimate) -> np.ndarray
 
 
 def _turn_round(tracks: Array, turn: Array, estimate: PoseEstimate) -> bool:
-    """Turn valid headings round, in place, so that they are unwrapped and the front leads; False if that isn't known.
+    """Unwrap valid headings in place and point them to the front of the robot; False if the front isn't known.
 
-    The encoders resolve half turns between poses. Where poses are too far apart, a new piece begins with its own front.
+    The encoders resolve half turns between poses. Where poses are too far apart, a new piece with its own front begins.
     """
     rows = np.flatnonzero(estimate.valid)
     piece = np.append(0, np.cumsum(GROWTH * np.abs(np.diff(turn[rows])) > BLIND_TURN))

@@ -1,4 +1,4 @@
-"""Scans of a real or simulated laser range finder (LRF), the points on the plate in them, and locators' results."""
+"""Scans of a real or simulated laser range finder (LRF), the points in them that are on the plate, and estimates."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 
-Points = NDArray[np.complex128]  # points or directions in the scan plane, x + iy
+Points = NDArray[np.complex128]  # points or directions in the scan plane, as x + iy
 MAX_GAP = 0.7
-"""Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
-whose returns can be that far apart when it is seen nearly edge-on."""
+"""Distance above which neighbouring returns are from different objects [m]. It exceeds the length of the plate, because
+neighbouring returns can be a plate's length apart when the plate is seen nearly edge-on."""
 FINER_GAPS = (0.25, 0.1)
 """Smaller gaps, tried where MAX_GAP does not separate the plate from a close object [m]."""
-MIN_RETURNS = 4  # for a pose: three always fit exactly, whichever of them lie on the long face
+MIN_RETURNS = 4  # fewest returns for a pose; three always fit exactly, on whichever face they are
 MIN_NOISE = 0.5e-3
-"""Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
-_ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
-_ON_PLATE = 0.03  # maximum distance of a return from its plate, or five standard deviations if that is more [m]
-_HOUSING = 0.05  # closer returns are from the LRF's own housing or whatever it stands in [m]
-_STATIC = 5.0  # returns this close to the background belong to it [standard deviations]
-_IN_FRONT = 0.05  # a return this much closer than the plate is from something else [m]
-_CANDIDATES = 4  # per scan, at most
+"""Smallest assumed noise of a scanner, because the plate is never a perfect rectangle [m]."""
+_ABOUT = 0.15  # maximum distance of a return from an expected plate, above a tracker's error [m]
+_ON_PLATE = 0.03  # maximum distance of a return from its plate, unless five standard deviations are more [m]
+_HOUSING = 0.05  # range below which returns are from the LRF's housing or stand [m]
+_STATIC = 5.0  # distance from the background within which returns belong to it [standard deviations]
+_IN_FRONT = 0.05  # distance in front of the plate from which a return is from another object [m]
+_CANDIDATES = 4  # maximum number of candidate clusters per scan
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Plate:
             raise InvalidValueError("thickness", self.thickness, f"less than length = {self.length}")
 
     def outside(self, pose: Array, which: np.ndarray, x: Array, y: Array) -> Array:
-        """Distances (H,) of points, each from plate `which` (H,) of those at poses (S, 3), negative inside [m]."""
+        """Distances (H,) [m] of points (x, y) from the plates `which` (H,) among those at `pose` (S, 3); < 0 inside."""
         places = np.array([pose[:, 0], pose[:, 1], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         p_x, p_y, cos, sin = places.take(which, axis=1)
         x, y = x - p_x, y - p_y
@@ -61,17 +61,16 @@ class Scan:
     """One or more scans of a stationary LRF."""
 
     bearings: Array  # (B,) bearings of the beams in the LRF's frame, equally spaced, ascending [rad]
-    ranges: Array  # (..., B), NaN where nothing came back [m]
+    ranges: Array  # (..., B), NaN for no return [m]
     noise: float
     """Standard deviation of a range [m]."""
     mount: Array  # (3,) pose of the LRF in the world
     max_range: float = np.inf
-    """Range beyond which nothing gives a return [m]."""
+    """Range beyond which no object gives a return [m]."""
     dropout: float = 0.0
     """Probability that a beam that hits an object gives no return, if known [-]."""
     background: Array | None = None
-    """Ranges (B,), or several for each beam (L, B), of the field without the robot, NaN for no return [m]; None for an
-    unknown field."""
+    """Ranges (B,) without the robot, or L alternatives (L, B), NaN for no return [m]. None if they are unknown."""
 
     @property
     def beam_step(self) -> float:
@@ -95,26 +94,26 @@ class Scan:
 
 @dataclass(frozen=True)
 class Cluster:
-    """The H returns of S scans that are attributed to the plate, one scan after the other."""
+    """The H returns in S scans that are attributed to the plate, ordered by scan."""
 
-    bearing: Array  # (H,) [rad]
-    range: Array  # (H,) [m]
-    count: np.ndarray  # (S,) number of returns; 0 where no cluster was found
-    lost: np.ndarray  # (S,) beams between the first and the last return that nothing in front explains
-    hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf if up to the edge [rad]
+    bearing: Array  # (H,) bearings of the returns [rad]
+    range: Array  # (H,) ranges of the returns [m]
+    count: np.ndarray  # (S,) number of returns; 0 for a scan without a cluster
+    lost: np.ndarray  # (S,) beams without a return between the first and last return, if no closer object explains them
+    hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf if unlimited [rad]
 
     @property
     def row(self) -> np.ndarray:
-        """The scan (H,) of each return."""
+        """Index (H,) of the scan of each return."""
         return np.repeat(np.arange(len(self.count)), self.count)
 
     def take(self, rows: np.ndarray) -> Cluster:
-        """The clusters of the scans `rows`."""
+        """Select the clusters of the scans `rows`."""
         kept = places_of(self.count, rows)
         return Cluster(self.bearing[kept], self.range[kept], self.count[rows], self.lost[rows], self.hidden[rows])
 
     def among(self, where: np.ndarray) -> Cluster:
-        """These clusters as clusters of T scans: the scans in the mask `where` (T,) have one each, the others none."""
+        """Spread the clusters over T scans: scans in the mask `where` (T,) have one cluster each, other scans none."""
 
         def spread(values: np.ndarray) -> np.ndarray:
             wider = np.zeros((len(where), *values.shape[1:]), values.dtype)
@@ -125,15 +124,15 @@ class Cluster:
 
     @classmethod
     def joined(cls, parts: Sequence[Cluster]) -> Cluster:
-        """The clusters of all parts, in order."""
+        """Concatenate the clusters of all parts, in order."""
         return cls(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in parts), strict=True)))
 
     def sums(self, values: Array) -> Array:
-        """Sums (S,) in each scan of the returns' values (H,)."""
+        """Sum the returns' values (H,) in each scan: (S,)."""
         return np.asarray(np.bincount(self.row, values, len(self.count)), float)
 
     def extremes(self, values: Array) -> tuple[Array, Array]:
-        """The least and the greatest (S,) in each scan of the returns' values (H,); 0 where there are none."""
+        """Minimum and maximum (S,) of the returns' values (H,) in each scan; 0 for scans without returns."""
         low, high = np.zeros(len(self.count)), np.zeros(len(self.count))
         filled = self.count > 0
         first = (self.count.cumsum() - self.count)[filled]
@@ -144,15 +143,15 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Returns:
-    """Returns in the order of scans and beams."""
+    """The H returns of some scans, ordered by scan and beam."""
 
-    row: np.ndarray  # (H,) the scan
-    beam: np.ndarray  # (H,)
-    x: Array  # (H,) in the LRF's frame [m]
-    y: Array  # (H,)
+    row: np.ndarray  # (H,) index of the scan
+    beam: np.ndarray  # (H,) index of the beam
+    x: Array  # (H,) position in the LRF's frame [m]
+    y: Array  # (H,) position in the LRF's frame [m]
 
     def split(self, gap: float) -> ReturnPieces:
-        """Pieces, separated where neighbours lie more than `gap` [m] apart."""
+        """Split the returns into pieces where neighbouring returns are more than `gap` [m] apart."""
         apart = (self.x[1:] - self.x[:-1]) ** 2 + (self.y[1:] - self.y[:-1]) ** 2 > gap**2
         apart |= self.row[1:] != self.row[:-1]
         starts = np.ones(len(self.row), bool)
@@ -164,23 +163,23 @@ class Returns:
         return ReturnPieces(self.row[first], label, count[: len(first)], np.maximum(*spans))
 
     def centres(self, pieces: ReturnPieces) -> Array:
-        """Mean points (P, 2) of pieces [m]."""
+        """Mean positions (P, 2) of the returns in each piece [m]."""
         sums = [np.bincount(pieces.label, c, len(pieces.count)) for c in (self.x, self.y)]
         return np.stack(sums, axis=-1) / pieces.count[:, None]
 
 
 @dataclass(frozen=True)
 class ReturnPieces:
-    """Runs of neighbouring returns."""
+    """P pieces, which are sequences of neighbouring returns."""
 
-    row: np.ndarray  # (P,) the scan
-    label: np.ndarray  # (H,) the piece of each return
+    row: np.ndarray  # (P,) index of the scan
+    label: np.ndarray  # (H,) index of the piece of each return
     count: np.ndarray  # (P,) number of returns
-    extent: Array  # (P,) the longer side of the box around it [m]
+    extent: Array  # (P,) longer side of the bounding box [m]
 
 
 def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
-    """Mask (P,) of the piece with the highest score in each row; among equal scores, the last."""
+    """Mask (P,) of the pieces with the highest score in each row; of pieces with equal scores, the last."""
     order = np.lexsort((score, row))
     best = np.zeros(len(row), bool)
     best[order[np.append(np.diff(row[order]) != 0, True)[: len(order)]]] = True
@@ -188,19 +187,19 @@ def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
 
 
 def places_of(count: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Indices of the returns from the scans `rows`, if the scans have `count` (S,) returns."""
+    """Indices of the returns from the scans `rows`, where `count` (S,) is the number of returns in each scan."""
     first, count = (count.cumsum() - count)[rows], count[rows]
     end = count.cumsum()
     return np.repeat(first - end + count, count) + np.arange(end[-1] if end.size else 0)
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
-    """The cluster of points on the plate (paper, Sec. III-B), for scans with ranges (S, B).
+    """Extract the cluster of points on the plate (paper, Sec. III-B) from scans with ranges (S, B).
 
-    If expected poses `near` (S, 3) in the LRF's frame are given, all pieces around them are taken: more than one if
-    something in front divides the plate. Without such poses or pieces, the cluster is the piece nearest to `near`, or
-    the one with most returns, among those no larger than the plate; pieces are split where neighbours lie more than
-    MAX_GAP apart.
+    With expected poses `near` (S, 3) in the LRF's frame, the cluster consists of all pieces around the expected plate,
+    which an object in front may have divided. If there are no such pieces, the cluster is the piece nearest to `near`;
+    without `near`, it is the piece with most returns. Only pieces no larger than the plate are considered, split where
+    neighbouring returns are more than MAX_GAP apart.
     """
     returns = returns_of(scan)
     mine = np.zeros(len(returns.row), bool)
@@ -218,9 +217,9 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
 
 
 def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
-    """The C clusters in scans (S, B) that could be the plate, and the scan (C,) of each.
+    """Clusters in scans (S, B) that could be the plate, and the index of the scan (C,) for each cluster.
 
-    These are the largest pieces of each scan that are no larger than the plate, split at gaps above `gap` [m].
+    The pieces of each scan with most returns are chosen, if no larger than the plate, split at gaps above `gap` [m].
     """
     returns = returns_of(scan)
     pieces = returns.split(gap)
@@ -238,7 +237,7 @@ def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarra
 
 
 def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
-    """The returns of scans (S, B) that lie, within the noise, on plates at poses (S, 3) in the LRF's frame."""
+    """Select the returns in scans (S, B) that are, within the noise, on plates at poses (S, 3) in the LRF's frame."""
     returns = returns_of(scan)
     outside = plate.outside(pose, returns.row, returns.x, returns.y)
     mine = np.abs(outside) < max(_ON_PLATE, 5 * scan.noise)
@@ -246,7 +245,7 @@ def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
 
 
 def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
-    """Clusters of the scans `rows` (C,) from returns, each given by its cluster (H,), ascending, and its beam (H,)."""
+    """Build clusters of the scans `rows` (C,) from the returns' cluster indices (H,), ascending, and beams (H,)."""
     count = np.bincount(cluster, minlength=len(rows))
     found = Cluster(scan.bearings[beam], scan.ranges[rows[cluster], beam], count, 0 * count, np.zeros((len(rows), 2)))
     filled = np.flatnonzero(count)
@@ -259,14 +258,14 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
         between = low[gaps][gap] + np.arange(len(gap)) - (width.cumsum() - width)[gap]
         farthest = found.extremes(found.range)[1]
         not_in_front = ~(scan.ranges[rows[filled[gaps]][gap], between] < farthest[filled[gaps]][gap])
-        own = found.sums(found.range >= farthest[cluster])  # these returns aren't in front either
+        own = found.sums(found.range >= farthest[cluster])  # the farthest returns aren't in front either
         found.lost[filled[gaps]] = np.bincount(gap, not_in_front) - own[filled[gaps]]
     found.hidden[filled] = _hidden(scan, rows[filled], low, high)
     return found
 
 
 def returns_of(scan: Scan) -> Returns:
-    """All returns that are not from the background."""
+    """Select all returns that are not from the background."""
     kept = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
         tolerance = _STATIC * max(scan.noise, MIN_NOISE)
@@ -279,15 +278,15 @@ def returns_of(scan: Scan) -> Returns:
 
 
 def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Array:
-    """Angles (C, 2) hidden by closer objects, below the beams `low` (C,) of the scans `rows` and above `high` (C,).
+    """Angles (C, 2) hidden by closer objects below the beams `low` (C,) of scans `rows` (C,) and above `high` (C,).
 
-    An angle is inf if the hidden part ends at the edge of the field of view or at a return that may again be from the
-    plate. If nothing hides the plate, the next two returns must be such, because a single one may be a mixture of plate
-    and background; one is enough if the background is known and returns the same range there.
+    An angle is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate.
+    Without a hidden part, an angle is inf if the next two returns may be from the plate: a single return may be a
+    mixture of plate and background, but suffices if the background is known.
     """
     last = scan.ranges.shape[1] - 1
     beside = scan.ranges[rows, np.maximum(low - 1, 0)], scan.ranges[rows, np.minimum(high + 1, last)]
-    if np.isnan(beside).all():  # nothing is beside any of them, as in an open field
+    if np.isnan(beside).all():  # no returns beside any cluster, as in an open field
         return np.zeros((len(rows), 2))
     way = np.repeat([-1, 1], len(rows))
     rows, edge = np.concatenate([rows, rows]), np.concatenate([low, high])
@@ -312,41 +311,41 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 
 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
-    """Mask (H,) of the returns in pieces that lie mostly around the plates expected at `near` (S, 3)."""
+    """Mask (H,) of the returns in pieces that are mostly close to the plates expected at `near` (S, 3)."""
     close = plate.outside(near, returns.row, returns.x, returns.y) < _ABOUT
-    if close.all():  # all pieces do, as in an open field
+    if close.all():  # all returns are close, as in an open field
         return close
     pieces = returns.split(FINER_GAPS[-1])
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)
-    fits = pieces.extent <= np.hypot(plate.length, plate.thickness) + 2 * _ABOUT  # as all pieces around the plate do
+    fits = pieces.extent <= np.hypot(plate.length, plate.thickness) + 2 * _ABOUT  # if all of a piece is close
     return (fits & (share >= 0.5))[pieces.label]
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Base of dataclasses of arrays that share their first axis."""
+    """Base class of dataclasses of arrays with the same first axis."""
 
     def take(self, rows: np.ndarray) -> Self:
-        """The rows `rows`, in that order, possibly repeated."""
+        """Select the rows with indices `rows`, in that order, possibly repeated."""
         return type(self)(**{name: values[rows] for name, values in vars(self).items()})
 
     def put(self, rows: np.ndarray, other: Self) -> None:
-        """Overwrite the rows `rows` (R,) with the R rows of `other`."""
+        """Overwrite the rows with indices `rows` (R,) with the R rows of `other`."""
         for mine, others in zip(vars(self).values(), vars(other).values(), strict=True):
             mine[rows] = others
 
 
 @dataclass(frozen=True)
 class PoseEstimate(Rows):
-    """Poses of the robot in the world."""
+    """Poses of the robot in the world frame, with covariances and validity."""
 
     pose: Array  # (S, 3) [m, m, rad]
     covariance: Array  # (S, 3, 3) of (x, y, phi); NaN where a locator found no valid pose
-    valid: np.ndarray  # (S,) bool; where false, a locator's pose is meaningless, a tracker's is predicted
+    valid: np.ndarray  # (S,) bool; a locator's invalid pose is meaningless, a tracker's is predicted
 
 
 class Locator(Protocol):
-    """Finds the plate in each scan independently, so the heading is known only up to half a turn (see `Tracker`)."""
+    """Locator of the plate in single scans, from which headings are ambiguous by half a turn (see `Tracker`)."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
-        """Poses in scans with ranges (S, B); `predicted` (S, 3) are expected poses of the robot in the world."""
+        """Locate the plate in scans with ranges (S, B), near expected robot poses `predicted` (S, 3) in the world."""

@@ -1,1 +1,1 @@
-"""Estimates of the body twist from poses over time."""
+"""Estimation of the body twist from poses over time."""

@@ -1,9 +1,9 @@
 """The arc of constant twist, fitted to all poses of a steady run or directly to all ranges of its scans.
 
 A pose from a single scan loses information: where the plate is seen nearly edge-on or broadside, the scan hardly
-constrains one of the three coordinates, and the pose does not show that. The other scans determine the arc's six
-parameters so well that each scan only corrects them in the directions that it measures: the sum of all scans'
-log-likelihoods (`trackslip.localization.likelihood`) is maximised over the arc by the Levenberg-Marquardt method.
+constrains one of the three coordinates, but the pose alone does not show this. All scans together determine the arc's
+six parameters well, and each scan contributes in the directions that it measures: the sum of all scans' log-likelihoods
+(`trackslip.localization.likelihood`) is maximised over the arc by the Levenberg-Marquardt method.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
-_SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # units in which residuals are weighted [m, m, rad]
-_HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
-_OF_MEDIAN = 7  # number of poses whose medians are compared: three wild ones among them do not matter
-_LEAST_JUMP = np.array([0.05, np.radians(3.0)])  # smaller jumps hardly change the twist [m, rad]
-_JUMP = 4.0  # difference of two such medians that chance does not explain [standard deviations of a pose]
+_SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # units of residuals in the fit [m, m, rad]
+_HUBER = 3.0  # residual above which the loss is linear, in units of _SCALE or of the residuals' spread if larger
+_OF_MEDIAN = 7  # number of poses per median when a jump is looked for: three outliers do not matter
+_LEAST_JUMP = np.array([0.05, np.radians(3.0)])  # smallest jump that matters for the twist [m, rad]
+_JUMP = 4.0  # difference of medians above which chance does not explain it [standard deviations of a pose]
 _TO_DEVIATION = np.array([0.8493, 1.4826])  # standard deviation over median size, for two coordinates and for one
-_UNEVEN = 0.1  # share of the motion between these medians that varying slip may explain [-]
+_UNEVEN = 0.1  # share of the motion between two medians that varying slip may explain as a jump [-]
 _ITERATIONS = 50
 _CONVERGED = 1e-10
 
 
 def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """Least-squares fit of six parameters, a pose and a twist with lateral speed, to all valid poses.
+    """Fit six parameters, a pose and a twist with lateral speed, to all valid poses in the window by least squares.
 
-    All poses have equal weight: weights from their covariances, which are too small where the plate is seen nearly
-    edge-on, would make the fit worse. Huber's loss limits the effect of outliers. The covariance is that of an
-    M-estimator with scores correlated in time. Raises LogError if there are fewer than MIN_ARC_POSES valid poses, if
-    they jump and stay there, as after a relocalisation, or if their numbers are too large to compute with.
+    All poses have equal weight. Weights from the poses' covariances would make the fit worse, because the covariances
+    are too small where the plate is seen nearly edge-on. Huber's loss limits the effect of outliers. The covariance is
+    that of an M-estimator with scores correlated in time. Raises LogError for fewer than MIN_ARC_POSES valid poses, for
+    poses that jump and stay there, as after a relocalisation, and for poses too large to compute with.
     """
     try:
         with np.errstate(all="ignore"):
@@ -62,10 +62,10 @@ def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
 
 def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
-    """Raise LogError if medians of the poses (T, 3) step away from the arc `on_arc` (T, 3) and stay there."""
-    fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))  # held poses lag behind, then catch up
+    """Raise LogError if medians of the poses (T, 3) jump away from those on the arc (T, 3) and stay there."""
+    fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))  # repeated poses lag behind and then catch up
     count = fresh.sum() // _OF_MEDIAN
-    if count < 2:  # nothing to step from
+    if count < 2:  # too few poses for two medians
         return
     time, on_arc, off = time[fresh], on_arc[fresh], (pose - on_arc)[fresh]
     off[:, 2] = wrap_angle(off[:, 2])
@@ -83,15 +83,15 @@ def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
 
 
 def _sizes(change: Array) -> Array:
-    """Distances and absolute turns (2, T) in changes of pose (T, 3)."""
+    """Distances and absolute turns (2, T) of pose changes (T, 3)."""
     return np.stack([np.hypot(change[:, 0], change[:, 1]), np.abs(change[:, 2])])
 
 
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
-    """The best-fitting arc through poses (T, 3) at times (T,), whose mean is 0.
+    """Fit an arc to poses (T, 3) at times (T,) with mean 0.
 
-    Returns x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted sum of squares; the rows'
-    scores (T, 6); the number of residuals.
+    Returns the parameters (6,), x, y, phi at time 0 and v, u, w; the Hessian (6, 6) of half the weighted sum of
+    squares; the scores (T, 6) of the rows; and the number of residuals.
     """
     parameters = _start(time, pose)
     for _ in range(_ITERATIONS):
@@ -111,9 +111,9 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
 
 
 def _start(time: Array, pose: Array) -> Array:
-    """Start values (6,): x, y, phi in the middle of the run, and v, u, w, from chords projected onto the heading.
+    """Initial values (6,): x, y, phi in the middle of the run, and v, u, w from chords projected onto the heading.
 
-    They are medians, as a few poses may be wild, and a wild heading may have added a turn to later headings.
+    The values are medians because poses may be outliers, and an outlier may have added a turn to all later headings.
     """
     stride = max(1, len(time) // 30)
     coarse, elapsed = pose[::stride], np.diff(time[::stride])
@@ -125,25 +125,25 @@ def _start(time: Array, pose: Array) -> Array:
 
 
 def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:
-    """Poses (T, 3) at times (T,) on the arc with x, y, phi, v, u, w (6,), and the poses' Jacobian (T, 3, 6)."""
+    """Poses (T, 3) at times (T,) on the arc with parameters x, y, phi, v, u, w (6,), and their Jacobian (T, 3, 6)."""
     pose, by_start, by_motion = se2.drive(parameters[:3], time[:, None] * parameters[3:])
     return pose, np.concatenate([by_start, time[:, None, None] * by_motion], axis=-1)
 
 
-_HUBER = 3.0  # residual of a range above which its loss is linear [standard deviations]
-_MISFIT = 3.0  # rms residual on the initial arc above which returns are not from the plate [standard deviations]
-_COSTLY = 4.0  # a scan's cost per measurement on that arc, above which noise does not explain it
-_CHANCE = 1.3  # ratio of the scores' scatter to its expectation up to which chance explains it: it varies by a tenth
+_HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
+_MISFIT = 3.0  # rms residual about the initial arc above which a scan is excluded [standard deviations]
+_COSTLY = 4.0  # cost per measurement on the initial arc above which a scan is excluded
+_CHANCE = 1.3  # ratio of the scores' scatter to the expected scatter that chance may explain
 _ITERATIONS = 30
-_CONVERGED = 1e-3  # largest step [standard errors]
+_CONVERGED = 1e-3  # largest step at convergence [standard errors]
 
 
 def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """Maximum-likelihood pose and twist with lateral speed, given all ranges in the window.
+    """Maximise the likelihood of pose and twist with lateral speed, given all ranges in the window.
 
-    Starts from the arc through the poses and excludes scans that do not fit it. The covariance follows from the
-    likelihood, inflated if the scans' scores scatter more or are more correlated in time than it predicts: ranges may
-    be noisier than stated, and the silhouette's edges are off by a fraction of a beam in several successive scans.
+    The search starts from the arc through the poses and excludes scans that do not fit this arc. The covariance follows
+    from the likelihood, inflated if the scans' scores scatter more than expected or are correlated in time: ranges may
+    be noisier than stated, and errors of the silhouette's edges are similar in successive scans.
     Raises LogError if the run has no ranges or fewer than MIN_ARC_POSES valid poses.
     """
     if log.scans is None:
@@ -181,7 +181,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
             damping *= 10
     covariance = np.linalg.inv(hessian)
     scattered = len(time) * long_run_covariance(scores)
-    excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for uncorrelated ranges as noisy as stated
+    excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for uncorrelated ranges with the stated noise
     inflation = excess if excess > _CHANCE else 1.0
     return SteadyTwist.of_arc(parameters, inflation * covariance)
 
@@ -189,7 +189,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
     """Derivatives (T, 6) of the scans' costs by the arc's parameters, and the Hessian (6, 6) of the total cost.
 
-    `jacobian` (T, 3, 6) has the derivatives of the poses.
+    `jacobian` (T, 3, 6) has the derivatives of the poses with respect to the arc's parameters.
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)

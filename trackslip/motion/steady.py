@@ -1,4 +1,4 @@
-"""The steady stretches of a run, found from its sprocket speeds, clock and poses; the motion must be steady, too."""
+"""Steady stretches of a run, where sprocket speeds are constant, the clock has no gap and poses move steadily."""
 
 from __future__ import annotations
 
@@ -14,43 +14,43 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
 from trackslip.motion.steady_twist import within
 
-SETTLE = 1.5  # default time from steady sprockets to a steady robot [s]
-_BLOCK = 0.5  # time over which sprocket speeds are averaged for comparison [s]
-_DRIFT = 0.05  # largest change in a steady sprocket's mean speed, relative to the faster sprocket
-_SLOW = 0.2  # sprocket speed, relative to the run's fastest, below which the largest change is constant
+SETTLE = 1.5  # default time from steady sprocket speeds to steady motion [s]
+_BLOCK = 0.5  # duration of the blocks over which sprocket speeds are averaged [s]
+_DRIFT = 0.05  # largest change in a steady sprocket's mean speed, relative to the faster sprocket's speed [-]
+_SLOW = 0.2  # speed, relative to the run's highest, below which the largest change is constant [-]
 _NOISE = 4.0  # largest change in mean speeds that encoder noise explains [standard deviations]
 MARGIN = 0.5
-"""Time excluded at the end of a steady stretch and, at least, at its start, because of filter transients [s]."""
-_SHORTEST = 0.5  # least duration of a stretch without these margins [s]
+"""Time excluded at the end of a steady stretch, and minimum time excluded at its start, for filter transients [s]."""
+_SHORTEST = 0.5  # minimum duration of a stretch without the excluded times [s]
 _GAP = 5.0  # time step above which the clock has a gap [median time steps]
-_MIN_GAP = 0.3  # the same, absolute [s]
-STANDING = 1e-3  # speed up to which a sprocket is at rest: one turn takes more than an hour and a half [rad/s]
-_RESTING = 0.01  # the same, relative to the run's fastest
-_MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half of a stretch, to compare the halves
-_SIGNIFICANT = 6.0  # least significant difference between the halves [standard errors]
-_CHANGE = 0.05  # least relative change in the twist that matters
-_TURNING = 0.2  # curvature [1/m] of a nearly straight path, and radius [m] of a turn nearly in place
-_LISTED = 3  # number of gaps that the error describes if no stretch is long enough
-_LOAD_CHANGE = 0.1  # largest change in the traction per unit load within a piece [-]
-_SHORTEST_PIECE = 1.5  # least duration of a piece [s]
+_MIN_GAP = 0.3  # minimum time step that counts as a gap [s]
+STANDING = 1e-3  # speed up to which a sprocket is at rest, less than a turn in an hour and a half [rad/s]
+_RESTING = 0.01  # speed up to which a sprocket is at rest, relative to the run's highest [-]
+_MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half of a stretch if the halves are compared
+_SIGNIFICANT = 6.0  # smallest significant difference between the halves [standard errors]
+_CHANGE = 0.05  # smallest relevant relative change of the twist [-]
+_TURNING = 0.2  # curvature of a nearly straight path [1/m], and radius of a turn nearly on the spot [m]
+_LISTED = 3  # maximum number of gaps in the message if no stretch is long enough
+_LOAD_CHANGE = 0.1  # largest change of the traction per unit load within a piece [-]
+_SHORTEST_PIECE = 1.5  # minimum duration of a piece [s]
 
 
 @dataclass(frozen=True)
 class SteadyPart:
-    """A stretch with constant sprocket speeds and no gap in its clock."""
+    """A stretch of a run with constant sprocket speeds and no gap in the clock."""
 
     name: str
-    """Name of the run and, if it has several stretches, the time at which this one begins."""
+    """Name of the run and, if the run has several stretches, the start time of this stretch."""
     log: RunLog
-    """The run from the end of the previous stretch to the start of the next."""
+    """The run from the end of the previous stretch to the start of the next stretch."""
     window: tuple[float, float]
-    """Start and end [s]."""
+    """Start and end of the stretch [s]."""
     notes: tuple[str, ...]
-    """Parts of the run excluded besides settling, one line each; the same for all stretches of a run."""
+    """A line for each excluded part of the run, apart from settling; equal for all stretches of the run."""
 
     @cached_property
     def rows(self) -> np.ndarray:
-        """(T,) bool: the rows in the window."""
+        """Mask (T,) of the rows in the window."""
         return within(self.log.time, self.window)
 
     @cached_property
@@ -61,7 +61,7 @@ class SteadyPart:
 
     @cached_property
     def load(self) -> Array | None:
-        """Mean tractions per unit load (2,) in the window [-]; None if the run doesn't have them."""
+        """Mean tractions per unit load (2,) in the window [-]; None if the run has no tractions."""
         if self.log.load is None:
             return None
         known = self.log.load[self.rows]
@@ -70,21 +70,21 @@ class SteadyPart:
 
 
 def turning_stretches(log: RunLog) -> int:
-    """Number of sufficiently long stretches with constant sprocket speeds in which the sprockets turn."""
+    """Number of sufficiently long stretches in which the sprockets turn at constant speeds."""
     pieces, _ = constant_stretches(log.time, log.omega, np.zeros(0, int), SETTLE + MARGIN + _SHORTEST)
     return sum(_turns(log.omega, *piece) for piece in pieces)
 
 
 def steady_part(log: RunLog, settle: float = SETTLE) -> SteadyPart:
-    """The longest steady stretch of a run, with the run's name; raises LogError like `steady_parts`."""
+    """Find the longest steady stretch of a run, named like the run. Raises LogError like `steady_parts`."""
     longest = max(steady_parts(log, settle), key=lambda part: part.window[1] - part.window[0])
     return replace(longest, name=log.run)
 
 
 def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
-    """All steady stretches of a run in which its sprockets turn, each without its first `settle` [s].
+    """Find all steady stretches of a run in which the sprockets turn, each without its first `settle` [s].
 
-    Raises LogError if the run is at rest, or has no headings or no sufficiently long steady stretch.
+    Raises LogError if the run is at rest, has no headings or has no sufficiently long steady stretch.
     """
     _require_headings(log)
     step = np.diff(log.time)
@@ -118,16 +118,16 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
 
 
 def require_steady_motion(part: SteadyPart) -> None:
-    """Raise LogError if the poses of a steady part jump, or the twist differs between its halves.
+    """Raise LogError if the poses of a steady stretch jump, or the twist differs between its halves.
 
-    That happens when, for example, the robot drives onto other ground or against an obstacle.
+    The twist changes, for example, when the robot drives onto other ground or against an obstacle.
     """
     begin, end = part.window
-    arc(part.log, part.window)  # refuses jumps
+    arc(part.log, part.window)  # raises LogError for jumps
     middle = (begin + end) / 2
     halves = (part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True))
     if min(half.sum() for half in halves) < _MIN_HALF:
-        return  # too few to compare
+        return  # too few poses to compare
     first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
     change = second.twist - first.twist
     error = np.sqrt(np.maximum(np.diag(first.covariance + second.covariance), 0.0))
@@ -142,7 +142,7 @@ def require_steady_motion(part: SteadyPart) -> None:
 
 
 def _time_of_poses(log: RunLog, count: int) -> float:
-    """Usual duration of `count` successive poses with headings [s]; 0 for a run without headings."""
+    """Typical duration of `count` successive poses with headings [s]; 0 for a run without headings."""
     headed = log.time[log.has_heading]
     return (count - 1) * float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0
 
@@ -155,16 +155,16 @@ def _require_headings(log: RunLog) -> None:
 
 
 def _turns(omega: Array, first: int, last: int) -> bool:
-    """True if a sprocket turns faster in a stretch than encoder noise explains."""
+    """Whether a sprocket turns faster from row `first` to row `last` than encoder noise explains."""
     of_stretch = omega[first : last + 1]
     rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
     return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
 
 
 def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
-    """The stretch cut evenly into pieces in which the load changes little; uncut if the load is not known.
+    """Divide a stretch into equal pieces in which the load changes little; if the load is unknown, into one piece.
 
-    On a slope, the load's direction turns relative to the robot and the twist varies with it: no arc fits all of it.
+    On a slope the load turns relative to the robot, and the twist varies with the load: no arc fits the whole stretch.
     """
     if part.log.load is None:
         return (part,)
@@ -187,10 +187,10 @@ def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
 def constant_stretches(
     time: Array, omega: Array, breaks: np.ndarray, least: float
 ) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """First and last rows of all stretches of at least `least` [s], in order, and of the longest of any duration.
+    """First and last rows of all stretches of at least `least` [s], in order, and of the longest, however short.
 
-    Stretches neither overlap nor extend across `breaks`, the rows after which a new section begins. In each section,
-    the longest stretch is chosen first, then the longest in the remaining rows.
+    Stretches neither overlap nor extend across `breaks`, the rows after which a new section begins. In each section the
+    longest stretch is chosen first, then the longest in the remaining rows, and so on.
     """
     size = max(1, round(min(_BLOCK / float(np.median(np.diff(time))), len(time))))
     jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
@@ -227,10 +227,10 @@ def _block_means(values: Array, size: int) -> Array:
 
 
 def _furthest(mean: Array, floor: float, noise: float) -> np.ndarray:
-    """For each block, the last block (n,) up to which neither column of `mean` (n, 2) varies too much.
+    """Last block (n,) for each first block up to which neither column of `mean` (n, 2) varies too much.
 
-    The variation allowed is a share of the faster sprocket's speed, or `floor` if that is larger, plus the `noise`. It
-    grows more slowly than the variation does, so a later start never ends earlier.
+    The allowed variation is a share of the faster sprocket's speed, or `floor` if larger, plus `noise`. It grows more
+    slowly than the variation, so a later first block never has an earlier last block.
     """
     furthest, end = np.empty(len(mean), int), 0
     for first in range(len(mean)):

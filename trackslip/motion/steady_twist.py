@@ -1,4 +1,4 @@
-"""Results of motion methods, the covariance of a correlated series' mean, and the paper's method: filtered poses."""
+"""The result of motion methods, covariances of sums of correlated values, and the paper's method: filtered poses."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-_MOST = 0.5  # share of valid poses above which too few poses mean too short a window
+_MOST = 0.5  # share of valid poses above which a lack of poses is due to too short a window
 _TWIST, _LATERAL = np.array([3, 5]), 4  # indices of v and w, and of u, among the parameters x, y, phi, v, u, w
 
 
 @dataclass(frozen=True)
 class SteadyTwist:
-    """The mean twist of a steady run."""
+    """The mean twist of a steady run, with its covariance."""
 
     twist: Array  # (2,) [m/s, rad/s]
-    covariance: Array  # (2, 2) of the twist's error, accounting for correlation in time
+    covariance: Array  # (2, 2) covariance of the twist's error, accounting for correlation in time
     lateral: float | None = None
-    """Speed to the left in the frame of the measured heading [m/s]; None if the method does not measure it."""
+    """Speed to the left in the frame of the measured heading [m/s]; None if the method does not measure this speed."""
 
     @classmethod
     def of_arc(cls, parameters: Array, covariance: Array) -> SteadyTwist:
-        """The twist from an arc's parameters x, y, phi, v, u, w (6,) and their covariance (6, 6)."""
+        """Build a result from an arc's parameters x, y, phi, v, u, w (6,) and their covariance (6, 6)."""
         return cls(parameters[_TWIST], covariance[np.ix_(_TWIST, _TWIST)], float(parameters[_LATERAL]))
 
 
 MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]
-"""Returns the twist of a run in its steady window [s]; raises LogError if the method cannot be applied to the run."""
+"""Function that returns the twist of a run in a steady window [s], or raises LogError if the run is unsuitable."""
 
 
 def within(time: Array, window: tuple[float, float]) -> np.ndarray:
-    """(T,) bool: whether each time [s] is in the window."""
+    """Mask (T,) of the times [s] in the window."""
     return (time > window[0]) & (time < window[1])
 
 
 def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[float, float]) -> None:
-    """Raise LogError if fewer than `least` rows (T,) are `usable`; says if time or valid poses are short."""
+    """Raise LogError, with the reason, if fewer than `least` rows are `usable` (T,)."""
     count, rows = int(usable.sum()), int(within(log.time, window).sum())
     if count >= least:
         return
@@ -57,10 +57,10 @@ def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[flo
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
     """Covariance (K, K) of the sum of a zero-mean series (T, K), divided by T, accounting for correlation in time.
 
-    Uses a Bartlett window, after Newey and West (1987): the covariance at lag l has the weight 1 - |l| / (L + 1). The
-    result is the mean square of sums over L + 1 successive values, with zeros before and after the series, divided by
-    L + 1. L is a `share` of the series' length or, by default, that of Andrews (1991) for a first-order autoregression:
-    the largest for the K columns, at most a quarter of the length.
+    The method is that of Newey and West (1987), with a Bartlett window: the covariance at lag l has the weight
+    1 - |l| / (L + 1). The result is computed from sums over L + 1 successive values of the series padded with zeros. L
+    is a `share` of the series' length or, by default, the value from Andrews (1991) for a first-order autoregression,
+    where the column with the largest L decides, up to a quarter of the length.
     """
     rows, width = series.shape
     if share is None:
@@ -78,18 +78,18 @@ def long_run_covariance(series: Array, share: float | None = None) -> Array:
 
 
 _MIN_STEPS = 20  # minimum number of steps for a mean twist
-_LAGS = 0.5  # width of the lag window for a mean twist's error, relative to the number of rows
-_MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter shrinks a circle by 8e-5 [rad]
-_MAX_GAP_TURN = 2.5  # turn in a gap that an arc can bridge [rad]
+_LAGS = 0.5  # width of the lag window for the error of a mean twist, relative to the number of rows [-]
+_MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter reduces a circle's radius by 8e-5 [rad]
+_MAX_GAP_TURN = 2.5  # largest turn in a gap that an arc can bridge [rad]
 
 
 def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """The mean twist from the paper's smoothing (Sec. III-B) and differencing; speeds are displacements over time.
+    """Compute the mean twist by the paper's method (Sec. III-B): smooth the poses, then divide displacements by time.
 
-    The filter is applied to the heading and, since the paper does not specify its low-pass, to the coordinates too. Its
-    delay does not matter in a steady turn, but noise makes the displacements longer. Noise in the twists cancels in the
-    mean except at the ends, which only a wide lag window accounts for. Raises LogError if there are too few valid
-    poses, or the robot turns too far from row to row or within a gap.
+    The paper does not specify the low-pass filter; here, position and heading are filtered. The filter's delay does
+    not matter in a steady turn, but noise lengthens the displacements. Noise in the twists cancels in the mean except
+    at the ends, which only a wide lag window accounts for. Raises LogError if there are too few valid poses, or the
+    robot turns too far from row to row or within a gap.
     """
     time, pose = even_poses(log)
     smooth = low_pass(pose)
@@ -103,9 +103,9 @@ def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
 
 def low_pass(values: Array) -> Array:
-    """Values (T, k) after a second-order Butterworth filter, as if all earlier values had equalled the first row.
+    """Filter values (T, k) as if all earlier values had equalled the first row.
 
-    Its cut-off is half the Nyquist frequency.
+    The filter is a second-order Butterworth filter with a cut-off at half the Nyquist frequency.
     """
     sections = scipy.signal.butter(2, 0.5, output="sos")
     settled = scipy.signal.sosfilt_zi(sections)[..., None] * values[0]
@@ -113,7 +113,7 @@ def low_pass(values: Array) -> Array:
 
 
 def even_poses(log: RunLog) -> tuple[Array, Array]:
-    """Evenly spaced times (M,) [s] and the valid poses resampled at them along arcs (M, 3); LogError like `paper`."""
+    """Evenly spaced times (M,) [s], and the valid poses resampled along arcs (M, 3). Raises LogError like `paper`."""
     valid = log.has_heading
     if valid.sum() < _MIN_STEPS:
         raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_STEPS}")

@@ -1,4 +1,4 @@
-"""Slip compensation: the law that converts twists into sprocket speeds, fixed or learnt while driving."""
+"""Slip compensation by a law that converts twists into sprocket speeds, fixed or learnt while driving."""
 
 from __future__ import annotations
 
@@ -20,57 +20,57 @@ from trackslip.localization.scan import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter
 
 KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-"""The paper's compensations, slip laws that need no identification."""
+"""The laws with which the paper compensates slip, which need no identification."""
 MAX_CRAB_ANGLE = 0.3
-"""Largest angle between the heading of a robot and its direction of motion [rad]."""
+"""Maximum angle between a robot's heading and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
-"""Laws under load do not model how the turning centre shifts along a robot that turns towards the slope."""
+"""Tuning for laws under load, which do not model how the turning centre moves along a robot that turns on a slope."""
 
 
 class Compensation(Protocol):
-    """Provides the slip laws of N robots; by default it learns nothing from runs."""
+    """Provider of the current slip laws of N robots. By default, the laws are not updated during runs."""
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
         return
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs for some of the robots (R,), at poses (R, 3)."""
+        """Start new runs for the robots with indices `robots` (R,), at poses (R, 3)."""
         return
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Take the mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
+        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
         return
 
     @abstractmethod
     def law(self) -> SlipLaw:
-        """The current slip law, with one set of parameters per robot where they differ."""
+        """The current slip law, with separate parameters for each robot where they differ."""
 
 
 @runtime_checkable
 class SensesLoad(Protocol):
-    """A compensation that also takes the traction per unit load of the robots, for example from their inclination."""
+    """A compensation that also uses the robots' traction per unit load, for example from their inclination."""
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
+        """Set the tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) from the robots' headings to their directions of motion at twists (N, 2), left positive [rad]."""
+        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left [rad]."""
 
 
 @dataclass(frozen=True)
 class FixedLaw(Compensation):
-    """A fixed law for all robots; by default no slip, which means no compensation."""
+    """Compensation by a fixed law for all robots, by default the law without slip, which means no compensation."""
 
     known: SlipLaw = field(default_factory=NoSlip)
 
     def law(self) -> SlipLaw:
-        """The law."""
+        """The fixed law."""
         return self.known
 
 
 class LoadedLaw(Compensation):
-    """A fixed law of slip under load, evaluated at the measured load."""
+    """Compensation by a fixed law of slip under load, evaluated at the measured load."""
 
     def __init__(self, known: IcrLoad) -> None:
         self._known = known
@@ -80,19 +80,19 @@ class LoadedLaw(Compensation):
         self._load: Array = np.zeros((len(start), 2))
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs for some of the robots (R,), without load."""
+        """Start new runs for the robots with indices `robots` (R,), without load."""
         self._load[robots] = 0.0
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N, 2) [-]; larger ones are limited to MAX_LOAD."""
+        """Set the tractions per unit load (N, 2) [-], limited to MAX_LOAD."""
         self._load = np.clip(load, -MAX_LOAD, MAX_LOAD)
 
     def law(self) -> IcrLoad:
-        """The law at the last sensed load."""
+        """The law at the load that was last sensed."""
         return self._known.under(self._load)
 
     def crab_angle(self, twist: Array, drift: Array | float = 0.0) -> Array:
-        """Angles (N,) from the robots' headings to their directions of motion at twists (N, 2), left positive [rad].
+        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left [rad].
 
         `drift` (N,) is added to the leftward speed [m/s]. Angles are limited to MAX_CRAB_ANGLE.
         """
@@ -102,12 +102,12 @@ class LoadedLaw(Compensation):
 
 
 def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
-    """Compensation by a known law; a law of slip under load uses the measured load."""
+    """Build the compensation by a known law, which for an IcrLoad law uses the measured load."""
     return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
 
 
 class OnlineIcr(Compensation):
-    """Constant ICRs learnt while driving by an `IcrFilter`, starting from `prior` or without prior knowledge."""
+    """Compensation by constant ICRs that an `IcrFilter` learns while driving, from `prior` or from no knowledge."""
 
     def __init__(
         self, geometry: RobotGeometry, prior: ConstantIcr | None = None, tuning: FilterTuning | None = None
@@ -120,15 +120,15 @@ class OnlineIcr(Compensation):
         self._started = IcrFilter(start, self._geometry, self._prior, self._tuning)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs for some of the robots (R,), at poses (R, 3)."""
+        """Start new runs for the robots with indices `robots` (R,), at poses (R, 3)."""
         self._filter.start(robots, start)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Update the filters with the motion of the robots."""
+        """Update the filter with mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses afterwards."""
         self._filter.update(omega, duration, estimate)
 
     def law(self) -> ConstantIcr | IcrLoad:
-        """The current estimates, with parameters (N,)."""
+        """The law with the current estimates, whose parameters are (N,)."""
         return self._filter.law
 
     @property
@@ -139,7 +139,7 @@ class OnlineIcr(Compensation):
 
 
 class LoadedOnlineIcr(OnlineIcr):
-    """Constant ICRs and the turning centre learnt while driving, plus slip under load from a known law."""
+    """Compensation by constant ICRs and turning centres learnt while driving, plus slip under load from a known law."""
 
     def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
         super().__init__(geometry, prior.unloaded_law, tuning or _LOADED_TUNING)
@@ -151,33 +151,33 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.reset(start)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs for some of the robots (R,), at poses (R, 3), without load."""
+        """Start new runs for the robots with indices `robots` (R,), at poses (R, 3), without load."""
         super().restart(robots, start)
         self._loaded.restart(robots, start)
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N, 2) [-]."""
+        """Set the tractions per unit load (N, 2) [-]."""
         self._loaded.sense(load)
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) from the robots' headings to their directions of motion at twists (N, 2), left positive [rad]."""
+        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left [rad]."""
         return self._loaded.crab_angle(twist, drift=-self._filter.state[:, 5] * twist[:, 1])
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Update the filters with the robots' motion, during which tracks slipped under the last sensed load."""
+        """Update the filter like OnlineIcr, taking the slip under the last sensed load as known."""
         self._filter.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
 
     def law(self) -> IcrLoad:
-        """The current estimates, with parameters (N,), at the last sensed load."""
+        """The law with the current estimates, whose parameters are (N,), at the last sensed load."""
         learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
 
 
-_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}  # the laws from which learning starts
+_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}  # laws from which learning starts, by compensation
 
 
 def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPPED) -> Compensation:
-    """A new compensation by name, using the laws in a file (default: those in the package).
+    """Build a compensation from its name and the laws in a file, by default the file in the package.
 
     Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
     """

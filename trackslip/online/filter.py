@@ -1,20 +1,20 @@
 """Online slip estimation: an extended Kalman filter for the pose and the constants D and epsilon of constant ICRs.
 
-Between two scans the encoders measure how far the belts moved. With constant ICRs the robot drives an arc, exactly:
+Between two scans the encoders measure the distances that the belts move. With constant ICRs the robot drives an arc:
 
     v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b / (b + D)
 
-with belt speeds s = r omega. The turning centre is not always beside the middle of the robot: with the centre of mass
-ahead, or when a fast robot skids on slippery ground, it lies c ahead, and the middle drifts sideways at -c w. A scan
-measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas a filter
-linearised in D diverges when D is far off. The process noise of the constants grows with the distance and turn driven,
-not with time: a constant that a motion does not excite (D on a straight path, all at rest) keeps its value and its
-uncertainty. While a robot turns so slowly that it may be noise, g and c are considered but not updated: a controller
-responds to scan noise with small turns, and a misspecified noise model would be mistaken for slip.
+with belt speeds s = r omega. The turning centre is not always beside the robot's centre: with the centre of mass ahead,
+or when a fast robot skids on slippery ground, it is ahead by c, and the robot's centre drifts sideways at -c w. A scan
+measures the pose. The state is (x, y, phi, g, epsilon, c). The rates are linear in the yaw gain g, whereas a filter
+linearised in D diverges if the initial D is very wrong. The process noise of the constants grows with the distance and
+turn driven, not with time, so a constant that a motion does not excite (D on a straight path, or all at rest) keeps its
+value and its uncertainty. While a robot turns so slowly that the turn may be noise, g and c are considered but not
+updated: a controller responds to scan noise with small turns, from which wrong g and c would be learnt.
 
-Two gates monitor the innovations. A pose whose innovation is too large for scan noise is rejected; several in
-a row mean that the filter is wrong. Small innovations with a persistent bias mean that the ground has changed. In both
-cases the filter restarts from the scanned pose, with the constants as uncertain as at the start.
+Two gates monitor the innovations. A pose whose innovation is too large for scan noise is rejected; several rejections
+in a row indicate that the filter is wrong. Small innovations with a persistent bias indicate that the ground has
+changed. In both cases the filter restarts from the scanned pose, with the initial uncertainty of the constants.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.scan import PoseEstimate
 
-_LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # of g [-], epsilon [-] and c [m]
-_KNOWN = 0.15  # fraction of the constants' spreads used if the filter starts from a known law
+_LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # limits on g [-], epsilon [-] and c [m]
+_KNOWN = 0.15  # factor on the initial spreads if the filter starts from a known law [-]
 _LEAST_TURN = 0.015  # mean yaw rate above which g and c are updated [rad/s]
-_FLOOR = 1e-4  # least standard deviation of a measured pose [m and rad]
+_FLOOR = 1e-4  # standard deviation added to that of a measured pose, in quadrature [m, rad]
 _OUTLIER = 30.0  # normalised squared innovation above which a pose is rejected (chi-square, 3 degrees of freedom)
-_PATIENCE = 5  # poses rejected in a row after which the filter restarts
-_CHANGE = 60.0  # normalised squared mean innovation that indicates changed ground (chi-square likewise)
-_MEMORY = 10.0  # scans in that mean
+_PATIENCE = 5  # number of rejections in a row after which the filter restarts
+_CHANGE = 60.0  # normalised squared mean innovation that indicates changed ground (chi-square, 3 degrees of freedom)
+_MEMORY = 10.0  # time constant of the mean innovation and yaw rate [scans]
 
 
 @dataclass(frozen=True)
 class FilterTuning:
-    """Assumptions of the filter."""
+    """Initial standard deviations and process noise that the filter assumes."""
 
     gain_spread: float = 0.3  # standard deviation of g without prior knowledge [-]
     radius_error_spread: float = 0.02  # standard deviation of epsilon without prior knowledge [-]
@@ -55,7 +55,7 @@ class FilterTuning:
 
 
 class IcrFilter:
-    """Estimates pose, D and epsilon of N robots, independently of each other."""
+    """Extended Kalman filter for the poses, D and epsilon of N independent robots."""
 
     def __init__(
         self,
@@ -64,23 +64,23 @@ class IcrFilter:
         law: ConstantIcr | None = None,
         tuning: FilterTuning | None = None,
     ) -> None:
-        """Start at known poses (N, 3) from the D and epsilon of `law`, or from D = epsilon = 0 if nothing is known."""
+        """Start at known poses (N, 3) with D and epsilon from `law`, or with D = epsilon = 0 without a law."""
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
         spreads = (self._tuning.gain_spread, self._tuning.radius_error_spread, self._tuning.centre_spread)
-        self._spreads = np.array(spreads)  # of g, epsilon and c
+        self._spreads = np.array(spreads)  # initial standard deviations of g, epsilon and c
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
         self.state = np.zeros((n, 6))
-        """State (N, 6): x, y [m], phi [rad], g, epsilon [-], c [m]."""
-        self._prior = np.tile([1.0, 0.0, 0.0], (n, 1))  # (N, 3): g, epsilon and c at the start
-        self._share = 1.0 if law is None else _KNOWN  # fraction of the spreads at the start
+        """States (N, 6): x, y [m], phi [rad], g, epsilon [-], c [m]."""
+        self._prior = np.tile([1.0, 0.0, 0.0], (n, 1))  # (N, 3): initial g, epsilon and c
+        self._share = 1.0 if law is None else _KNOWN  # factor on the initial spreads
         if law is not None:
             self._prior[:, 0] = geometry.half_gauge / (geometry.half_gauge + law.offset)
             self._prior[:, 1] = law.radius_error
         self.covariance = np.zeros((n, 6, 6))
-        """Covariance (N, 6, 6) of the state."""
+        """Covariances (N, 6, 6) of the state."""
         self.restarts = np.zeros(n, int)
-        """Number of restarts (N,)."""
+        """Numbers of restarts (N,)."""
         self._drift = np.zeros((n, 3))  # exponentially weighted sum of whitened innovations
         self._drift_variance = np.zeros(n)
         self._rejected = np.zeros(n, int)  # number of poses rejected in a row
@@ -88,25 +88,25 @@ class IcrFilter:
         self.start(np.arange(n), pose)
 
     def start(self, robots: np.ndarray, pose: Array) -> None:
-        """Restart some robots (R,) at known poses (R, 3)."""
+        """Restart the robots with indices `robots` (R,) at known poses (R, 3)."""
         self.state[robots, 3:] = self._prior[robots]
         self.restarts[robots], self._turning[robots] = 0, 0.0
         self._begin(robots, pose, np.zeros((len(robots), 3, 3)), self._share)
 
     @property
     def law(self) -> ConstantIcr:
-        """The current estimates as slip laws, with parameters (N,)."""
+        """Slip law with the current estimates, whose parameters are (N,)."""
         return ConstantIcr(self.offset, self._geometry.half_gauge, self.state[:, 4].copy())  # type: ignore[arg-type]
 
     @property
     def offset(self) -> Array:
-        """D (N,) [m]."""
+        """Estimates of D (N,) [m]."""
         return self._geometry.half_gauge * (1 / self.state[:, 3] - 1)
 
     def update(self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None) -> None:
-        """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards.
+        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards.
 
-        `known` velocities (N, 3) (forwards, leftwards, yaw) are added to those of the constant ICRs.
+        Velocities `known` (N, 3) (forwards, leftwards, yaw) are added to the velocities from the constant ICRs.
         """
         self._predict(omega, duration, known)
         rows = np.flatnonzero(estimate.valid)
@@ -131,7 +131,7 @@ class IcrFilter:
         walks = (*pose_walks, tuning.gain_walk, tuning.radius_error_walk, tuning.centre_walk)
         self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(walks)
         for k, most in enumerate(self._spreads, 3):
-            over = self.covariance[:, k, k] > most**2  # never less certain than at the start
+            over = self.covariance[:, k, k] > most**2  # never more uncertain than without prior knowledge
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
             self.covariance[:, k, :] *= shrink[:, None]
             self.covariance[:, :, k] *= shrink[:, None]
@@ -154,11 +154,11 @@ class IcrFilter:
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
     def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
-        """Update the state with innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
+        """Update the states with innovations `white` (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
         half = np.linalg.solve(root, self.covariance[rows, :3, :]).swapaxes(1, 2)  # (R, 6, 3)
         taken = half.copy()
         slow = np.abs(self._turning[rows]) < _LEAST_TURN
-        taken[np.ix_(slow, [3, 5])] = 0.0  # considered, not updated
+        taken[np.ix_(slow, [3, 5])] = 0.0  # g and c are considered but not updated
         self.state[rows] += np.einsum("nij,nj->ni", taken, white)
         crossed = np.einsum("nik,njk->nij", taken, half)
         covariance = self.covariance[rows] - crossed - crossed.swapaxes(1, 2)
@@ -170,7 +170,7 @@ class IcrFilter:
         self._drift_variance[rows] = fade**2 * self._drift_variance[rows] + 1
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
-        """(Re)start at poses (R, 3) with covariances (R, 3, 3), and the constants' spreads times `share`."""
+        """Start or restart at poses (R, 3) with covariances `noise` (R, 3, 3), and initial spreads times `share`."""
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
@@ -179,10 +179,10 @@ class IcrFilter:
 
 
 def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array, Array]:
-    """Velocities (N, 3) from sprocket speeds omega (N, 2) [rad/s] under (g, epsilon, c) (N, 3), and derivatives.
+    """Velocities (N, 3) and their derivatives (N, 3, 3) at sprocket speeds omega (N, 2) [rad/s].
 
-    A velocity is (forward speed, lateral speed to the left, yaw rate); the derivatives (N, 3, 3) are with respect to
-    (g, epsilon, c).
+    A velocity is (forward speed, lateral speed to the left, yaw rate). The derivatives are with respect to the law's
+    (g, epsilon, c) (N, 3).
     """
     gain, scale, centre = law[:, 0], 1 + law[:, 1], law[:, 2]
     left, right = (geometry.sprocket_radius * omega).T

@@ -1,1 +1,1 @@
-"""Plans drives that determine a slip law as precisely as possible within an area and a time."""
+"""Planning of drives that determine a slip law as precisely as possible within an area and a time."""

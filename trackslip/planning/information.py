@@ -1,4 +1,4 @@
-"""Standard errors to expect from a drive, from the slopes of the window residuals that identification fits."""
+"""Standard errors to expect from a drive, computed from the derivatives of the residuals fitted in identification."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.route import RATE
 
-_LENGTHS = (2.0, 10.0)  # of windows [s], for fine and for coarse poses
-_DETERMINED = 0.5  # largest standard error of a parameter that counts as determined, over the prior's width
+_LENGTHS = (2.0, 10.0)  # window lengths that suit precise and imprecise poses [s]
+_DETERMINED = 0.5  # largest standard error of a determined parameter, relative to the prior standard deviation
 
 
 @dataclass(frozen=True)
 class PoseQuality:
-    """Quality of the poses with which a drive will be measured."""
+    """Rate and standard deviations of the poses that will be measured in a drive."""
 
     rate: float
-    """Poses per second [Hz]."""
+    """Number of poses per second [Hz]."""
     position: float
-    """Standard deviation of x and of y [m]."""
+    """Standard deviation of x, and of y [m]."""
     heading: float | None
-    """Standard deviation of the heading [rad]; None where it isn't measured."""
+    """Standard deviation of the heading [rad]; None if it isn't measured."""
 
     def __post_init__(self) -> None:
         require_positive("rate", self.rate)
@@ -37,7 +37,7 @@ class PoseQuality:
         require(self.heading is None or self.heading > 0, "heading", self.heading, "a number > 0, or None")
 
     def thinned(self, rate: float) -> PoseQuality:
-        """Poses that are about as good in total, but at most `rate` per second [Hz]."""
+        """Equivalent quality with at most `rate` poses per second [Hz], which are more precise in return."""
         if self.rate <= rate:
             return self
         share = np.sqrt(rate / self.rate)
@@ -48,12 +48,12 @@ class PoseQuality:
 class Expectation:
     """Standard errors expected from an identification."""
 
-    stderr: Mapping[str, float]  # standard errors of the law's parameters and of the extras, in their units
-    held: tuple[str, ...]  # parameters that the driving doesn't determine
+    stderr: Mapping[str, float]  # standard errors of the law's and the extra parameters by name, in their units
+    held: tuple[str, ...]  # parameters that the drive doesn't determine
 
 
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> PreparedDrive:
-    """A drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], with `merge` periods combined into one."""
+    """Build a drive with belt speeds (T, 2) [m/s] for periods of 1 / `rate` [s], `merge` of them combined into one."""
     edges, omega = merged(np.arange(len(speeds) + 1) / rate, speeds / radius, -(-len(speeds) // merge))
     time = np.arange(0.5 / poses.rate, edges[-1], 1 / poses.rate)
     pose = np.zeros((len(time), 3))
@@ -70,10 +70,10 @@ def expected(
     slip: Sequence[float],
     known: LawErrors | None = None,
 ) -> Expectation:
-    """Standard errors to expect if all parameters that the drives determine but the lag are free, as in `fit_drives`.
+    """Standard errors to expect if all parameters determined by the drives are free, except the lag: see `fit_drives`.
 
-    `values` (q,) are the law's expected parameters, `drives` come from `drive_to_measure`, `slip` is white: forwards,
-    sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]. `known` are the law's errors from an earlier identification.
+    `values` (q,) are the law's expected parameters, and `drives` come from `drive_to_measure`. `slip` is white noise
+    forwards, sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]. `known` are a previous identification's errors.
     """
     data, values = Drives.of(drives), np.concatenate([values, np.zeros(len(model.extras))])
     held = held_parameters(model, data)
@@ -104,18 +104,18 @@ def _covariance(
     free: np.ndarray,
     prior: Array,
 ) -> Array:
-    """Covariance (f, f) of the parameters `free` (f,) fitted to windows of `length` [s], with prior precisions.
+    """Covariance (f, f) of the parameters with indices `free` (f,), fitted to windows of `length` [s].
 
-    `white` (3,) are pose variances, `slip` (3,) slip variances per distance driven.
+    `white` (3,) are pose variances, `slip` (3,) slip variances per distance driven, `prior` (f, f) a prior precision.
 
-    Window residuals depend on each other, because varying slip is a random walk of the pose: each step of the walk
-    shifts all later poses in its windows. So the scatter of the scores does not follow from their slopes alone.
+    Residuals in a window are correlated, because varying slip is a random walk of the pose: each step of the walk
+    shifts all later poses in the window. So the scatter of the scores does not follow from their slopes alone.
     """
     windows, rows = (cut := Windows.cut(data, length)), cut.pose
     way = data.way(model.geometry.sprocket_radius)
     last = np.append(windows.first[1:], len(rows)) - 1
     typical = np.median(way[rows[last]] - way[rows[windows.first]])
-    variance = white + slip * typical / 6  # slip: a random walk less its mean
+    variance = white + slip * typical / 6  # about its mean, a random walk has 1/6 of its final variance
     weight = data.known[:, rows] / variance[1:, None]
     found = residuals(model, data, windows, values, free, weight)
     pull = found.slope[:3] * np.where(found.known[:3], 1 / variance[:, None], 0.0)[:, None]
@@ -140,7 +140,7 @@ def _covariance(
 
 
 def _later(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Sums (f, R) of values (f, R) from each row to the end of its window; 0 for the first rows."""
+    """Sums (f, R) of values (f, R) from each row to the end of its window, but 0 in the first row of a window."""
     sums = np.cumsum(values, axis=1)
     rest = np.repeat(sums[:, last], last - first + 1, axis=1) - sums + values
     rest[:, first] = 0.0
@@ -148,5 +148,5 @@ def _later(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarra
 
 
 def rate_of(poses: PoseQuality) -> int:
-    """Number of commands to take together in a search without losing the poses' resolution."""
+    """Number of command periods that a search may combine into one without losing the resolution of the poses."""
     return max(1, int(RATE / min(poses.rate, 10.0)))

@@ -1,4 +1,4 @@
-"""Limits of a planned drive, and prior knowledge of the robot."""
+"""Limits on a planned drive, and prior knowledge of the robot."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.identified import LawInUse, identified_law
 
 TURNING = 2.0
-"""Half gauges from the middle of a typical robot to its corners, with tracks 1.5 times as long as they are apart."""
+"""Distance from a robot's centre to its corners, in half gauges, for tracks 1.5 times as long as the gauge [-]."""
 _BOUNDS = {"max_speed": (1e-3, 10.0, "m/s"), "acceleration": (1e-3, 100.0, "m/s^2"), "duration": (10.0, 3600.0, "s")}
-_SIDES = (1e-3, 1000.0, "m")  # allowed sides of an area
-_MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
-MOST_DOUBT = 0.9  # largest relative error of what is known of a robot [-]
-_PATH_LAW = "icr_radius"  # law that predicts paths
-_DEVIATIONS = 4.0  # standard errors of an earlier identification that the area allows for
-_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # least doubts after an identification [-]
-_LEAST_SLIP = 1e-4  # [m/sqrt(m), rad/sqrt(m)]
+_SIDES = (1e-3, 1000.0, "m")  # allowed lengths of an area's sides
+_MOST_OFFSET = 100.0  # largest distance of a track's ICR from the track [m]
+MOST_DOUBT = 0.9  # largest relative error of prior knowledge of a robot [-]
+_PATH_LAW = "icr_radius"  # law with which paths are predicted
+_DEVIATIONS = 4.0  # standard errors from an earlier identification for which the area leaves room
+_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # smallest errors assumed after identification [-]
+_LEAST_SLIP = 1e-4  # smallest white slip assumed after identification [m/sqrt(m), rad/sqrt(m)]
 
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """Limits on speed, acceleration, place and time."""
+    """Limits on a drive's speed, acceleration, area and duration."""
 
     max_speed: float
-    """Largest speed of a belt [m/s]."""
+    """Maximum belt speed [m/s]."""
     acceleration: float
-    """Largest acceleration of a belt [m/s^2]."""
+    """Maximum belt acceleration [m/s^2]."""
     area: tuple[float, float]
     """Length and width of the area that the robot may not leave [m]."""
     duration: float
-    """Length of the drive [s]."""
+    """Duration of the drive [s]."""
     clearance: float = 0.0
-    """Distance from the area's edge that the middle of the robot keeps [m]."""
+    """Distance that the robot's centre keeps from the edge of the area [m]."""
 
     def __post_init__(self) -> None:
         for name, bounds in _BOUNDS.items():
@@ -50,12 +50,12 @@ class DriveLimits:
 
     @property
     def area_text(self) -> str:
-        """The area as it is given on the command line."""
+        """The area in the format of the command line."""
         return f"{self.area[0]:g}x{self.area[1]:g}"
 
     @property
     def room(self) -> Array:
-        """Length and width (2,) left for the middle of the robot [m]."""
+        """Length and width (2,) of the area in which the robot's centre may be [m]."""
         return np.array(self.area) - 2 * self.clearance
 
 
@@ -65,9 +65,9 @@ class Knowledge:
 
     geometry: RobotGeometry
     offset: float  # D: expected distance of the ICRs outside the tracks [m]
-    radius_error: float = 0.0  # expected relative error of the effective sprocket radius [-]
+    radius_error: float = 0.0  # epsilon: expected relative error of the effective sprocket radius [-]
     reach_doubt: float = 0.15  # largest relative error of b + D [-]
-    radius_doubt: float = 0.02  # largest error of the radius error [-]
+    radius_doubt: float = 0.02  # largest deviation of epsilon from `radius_error` [-]
     pull: float = 0.001  # largest difference between the left and right radius errors [-]
     slip: tuple[float, float, float] = (0.002, 0.002, 0.005)
     """White slip forwards, sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]."""
@@ -84,7 +84,7 @@ class Knowledge:
 
     @property
     def extremes(self) -> Array:
-        """Laws (9, 3) that the robot may have, the expected one first: b + D [m], 1 + epsilon of left and of right."""
+        """Possible laws (9, 3) of the robot, the expected law first: b + D [m], and 1 + epsilon left and right."""
         scale = 1 + self.radius_error
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         reach = self.reach * (1 + signs[:, 0] * self.reach_doubt)
@@ -95,14 +95,14 @@ class Knowledge:
 
 
 def first_knowledge(geometry: RobotGeometry) -> Knowledge:
-    """Prior knowledge of a robot that was never identified: typical of hard ground, with a margin."""
+    """Prior knowledge of a robot that was never identified: values typical of hard ground, with a margin."""
     return Knowledge(geometry, offset=0.3 * geometry.half_gauge)
 
 
 def read_identification(path: str | Path, law: str | None = None) -> tuple[LawInUse, Knowledge]:
-    """A law, by default the best one, from an identification or a file, and the knowledge of the robot that it implies.
+    """Read a law, by default the best, from an identification or a file, and derive the knowledge of the robot from it.
 
-    Raises InvalidValueError if the law is missing, LogError if it has no standard errors.
+    Raises InvalidValueError if the law is missing, LogError if the law has no standard errors.
     """
     used = identified_law(path, law)
     if used.errors is None or not used.errors.names:
@@ -120,7 +120,7 @@ def read_identification(path: str | Path, law: str | None = None) -> tuple[LawIn
     if "radius_error" in doubts:
         doubt = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT)
         knowledge = replace(knowledge, radius_error=float(known["radius_error"]), radius_doubt=float(doubt))
-    with suppress(InvalidValueError):  # if there is no such law
+    with suppress(InvalidValueError):  # if icr_sides was not identified
         sides = vars(identified_law(path, "icr_sides").law)
         pull = np.clip(abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT)
         knowledge = replace(knowledge, pull=float(pull))

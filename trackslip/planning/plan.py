@@ -1,4 +1,4 @@
-"""The shortest experiment: a drive within limits that determines a slip law as precisely as possible."""
+"""Planning of a drive within limits that determines a slip law as precisely as possible."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_kno
 from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path, placed
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
-"""Laws that a drive can be planned for."""
+"""Laws for which a drive can be planned."""
 PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
-_EVALUATIONS, _FEWEST = 1000, 200  # routes that a search tries: fewer if longer than _LONG
-_LONG = 120.0  # [s]
-_POSES = 1200  # poses that a search uses; more are replaced by fewer that are as good in total
-_THINNED = (2.0, 10.0)  # fewest and most poses per second [Hz]
+_EVALUATIONS, _FEWEST = 1000, 200  # routes tried in a search for drives up to _LONG, and fewest for longer drives
+_LONG = 120.0  # duration above which a search tries fewer routes [s]
+_POSES = 1200  # most poses used in a search; more are replaced by fewer, more precise poses
+_THINNED = (2.0, 10.0)  # fewest and most poses per second in a search [Hz]
 
 
 @dataclass(frozen=True)
 class DrivePlan(PlacedRoute):
-    """A planned drive."""
+    """A planned drive, with its purpose and the standard errors to expect."""
 
     law: str
-    """Name of the law family that the drive is planned for."""
+    """Name of the law family for which the drive is planned."""
     values: Array  # (q,) expected parameters of the law
     limits: DriveLimits
     knowledge: Knowledge
     poses: PoseQuality
     known: LawErrors | None
-    """Errors of the law from an earlier identification."""
+    """Errors of the law from an earlier identification, if any."""
     expectation: Expectation
-    """Standard errors to expect, including what is known."""
+    """Standard errors to expect after the drive, with `known` taken into account."""
 
     @property
     def time(self) -> Array:
@@ -48,12 +48,12 @@ class DrivePlan(PlacedRoute):
 
     @property
     def speeds(self) -> Array:
-        """Belt speeds (T, 2) from each time on [m/s]; 0 at the end."""
+        """Belt speeds (T, 2) [m/s] in the period from each `time`; 0 in the last row."""
         return np.concatenate([self.maneuvers.speeds(self.limits.duration), np.zeros((1, 2))])
 
     @property
     def omega(self) -> Array:
-        """Sprocket speeds (T, 2) from each time on [rad/s]."""
+        """Sprocket speeds (T, 2) [rad/s] in the period from each `time`."""
         return self.speeds / self.knowledge.geometry.sprocket_radius
 
     @property
@@ -63,13 +63,13 @@ class DrivePlan(PlacedRoute):
 
     @property
     def path(self) -> Array:
-        """Expected positions (K, 2) of the middle of the robot, from the middle of the area [m]."""
+        """Expected positions (K, 2) of the robot's centre, relative to the centre of the area [m]."""
         x, y = path(self.maneuvers, float(self.start[2]), self.knowledge.extremes[:1])
         return np.asarray(self.start[:2] + np.stack([x[0], y[0]], axis=-1))
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Sizes that the law's parameter errors are divided by, in their units."""
+        """Value to which the error of each of the law's parameters is relative, in the parameter's unit."""
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
@@ -84,10 +84,10 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan a drive whose largest relative standard error of the parameters of `law`, from PLANNED_LAWS, is smallest.
+    """Plan the drive that minimises the largest relative standard error of a parameter of `law`, from PLANNED_LAWS.
 
-    Prior `knowledge` of the robot's motion and expected `values` (q,) of the parameters are by default typical of hard
-    ground; `known` are the law's errors from an earlier identification. `step` is called with 1.0 after each drive
+    By default, prior `knowledge` of the robot's motion and expected parameters `values` (q,) are typical of hard
+    ground. `known` are the law's errors from an earlier identification. `step` is called with 1.0 after each drive
     tried. Raises InvalidValueError for an unknown law, or an area or duration in which no drive determines the law.
     """
     require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
@@ -125,20 +125,20 @@ def plan_drive(
 
 
 def evaluations(limits: DriveLimits) -> int:
-    """Number of drives that a search tries; fewer if they are long."""
+    """Number of drives tried in a search, which is smaller for long drives."""
     return int(np.clip(_EVALUATIONS * _LONG / limits.duration, _FEWEST, _EVALUATIONS))
 
 
 def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
-    """Largest relative standard error; infinite if a parameter of the law isn't determined."""
+    """Largest standard error relative to `sizes`; infinite if a parameter of the law isn't determined."""
     return max(expectation.stderr.get(name, np.inf) / size for name, size in sizes.items())
 
 
 def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
-    """Sizes that parameter errors are divided by.
+    """Value by which the error of each parameter is divided to become relative, by the parameter's name.
 
-    Errors of D are divided by b + D, the effective half gauge; errors of epsilon by 1, because belt speeds scale with
-    1 + epsilon; and errors of other pure numbers by 1, too.
+    Errors in D are divided by b + D, the effective half gauge. Errors in epsilon are divided by 1, because belt speeds
+    scale with 1 + epsilon, and so are errors in other dimensionless parameters.
     """
     return {
         name: geometry.half_gauge + value if parameter.unit == "m" else 1.0
@@ -155,13 +155,13 @@ def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
 
 
 def paper_runs(geometry: RobotGeometry) -> list[Array]:
-    """Belt speeds (2,) [m/s] of the paper's 25 runs, without those whose radius is too small for the robot."""
+    """Belt speeds (2,) [m/s] in each of the paper's 25 runs except those with a radius too small for the robot."""
     radii = [radius for radius in COMMANDED_RADII if radius > geometry.half_gauge]
     return [v * (1 + SIDES * geometry.half_gauge / radius) for radius in radii for v in SPEEDS]
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
-    """Errors to expect from the paper's runs; None if the robot is too large or they don't determine the law."""
+    """Errors to expect from the paper's runs; None if the robot is too large or the runs don't determine the law."""
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
     radius, merge = geometry.sprocket_radius, rate_of(plan.poses)
     runs = [np.tile(speeds, (count, 1)) for speeds in paper_runs(geometry)]

@@ -1,10 +1,10 @@
 """Routes: drives back and forth between two of nine places in an area, with spins in between.
 
-They consist of maneuvers from rest to rest, in which the ratio of the belt speeds is constant.
+Routes consist of maneuvers from rest to rest, in which the ratio of the belt speeds is constant.
 
-The search varies routes. A route says where to go and how, not how far: its places are moved closer together until the
-robot stays in the area under every law it may have. Each spin is followed by an equal one to the other side, so the
-heading after both does not depend on the law.
+The search varies routes. A route fixes directions and manner of driving, but not distances: its places are moved
+closer together until the robot stays in the area under every possible law. Each spin is followed by an equal spin to
+the other side, so the heading after both does not depend on the law.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ import scipy.optimize
 from trackslip.kinematics import SIDES, Array, wrap_angle
 from trackslip.planning.limits import DriveLimits, Knowledge
 
-RATE = 50.0  # commands per second; maneuvers last multiples of this period [Hz]
+RATE = 50.0  # commands per second; maneuvers last whole command periods [Hz]
 TURNING = 0.65
-"""Largest yaw rate, as a fraction of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate,
-so faster spins would identify a law for unusual driving."""
-_LEAST = 1e-9  # shortest maneuver that counts [m]
+"""Largest yaw rate as a fraction of that in the fastest spin [-]. The ICRs of real tracks move outwards with the yaw
+rate, so faster spins would identify a law for unusual driving."""
+_LEAST = 1e-9  # length above which a maneuver is driven [m]
 WAYPOINTS = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
-"""Places (9, 2), in half lengths and widths of the area, or of what can be driven if that is less."""
+"""Places (9, 2), in half lengths and half widths of the area, or in the longest useful distances if shorter."""
 BOW = np.radians(30.0)
-"""Angles between the chord of a leg and its ends are multiples of this, straight or MOST_BOW to either side [rad]."""
+"""Unit of the angle between a leg's chord and its ends, from -MOST_BOW to MOST_BOW units [rad]."""
 MOST_BOW = 2
-_FITTED = 8  # most rounds in which places are moved closer together
-_SLACK = 1e-3  # relative margin by which they are moved closer than seems necessary
-_LONGEST = 0.25  # largest distance from the middle to a place, over the longest distance drivable [-]
-_SMALLEST = 0.02  # scale below which there is no room
-_PARTS = 8  # parts of each maneuver
-_DEVIATIONS = 3.5  # standard deviations of slip that the area allows for
+_FITTED = 8  # maximum number of times that places are moved closer together
+_SLACK = 1e-3  # relative margin by which places are moved closer together than seems necessary
+_LONGEST = 0.25  # largest distance of a place from the centre, relative to the longest drivable distance [-]
+_SMALLEST = 0.02  # smallest scale of a route that is driven [-]
+_PARTS = 8  # number of parts into which a maneuver is divided for its path
+_DEVIATIONS = 3.5  # standard deviations of slip for which the area leaves room
 _POPULATION = 40
-_SHARES, _PAIRS = (0.25, 0.35, 0.45, 0.55), (2, 3, 4, 6)  # of spins, in the lines that a search begins with
+_SHARES, _PAIRS = (0.25, 0.35, 0.45, 0.55), (2, 3, 4, 6)  # shares and pairs of spins in a search's initial lines
 _LAST = len(WAYPOINTS) - 1
-_LOW = np.array([0, 0, 0, 0, -MOST_BOW, -MOST_BOW, 0.02, 1, 0.2, 0.0, 0.0])  # lower limits of a route's fields
+_LOW = np.array([0, 0, 0, 0, -MOST_BOW, -MOST_BOW, 0.02, 1, 0.2, 0.0, 0.0])  # lower bounds on the fields of a Route
 _HIGH = np.array([_LAST, _LAST, 1, 1, MOST_BOW, MOST_BOW, 0.6, 12, 1.0, 1.0, 0.05])
 _WHOLE = np.array([True] * 6 + [False, True, False, False, False])  # fields that are whole numbers
 
@@ -47,44 +47,44 @@ class Route:
     """Two legs, out and back, repeated until the time is up, with spins in between."""
 
     start: int  # index of the first place in WAYPOINTS
-    end: int  # index of the other one
+    end: int  # index of the second place
     backwards: tuple[bool, bool]  # whether the legs out and back are driven in reverse
-    bow: tuple[int, int]  # angle between each leg's chord and its ends [BOW]
-    spinning: float  # fraction of the time for pairs of spins, one to each side [-]
-    pairs: int  # number of such pairs, spread over the route
-    size: float = 1.0  # distances between the places, relative to the largest useful ones [-]
+    bow: tuple[int, int]  # angle between the chord and the ends of each leg, in units of BOW
+    spinning: float  # fraction of the time for pairs of spins, which turn to both sides [-]
+    pairs: int  # number of pairs of spins, spread over the route
+    size: float = 1.0  # distances between the places, relative to the largest useful distances [-]
     ends: float = 0.5
-    """Length of the first and the last pair relative to the other pairs, which serve two legs each [-]."""
-    shrink: float = 0.0  # relative reduction of the distance from the middle at each leg, because slip adds up [-]
+    """Length of the first and last pair of spins relative to the other pairs, each of which serves two legs [-]."""
+    shrink: float = 0.0  # relative reduction of the distance from the centre at each leg, as slip adds up [-]
 
 
 @dataclass(frozen=True)
 class PlacedRoute:
-    """A route within limits."""
+    """A route placed in the area, driven within the limits."""
 
     maneuvers: Maneuvers
-    start: Array  # (3,) first pose, relative to the middle of the area [m, m, rad]
-    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from the area's middle [m]
+    start: Array  # (3,) first pose, relative to the centre of the area [m, m, rad]
+    places: Array  # (2, 2) lowest and highest x and y of the robot's centre, relative to the area's centre [m]
 
 
 @dataclass(frozen=True)
 class Maneuvers:
-    """Distances driven by the belts, and the times that they take within the limits."""
+    """A sequence of maneuvers: the distances that the belts drive, and the durations within the limits."""
 
-    way: Array  # (n, 2) driven by the left and the right belt, negative backwards [m]
-    duration: Array  # (n,) multiples of the period [s]
-    acceleration: float  # [m/s^2]
+    way: Array  # (n, 2) distances driven by the left and right belts, negative backwards [m]
+    duration: Array  # (n,) durations, in whole command periods [s]
+    acceleration: float  # acceleration of the faster belt [m/s^2]
 
     @classmethod
     def of(cls, way: Array, limits: DriveLimits) -> Maneuvers:
-        """The fastest maneuvers within the limits that drive `way` (n, 2) [m]; maneuvers of length 0 are left out."""
+        """Return the fastest maneuvers within the limits that drive `way` (n, 2) [m], without maneuvers of length 0."""
         way = way[np.abs(way).max(axis=1, initial=0.0) > _LEAST]
         return cls(way, durations(way, limits), limits.acceleration)
 
     def speeds(self, duration: float) -> Array:
-        """Mean belt speeds (T, 2) in each period until `duration` [s]; 0 after the last maneuver.
+        """Mean belt speeds (T, 2) [m/s] in each command period until `duration` [s]; 0 after the last maneuver.
 
-        If a speed is within the limits, its means over periods and their differences are, too.
+        Means over periods satisfy the limits on speed and acceleration if the speeds themselves do.
         """
         edges = np.arange(round(duration * RATE) + 1) / RATE
         begin = np.concatenate([[0.0], np.cumsum(self.duration)])
@@ -96,7 +96,7 @@ class Maneuvers:
         return np.asarray(np.diff(before[k] + share * self.way[k], axis=0) * RATE)
 
     def _driven(self, into: Array, k: np.ndarray) -> Array:
-        """Distance (T,) driven by the faster belt at times `into` (T,) maneuvers `k` (T,), with trapezoidal speed."""
+        """Distances (T,) [m] of the faster belt at times `into` (T,) [s] since the start of maneuvers `k` (T,)."""
         a, whole, length = self.acceleration, self.duration[k], np.abs(self.way).max(axis=1)[k]
         peak = (a * whole - np.sqrt(np.maximum((a * whole) ** 2 - 4 * a * length, 0.0))) / 2
         ramp = peak / a
@@ -106,7 +106,7 @@ class Maneuvers:
 
 
 def durations(way: Array, limits: DriveLimits) -> Array:
-    """Shortest times (n,) [s], in whole periods, of maneuvers from rest to rest that drive `way` (n, 2) [m]."""
+    """Shortest durations (n,) [s], in whole periods, of maneuvers from rest to rest that drive `way` (n, 2) [m]."""
     length = np.abs(way).max(axis=1)
     turn = np.abs(way[:, 1] - way[:, 0])
     v = limits.max_speed * np.minimum(1.0, 2 * TURNING * np.maximum(length, _LEAST) / np.maximum(turn, _LEAST))
@@ -116,14 +116,14 @@ def durations(way: Array, limits: DriveLimits) -> Array:
 
 
 def longest_spin(duration: float, limits: DriveLimits) -> float:
-    """Distance driven by either belt in a spin of `duration`, rounded down to whole periods [m]."""
+    """Longest distance [m] that each belt drives in a spin of `duration` [s], rounded down to whole periods."""
     whole = np.floor(max(duration, 0.0) * RATE + 1e-9) / RATE
     v, a = TURNING * limits.max_speed, limits.acceleration
     return float(v * (whole - v / a) if whole >= 2 * v / a else a * whole**2 / 4)
 
 
 def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRoute | None:
-    """The route, as large as the area allows; None if it doesn't fit at all, or leads nowhere."""
+    """Scale a route to the size that the area allows. None if it doesn't fit or has no length."""
     scale = route.size
     for _ in range(_FITTED):
         if route.start == route.end or scale < _SMALLEST:
@@ -139,7 +139,7 @@ def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRou
 
 
 def _maneuvers(route: Route, scale: float, limits: DriveLimits, knowledge: Knowledge) -> tuple[Maneuvers, float]:
-    """A route's maneuvers, with places `scale` times as far apart as possible, and the heading at the start."""
+    """Maneuvers of a route with places `scale` times as far apart as possible, and the initial heading [rad]."""
     half = scale * np.minimum(limits.room / 2, _LONGEST * limits.max_speed * limits.duration)
     rounds = max(1, int(np.ceil(limits.duration * limits.max_speed / (2 * half.min()))))
     place = WAYPOINTS[[*[route.start, route.end] * rounds, route.start]]
@@ -154,7 +154,7 @@ def _maneuvers(route: Route, scale: float, limits: DriveLimits, knowledge: Knowl
 
 
 def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
-    """As many legs (n, 2, 2), each a spin and a maneuver, as there is time for, with pairs of spins in between."""
+    """Maneuvers for as many legs (n, 2, 2), each with its spin, as time allows, with pairs of spins in between."""
     for_legs = limits.duration * (1 - route.spinning)
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), for_legs + 1e-9))
@@ -170,20 +170,20 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
 
 
 def _ways(length: Array, turn: Array, knowledge: Knowledge) -> Array:
-    """Distances (n, 2) of the belts [m] for path lengths (n,) [m] and turns (n,) [rad] of the robot."""
+    """Distances (n, 2) [m] driven by the belts for path lengths (n,) [m] and turns (n,) [rad] of the robot."""
     real = length[:, None] + SIDES * knowledge.reach * turn[:, None]
     return np.asarray(real / (1 + knowledge.radius_error))
 
 
 def extent(maneuvers: Maneuvers, heading: float, knowledge: Knowledge) -> Array:
-    """Lowest and highest x and y (2, 2) of the robot's middle if it starts at the origin with `heading` [rad]."""
+    """Lowest and highest x and y (2, 2) [m] of the robot's centre if it starts at the origin with `heading` [rad]."""
     places = np.stack(path(maneuvers, heading, knowledge.extremes))
     spread = _DEVIATIONS * _slipped(maneuvers, places, knowledge)
     return np.stack([(places - spread).min(axis=(1, 2)), (places + spread).max(axis=(1, 2))])
 
 
 def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Array]:
-    """Positions x, y (L, K) of the turning centre under laws (L, 3): b + D [m], and 1 + epsilon left and right."""
+    """Positions x, y (L, K) [m] of the turning centre under laws (L, 3): b + D [m], and 1 + epsilon left and right."""
     way = np.repeat(maneuvers.way, _PARTS, axis=0) / _PARTS * laws[:, None, 1:]  # (L, M, 2)
     turn = (way[..., 1] - way[..., 0]) / (2 * laws[:, :1])
     after = heading + np.cumsum(turn, axis=1)
@@ -194,23 +194,23 @@ def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Arra
 
 
 def _slipped(maneuvers: Maneuvers, places: Array, knowledge: Knowledge) -> Array:
-    """Standard deviations (2, L, K) of `places` (2, L, K) from white slip."""
+    """Standard deviations (2, L, K) [m] of `places` (2, L, K) due to white slip."""
     along, across, turning = knowledge.slip
     part = np.repeat(np.abs(maneuvers.way).mean(axis=1), _PARTS) / _PARTS
     driven = np.append(0.0, np.cumsum(part))
-    lever = places[::-1]  # to x from y, and to y from x
+    lever = places[::-1]  # a turn changes x in proportion to y, and y in proportion to x
     middle = (lever[..., 1:] + lever[..., :-1]) / 2
     first, second = (np.zeros(lever.shape) for _ in range(2))
     np.cumsum(middle * part, axis=-1, out=first[..., 1:])
     np.cumsum(middle**2 * part, axis=-1, out=second[..., 1:])
-    swung = np.maximum(lever**2 * driven - 2 * lever * first + second, 0.0)  # squares of levers from all parts before
+    swung = np.maximum(lever**2 * driven - 2 * lever * first + second, 0.0)  # sum of squared levers of all parts so far
     return np.sqrt(max(along, across) ** 2 * driven + turning**2 * swung)
 
 
 def best_route(cost: Callable[[Route], float], evaluations: int, rng: np.random.Generator) -> tuple[Route, float]:
-    """The best of about `evaluations` routes, and its cost, by differential evolution (Storn and Price, 1997).
+    """Find the best of about `evaluations` routes, and its cost, by differential evolution (Storn and Price, 1997).
 
-    The search begins with lines along the diagonal, with several shares and numbers of spins, and random routes.
+    The search begins with straight lines along the diagonal, with various shares of spins, and with random routes.
     """
     first = rng.uniform(_LOW, _HIGH, (_POPULATION, len(_LOW)))
     lines = [(0, _LAST, 0, 1, 0, 0, share, pairs, 1.0, 0.5, 0.01) for share in _SHARES for pairs in _PAIRS]

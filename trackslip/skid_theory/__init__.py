@@ -1,4 +1,4 @@
-"""Quasi-static motion of a tracked robot: the theory that the simulator is compared with.
+"""Quasi-static motion of a tracked robot: the theory with which the simulator is compared.
 
 The ground's force on a sliding element of track opposes its sliding velocity s, within an elliptic friction limit:
 

@@ -1,4 +1,4 @@
-"""Contact of tracks or wheels with the ground, the ground's forces, and the twists at which these balance a load.
+"""Contact of tracks or wheels with the ground, ground forces, and the twists at which ground forces balance a load.
 
 On Coulomb ground, the forces are minus the gradient of the dissipated power
 
@@ -8,13 +8,13 @@ which is convex: the robot moves with the twist that dissipates least power. For
 sliding, so slip depends on the radius of the path, on mu_across / mu_along and on the contact length, but not on
 speed, weight or the magnitude of friction.
 
-On ground that shears, an element of track that entered the contact at its front end x_f has been in it for the time
-T = (x_f - x) / V. Since then, it has moved over the ground by
+On ground that shears, an element of track at x entered the contact at its front end x_f, a time T = (x_f - x) / V ago.
+Since then, it has moved over the ground by
 
     j = P(0, x) - P(-T, x_f)
 
-where P(t, x) is the place of the point x of the robot at time t, turning included (Wong and Chiang 2001). On a belt
-that runs backwards, elements enter at the rear end; on one that stands still, every element has slid for ever.
+where P(t, x) is the position of the robot's point x at time t, turning included (Wong and Chiang 2001). On a belt that
+runs backwards, elements enter at the rear end. On a belt at rest, every element has slid for an infinite time.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Load:
 
     @property
     def downhill(self) -> Array:
-        """Force (2,) along and across the robot with which the ground balances the slope, per normal force [-]."""
+        """Ground force (2,) along and across the robot that balances the slope, per normal force [-]."""
         return math.tan(self.slope) * np.array([math.cos(self.uphill), math.sin(self.uphill)])
 
     @property
@@ -63,16 +63,16 @@ class Load:
 class Contact:
     """Contact points of the tracks, their friction, and the centre of mass."""
 
-    x: Array  # (K,) along the robot [m]
-    y: Array  # (K,) to its left [m]; points with y > 0 are on the left track
+    x: Array  # (K,) forwards along the robot [m]
+    y: Array  # (K,) to the left of the robot [m]; points with y > 0 are on the left track
     along: float
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Distance ahead and to the left of the middle between the tracks, and height above the ground [m]."""
+    """Distances ahead and to the left of the centre between the tracks, and height above the ground [m]."""
     patch: tuple[Array, Array] | None = None
-    """Rear and front ends (K,) of the patch in which each point touches ground; None for one patch per track [m]."""
+    """Rear and front ends (K,) of the contact patch of each point [m]; None if each track has a single patch."""
 
     def __post_init__(self) -> None:
         require_positive("along", self.along)
@@ -87,7 +87,7 @@ class Contact:
 
     @property
     def ends(self) -> tuple[Array | float, Array | float]:
-        """Rear and front ends of the patches; for tracks, half a point spacing beyond the outermost points [m]."""
+        """Rear and front ends of the patches [m]; for tracks, half a point spacing beyond the outermost points."""
         if self.patch is not None:
             return self.patch
         x = np.unique(self.x)
@@ -98,7 +98,7 @@ class Contact:
         """Fractions (..., K) of the weight on each point, at accelerations (..., 2) of the centre of mass along and
         across the robot, in units of gravity, and under a drawbar moment divided by the weight [m].
 
-        A rigid robot on equal springs: the load is linear in position and balances the moments of weight and inertia.
+        The robot is rigid on equal springs: loads are linear in position and balance the moments of weight and inertia.
         """
         forwards, left, height = self.centre_of_mass
         middle_x, middle_y = forwards - height * acceleration[..., :1], left - height * acceleration[..., 1:]
@@ -115,10 +115,10 @@ def line_contact(
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 200,
 ) -> Contact:
-    """Two tracks with uniform pressure on the ground, apart from the effect of the centre of mass.
+    """Build two tracks with uniform pressure on the ground, apart from the effect of the centre of mass.
 
-    Lengths are in m; `along` and `across` are friction coefficients, and `points` per track lie in the middle of equal
-    segments. Raises InvalidValueError if a value is not positive, or the centre of mass lifts part of a track.
+    Lengths are in m; `along` and `across` are friction coefficients. Each track has `points` points in the middle of
+    equal segments. Raises InvalidValueError if a value is not positive, or the centre of mass lifts part of a track.
     """
     require_positive("half_length", half_length)
     return wheel_contact(half_gauge, (0.0,), 2 * half_length, along, across, centre_of_mass, points)
@@ -133,9 +133,9 @@ def wheel_contact(
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 20,
 ) -> Contact:
-    """Wheels on patches of uniform pressure, one at each end of an axle; otherwise as `line_contact`.
+    """Build wheels with `points` points on patches of uniform pressure, one patch at each end of an axle.
 
-    `axles` are the axles' distances ahead of their common middle, with mean 0 [m]; `points` is the number per patch.
+    `axles` are the axles' distances ahead of their centre [m], with mean 0. For other arguments, see `line_contact`.
     """
     require_positive("half_gauge", half_gauge)
     require_positive("patch_length", patch_length)
@@ -146,26 +146,26 @@ def wheel_contact(
     return Contact(x, y, along, across, centre_of_mass, (middle - patch_length / 2, middle + patch_length / 2))
 
 
-_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # smoothing of |s| at 0, relative to the belts' speed
-_STEP = 1e-6  # of finite differences, relative to the belts' speed
+_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # smoothing of |s| around 0, relative to the belt speed
+_STEP = 1e-6  # step of finite differences, relative to the belt speed
 _ITERATIONS = 100
 _HALVINGS = 30
-_TOLERANCE = 1e-10  # of the balance, relative to the weight
-_ACCEPTED = 1e-6  # tolerance of the balance where rounding stops the iteration
-_SLOWEST = 1e-9  # a belt slower than this fraction of the faster one counts as standing
+_TOLERANCE = 1e-10  # tolerance of the balance, relative to the weight
+_ACCEPTED = 1e-6  # tolerance of the balance if rounding stops the iteration
+_SLOWEST = 1e-9  # fraction of the faster belt's speed below which a belt counts as standing
 
 
 def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
     """Shear displacements (..., K, 2) [m] in the robot's frame, at twists (..., 3) and belt speeds (..., K) [m/s].
 
-    They are infinite where a belt stands still.
+    Displacements are infinite where a belt stands still.
     """
     v, u, w = (twist[..., k, None] for k in range(3))
     rear, front = contact.ends
     entry = np.where(belt > 0, front, rear)
     standing = np.abs(belt) <= _SLOWEST * np.abs(belt).max(axis=-1, keepdims=True)
     time = (entry - contact.x) / np.where(standing, 1.0, belt)
-    # after half a turn an element comes back to where it touched down, but not to ground that was never sheared
+    # after half a turn an element approaches its first place again, but the ground there remains sheared
     time = np.minimum(time, np.pi / np.maximum(np.abs(w), _SLOWEST))
     half = w * time / 2
     sine, cosine = np.sin(half), np.cos(half)
@@ -181,11 +181,11 @@ def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
 def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shear: float) -> Array:
     """Ground forces along and across the robot and their moment (..., 3), divided by the weight.
 
-    Takes twists (..., 3), belt speeds (..., K) [m/s], and fractions `load` (..., K) of the weight on the points.
+    The arguments are twists (..., 3), belt speeds (..., K) [m/s] and fractions `load` (..., K) of the weight on points.
     """
     v, u, w = (twist[..., k, None] for k in range(3))
     slide_x, slide_y = v - w * contact.y - belt, u + w * contact.x
-    # where an element pivots, its force reverses over one point spacing: a jump might prevent a balance
+    # where an element pivots, its force reverses over one point spacing, as a jump might prevent a balance
     rear, front = contact.ends
     within = contact.across * w * (front - rear) / contact.x.size / 2
     size = np.sqrt((contact.along * slide_x) ** 2 + (contact.across * slide_y) ** 2 + within**2)
@@ -200,7 +200,7 @@ def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> 
     """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), divided by the weight.
 
     They minimise the power that belts at speeds (M, K) of order one dissipate under loads (M, K), plus the power of the
-    required forces. Solved by Newton's method with backtracking, and less and less smoothing where sliding reverses.
+    required forces. Newton's method is used, with backtracking and decreasing smoothing where sliding reverses.
     """
     x, y = contact.x, contact.y
     # the sliding velocity, weighted by friction, is linear in the twist
@@ -244,11 +244,11 @@ def balance(belt: Array, contact: Contact, load: Array, required: Array, shear: 
     """Twists (M, 3) at which the ground exerts `required` forces and moments (M, 3), divided by the weight.
 
     Belt speeds (M, K) are of order one; `load` (M, K) are the fractions of the weight on the points, `start` (M, 3) the
-    first guess. Solved by Newton's method with a line search. Raises InvalidValueError if no twist is a balance.
+    initial twists. The solver is Newton's method with a line search. Raises InvalidValueError if no twist is a balance.
     """
     gauge = float(np.abs(contact.y).mean())
-    unit = np.array([1.0, 1.0, 1 / gauge])  # of the twist
-    lever = np.array([1.0, 1.0, gauge])  # of the balance
+    unit = np.array([1.0, 1.0, 1 / gauge])  # units of the twist
+    lever = np.array([1.0, 1.0, gauge])  # units of the balance
 
     def missing(twist: Array, rows: np.ndarray) -> Array:
         lacking: Array = ground_wrench(twist, belt[rows], contact, load[rows], shear) - required[rows]

@@ -1,4 +1,4 @@
-"""Steady twists and turns of a tracked robot, on Coulomb ground or on ground that shears."""
+"""Steady twists and turns of a tracked robot on Coulomb ground or on ground that shears."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from trackslip.skid_theory.contact import Contact, Load, balance, least_power
 
 _INERTIA_ITERATIONS = 6
 _TURN_ITERATIONS = 60
-_TURN_TOLERANCE = 1e-7  # relative
+_TURN_TOLERANCE = 1e-7  # relative tolerance for v and w
 _UNLOADED = Load()
 
 
 def steady_twist(
     surface_speeds: ArrayLike, contact: Contact, gravity: float = np.inf, shear: float = 0.0, load: Load = _UNLOADED
 ) -> Array:
-    """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], for track surface speeds (left, right) (..., 2) [m/s].
+    """Twists (..., 3), v, lateral u and w [m/s, m/s, rad/s], at track surface speeds, left and right (..., 2) [m/s].
 
     With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer
-    track; both are found by fixed-point iteration. By default inertia is neglected and slip does not depend on speed.
-    `shear` is the modulus K of ground that shears, 0 for Coulomb ground [m]. Where uphill is to the side of a turning
-    robot, the twist is momentary. Raises InvalidValueError for speeds that are not finite, or too fast for a turn, and
-    for a load that the ground does not carry.
+    track; both follow from fixed-point iteration. By default inertia is neglected, and slip does not depend on speed.
+    `shear` is the modulus K of ground that shears [m], or 0 for Coulomb ground. Where uphill is to the side of a
+    turning robot, the twist is momentary. Raises InvalidValueError for speeds that are not finite or too fast for a
+    turn, and for a load that the ground does not carry.
     """
     speeds = np.asarray(surface_speeds, float)
     require(np.isfinite(speeds).all(), "surface_speeds", surface_speeds, "finite")
@@ -46,7 +46,7 @@ def steady_twist(
 
 @dataclass(frozen=True)
 class Turns:
-    """M steady turns to the left, one for each radius."""
+    """M steady turns to the left, with one radius each."""
 
     radius: Array  # (M,) driven radius [m]
     belts: Array  # (M, 2) belt speeds divided by the yaw rate [m]
@@ -59,22 +59,22 @@ class Turns:
 
     @property
     def icr(self) -> Array:
-        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the robot's middle [m]."""
+        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the robot's centre line [m]."""
         return self.radius[:, None] - self.belts
 
     @property
     def offset(self) -> Array:
-        """D (M,): mean distance of the ICRs outside the tracks [m]."""
+        """Mean distances D (M,) of the ICRs outside the tracks [m]."""
         return (self.belts[:, 1] - self.belts[:, 0]) / 2 - self.half_gauge
 
     @property
     def loss(self) -> Array:
-        """Share (M,) of the belts' mean speed that the turn costs [-]."""
+        """Share (M,) of the belts' mean speed that is lost in the turn [-]."""
         return 1 - self.radius / self.belts.mean(axis=1)
 
 
 def steady_turns(radius: ArrayLike, contact: Contact, shear: float = 0.0, load: Load = _UNLOADED) -> Turns:
-    """Turns to the left in which the robot drives radii (M,) [m]; arguments as for `steady_twist`.
+    """Compute turns to the left with driven radii (M,) [m]. The other arguments are those of `steady_twist`.
 
     Raises InvalidValueError for a load that the ground does not carry, and for a radius that no belt speeds achieve.
     """
@@ -104,14 +104,14 @@ def _require_carried(load: Load, contact: Contact) -> None:
 
 
 def _acceleration(twist: Array, contact: Contact) -> Array:
-    """Acceleration of the centre of mass in a steady turn, along and across the robot, (M, 2) [m/s^2]."""
+    """Accelerations (M, 2) of the centre of mass along and across the robot in steady turns [m/s^2]."""
     v, u, w = twist.T
     forwards, left, _ = contact.centre_of_mass
     return np.stack([-w * (u + w * forwards), w * (v - w * left)], axis=1)
 
 
 def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load) -> Array:
-    """Twists (M, 3) at which ground forces produce accelerations (M, 2), in units of gravity."""
+    """Twists (M, 3) at which the ground forces balance the load and cause accelerations (M, 2) in units of gravity."""
     scale = np.abs(speeds).max(axis=1, keepdims=True)
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill

@@ -1,1 +1,1 @@
-"""References: pose and twist over time for a controller to follow."""
+"""References: poses and twists over time that a controller follows."""

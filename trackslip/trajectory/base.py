@@ -12,14 +12,14 @@ from trackslip.kinematics import Array
 
 
 class Reference(Protocol):
-    """A trajectory. It rests at its start before time 0 and at its end after `duration`."""
+    """A trajectory that rests at its start before time 0 and at its end after `duration`."""
 
     @property
     def duration(self) -> float:
         """Time at which the reference ends [s]."""
 
     def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        """Poses (..., 3) at times (...) [s], with phi unwrapped."""
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
@@ -29,7 +29,7 @@ class PiecewiseReference(ABC):
     """Base class of references with constant acceleration between knots."""
 
     def __init__(self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike) -> None:
-        """Durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at their starts and ends."""
+        """Store durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at the cells' starts and ends."""
         self.cells = np.array([durations, start_speeds, end_speeds])  # (3, K)
         durations, self._speeds, last = self.cells
         self._accelerations = (last - self._speeds) / durations
@@ -42,11 +42,11 @@ class PiecewiseReference(ABC):
 
     @property
     def knots(self) -> Array:
-        """Times (K + 1,) between which the twist is smooth [s]."""
+        """Times (K + 1,) [s] between which the twist is smooth."""
         return self._times
 
     def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        """Poses (..., 3) at times (...) [s], with phi unwrapped."""
         k, way, _ = self._driven(time)
         return self.pose_in(k, way)
 
@@ -56,7 +56,7 @@ class PiecewiseReference(ABC):
         return np.stack([speed, speed * self.curvature_in(k, way)], axis=-1)
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
-        """Index of the cell, distance driven since its start [m] and speed [m/s], each (...)."""
+        """Indices of cells, distances driven in them so far [m] and speeds [m/s], each (...), at times (...) [s]."""
         time = np.asarray(time, float)
         clipped = np.minimum(np.maximum(time, 0.0), self.duration)
         k = cell(self._times, clipped)
@@ -66,14 +66,14 @@ class PiecewiseReference(ABC):
 
     @abstractmethod
     def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Poses (..., 3) in cells k (...), at distances `way` (...) from the cells' starts [m]."""
+        """Poses (..., 3) in cells k (...) at distances `way` (...) [m] from the cells' starts."""
 
     @abstractmethod
     def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Curvatures (...) at the same points [1/m]."""
+        """Curvatures (...) [1/m] in cells k (...) at distances `way` (...) [m] from the cells' starts."""
 
 
 def cell(knots: Array, at: Array) -> NDArray[np.intp]:
-    """Index (...) of the last of the knots (K,) below `at` (...), at most K - 2: the start of its cell."""
+    """Indices (...) of the cells between knots (K,) that contain `at` (...), from 0 to K - 2."""
     k = np.searchsorted(knots, at, side="right") - 1
     return np.minimum(np.maximum(k, 0), len(knots) - 2)

@@ -1,4 +1,4 @@
-"""References by name: the paper's path, smooth curves, straights, arcs and clothoids, and files of waypoints."""
+"""References by name: the paper's path, smooth curves, straights, arcs and clothoids, and waypoint files."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference,
 from trackslip.trajectory.waypoints import read_waypoints
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # on [0, 1]
+_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # nodes and weights on [0, 1]
 
 
 @dataclass(frozen=True)
 class PathPiece:
-    """A straight, an arc or a clothoid."""
+    """A straight line, an arc or a clothoid."""
 
     length: float  # arc length [m]
-    start_curvature: float = 0.0  # curvature at its start, positive to the left [1/m]
-    end_curvature: float = 0.0  # curvature at its end [1/m]
+    start_curvature: float = 0.0  # curvature at the start, positive to the left [1/m]
+    end_curvature: float = 0.0  # curvature at the end [1/m]
 
 
 class ClothoidPath(PlanarPath):
-    """Pieces in sequence. The heading is quadratic in the arc length, the position its Gauss-Legendre integral."""
+    """A sequence of pieces. Headings are quadratic in the arc length, and positions are Gauss-Legendre integrals."""
 
     def __init__(self, start: ArrayLike, pieces: Sequence[PathPiece]) -> None:
-        """`start` is the first pose (3,)."""
+        """Join the pieces, the first from the pose `start` (3,)."""
         counts = [max(int(np.ceil(piece.length / STEP)), 2) for piece in pieces]
         steps = np.repeat([piece.length / n for piece, n in zip(pieces, counts, strict=True)], counts)
         self._s = np.concatenate([[0.0], np.cumsum(steps)])  # (K,)
@@ -43,12 +43,12 @@ class ClothoidPath(PlanarPath):
         self._curvature = np.repeat([p.start_curvature for p in pieces], counts) + self._sharpness * fractions
         x, y, phi = np.asarray(start, float)
         turns = steps * (self._curvature + self._sharpness * steps / 2)
-        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), like the two above
+        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), like _curvature
         chords = self._chord(np.arange(len(steps)), steps)
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
 
     def pose(self, s: Array) -> Array:
-        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
         k = cell(self._s, s)
         way = s - self._s[k]
         point = self._point[k] + self._chord(k, way)
@@ -56,21 +56,21 @@ class ClothoidPath(PlanarPath):
         return np.stack([point.real, point.imag, heading], axis=-1)
 
     def curvature(self, s: Array) -> Array:
-        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        """Curvatures (...) [1/m] at arc lengths (...) [m], positive to the left."""
         k = cell(self._s, s)
         return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
 
     def _chord(self, k: np.ndarray, way: Array) -> Complex:
-        """Vectors from knots k (...) to points `way` (...) further along the path."""
+        """Vectors (...) from knots k (...) to points `way` (...) [m] further along, by Gauss-Legendre quadrature."""
         at = way[..., None] * _NODES
         heading = self._heading[k, None] + at * (self._curvature[k, None] + self._sharpness[k, None] * at / 2)
         return way * (np.exp(1j * heading) @ _WEIGHTS)
 
 
 def clothoid(start: ArrayLike) -> ProfiledReference:
-    """A left and a right bend of continuous curvature, from `start` (3,): clothoids join the straights and arcs.
+    """A left and a right bend of continuous curvature, from the pose `start` (3,): clothoids join straights and arcs.
 
-    Straights are 0.6 m long, arcs 0.5 m with a radius of 0.5 m, clothoids 1 m, and the one between the arcs 2 m.
+    The straights are 0.6 m long, the arcs 0.5 m with a radius of 0.5 m, the outer clothoids 1 m and the middle one 2 m.
     """
     bend = 2.0  # [1/m]
     pieces = [
@@ -86,16 +86,16 @@ def clothoid(start: ArrayLike) -> ProfiledReference:
 
 
 def rounded_square(start: ArrayLike) -> ProfiledReference:
-    """Once anticlockwise around a 2 m square with corners of 0.4 m radius, from a pose (3,) in the middle of a side."""
+    """An anticlockwise 2 m square with corners of 0.4 m radius, from the pose `start` (3,) in the middle of a side."""
     half, straight, corner = PathPiece(0.6), PathPiece(1.2), PathPiece(np.pi / 2 * 0.4, 2.5, 2.5)
     return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]))
 
 
 def figure_eight(start: ArrayLike) -> ProfiledReference:
-    """Once around Bernoulli's lemniscate, 3 m long, from its crossing: first the left turn, then the right one.
+    """Bernoulli's lemniscate, 3 m long, from its crossing: first the left loop, then the right loop.
 
-    `start` (3,) is the pose at the crossing: the long axis lies 45 deg to the left of its heading. The smallest radius
-    is 0.5 m.
+    `start` (3,) is the pose at the crossing. The long axis is 45 deg to the left of its heading. The smallest radius is
+    0.5 m.
     """
 
     def lemniscate(u: Array, nu: int) -> Complex:
@@ -108,9 +108,9 @@ def figure_eight(start: ArrayLike) -> ProfiledReference:
 
 
 def slalom(start: ArrayLike) -> ProfiledReference:
-    """Two periods of a sine along a line, each 2 m long and 0.5 m wide, from a minimum and first to the left.
+    """Two periods of a sine wave along a line, each 2 m long and 0.5 m wide, from a minimum and first to the left.
 
-    `start` (3,) is the first pose, with the line's heading. The smallest radius is 0.4 m.
+    `start` (3,) is the first pose, with the heading of the line. The smallest radius is 0.4 m.
     """
 
     def wave_line(x: Array, nu: int) -> Complex:
@@ -122,9 +122,9 @@ def slalom(start: ArrayLike) -> ProfiledReference:
 
 
 def spiral(start: ArrayLike) -> ProfiledReference:
-    """One and a half turns of Archimedes' spiral to the left, from a radius of 1.2 m inwards to 0.45 m.
+    """One and a half turns of Archimedes' spiral to the left, inwards from a radius of 1.2 m to 0.45 m.
 
-    `start` (3,) is the pose at its outer end.
+    `start` (3,) is the pose at the outer end.
     """
     end = 3 * np.pi
     shrinkage = (1.2 - 0.45) / end
@@ -136,8 +136,8 @@ def spiral(start: ArrayLike) -> ProfiledReference:
     return ProfiledReference(ParametricPath(archimedes, np.linspace(0, end, 8), start))
 
 
-# The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. From these starts the plate stays more than 1 m from
-# it and within its field of view, even with an error of 0.4 m.
+# The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. With these starts the plate stays more than 1 m from
+# the scanner and within its field of view even if the robot is 0.4 m off.
 REFERENCES: dict[str, Callable[..., Reference]] = {
     "paper": partial(paper_reference, start=PAPER_START),
     "circle": partial(circle, 1.0, 0.15, 2 * np.pi / 0.15, start=(-1.5, 0.4, 0.0)),
@@ -148,24 +148,24 @@ REFERENCES: dict[str, Callable[..., Reference]] = {
     "spiral": partial(spiral, start=(-1.5, 0.5, 0.0)),
     "stop_and_go": partial(stop_and_go, start=(-2.5, 1.0, np.pi / 4)),
 }
-"""Functions that make references, by name; each accepts a different `start` (3,) as a keyword."""
+"""Functions that build references, by name. Each accepts another `start` (3,) as a keyword."""
 
 
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
-    """The reference called `name` in REFERENCES, from `start` (3,) or from its default start.
+    """Build the reference called `name` in REFERENCES, from the pose `start` (3,) or else its default start.
 
-    Raises InvalidValueError if there is no such reference.
+    Raises InvalidValueError for an unknown name.
     """
     require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
     return REFERENCES[name]() if start is None else REFERENCES[name](start=start)
 
 
 def load_reference(name_or_path: str | Path) -> Reference:
-    """A reference by its name in REFERENCES, or through the waypoints in a `.csv` file.
+    """Build a reference from its name in REFERENCES or from the waypoints in a `.csv` file.
 
     Raises:
-        InvalidValueError: if it is neither.
-        ReferenceFileError: if the file cannot be read or the path cannot be driven.
+        InvalidValueError: if `name_or_path` is neither a known name nor a `.csv` path.
+        ReferenceFileError: if the file cannot be read or its path cannot be driven.
     """
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":

@@ -1,6 +1,6 @@
-"""Paths parametrised by arc length, and the fastest speeds along them within limits.
+"""Paths parametrised by arc length, and the highest speeds along them within limits.
 
-Points are complex numbers x + iy [m], so that a rotation is a product.
+Points are complex numbers x + iy [m], so that rotations are products.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from trackslip.trajectory.base import PiecewiseReference, cell
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 MAX_LENGTH = 1000.0  # maximum length of a path [m]
-STEP = 0.005  # maximum spacing of the knots of a path [m]
-_MIN_KNOT_SPACING = 1e-6  # a curve that needs closer knots has a cusp [m]
-_MAX_TURN = 0.1  # between neighbouring knots [rad]
-_CLOSE = 1e-12  # error of the arc length between knots [m]
+STEP = 0.005  # maximum spacing of path knots [m]
+_MIN_KNOT_SPACING = 1e-6  # minimum spacing of path knots; a curve that needs a smaller one has a cusp [m]
+_MAX_TURN = 0.1  # maximum turn between neighbouring knots [rad]
+_CLOSE = 1e-12  # maximum error of the arc length between knots [m]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 class PlanarPath(ABC):
-    """Base class of paths parametrised by arc length s, from 0 to their length."""
+    """Base class of paths parametrised by arc length s, from 0 to the length of the path."""
 
     _s: Array
 
@@ -37,34 +37,34 @@ class PlanarPath(ABC):
     def knots(self) -> Array:
         """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them.
 
-        There are at least three, so that a path can be driven from rest to rest.
+        There are at least three knots, so that a path can be driven from rest to rest.
         """
         return self._s
 
     @abstractmethod
     def pose(self, s: Array) -> Array:
-        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
 
     @abstractmethod
     def curvature(self, s: Array) -> Array:
-        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        """Curvatures (...) [1/m] at arc lengths (...) [m], positive to the left."""
 
 
 Curve = Callable[[Array, int], Complex]
-"""Returns points (...) at parameters (...) for 0, first and second derivatives for 1 and 2, like SciPy's splines."""
+"""Function that returns a curve's points (order 0) or derivatives (orders 1, 2) at parameters (...), as in SciPy."""
 
 
 class ParametricPath(PlanarPath):
     """A smooth curve parametrised by arc length.
 
-    The arc length between knots is a Gauss-Legendre integral of the parametric speed, its inverse is a cubic Hermite
-    polynomial. The knots are close enough for an error of 1e-12 m, so pose and curvature are those of the curve itself.
+    The arc length between knots is a Gauss-Legendre integral of the parametric speed. The parameter is a cubic Hermite
+    polynomial of the arc length, with knots so close that the error is below 1e-12 m.
     """
 
     def __init__(self, curve: Curve, breaks: ArrayLike, start: ArrayLike | None = None) -> None:
         """Follow a twice differentiable curve from the first to the last of ascending `breaks` (B,) of its parameter.
 
-        Any derivative may jump at the breaks. With `start`, the curve is moved to that pose (3,). Raises
+        At the breaks any derivative may jump. With `start` (3,), the curve is moved to begin at that pose. Raises
         InvalidValueError if the curve has a cusp or is longer than MAX_LENGTH.
         """
         self._curve = curve
@@ -83,41 +83,41 @@ class ParametricPath(PlanarPath):
         self._heading = heading
 
     def pose(self, s: Array) -> Array:
-        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
         k, u = cell(self._s, s), self._parameter(s)
         point = self._rotation * self._curve(u, 0) + self._shift
         heading = self._heading[k] + np.angle(self._curve(u, 1) * np.conj(self._velocity[k]))
         return np.stack([point.real, point.imag, heading], axis=-1)
 
     def parameter(self, s: Array) -> Array:
-        """Parameters (...) of the curve at arc lengths (...) [m]."""
+        """Curve parameters (...) at arc lengths (...) [m]."""
         return self._parameter(s)
 
     def curvature(self, s: Array) -> Array:
-        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        """Curvatures (...) [1/m] at arc lengths (...) [m], positive to the left."""
         u = self._parameter(s)
         velocity = self._curve(u, 1)
         return (np.conj(velocity) * self._curve(u, 2)).imag / np.abs(velocity) ** 3
 
 
 def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
-    """Lengths (...) of the curve between parameters (...)."""
+    """Lengths (...) [m] of the curve between parameters `start` (...) and `end` (...)."""
     half = (end - start) / 2
     u = ((start + end) / 2)[..., None] + half[..., None] * _NODES
     return half * (np.abs(curve(u, 1)) @ _WEIGHTS)
 
 
 def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
-    """Parameters (K,) of the knots and lengths (K - 1,) between them; cells are halved until they are fine enough."""
+    """Parameters (K,) of the knots and lengths (K - 1,) between them, from cells that are halved until fine enough."""
     u = breaks
     length = float(_arc_length(curve, u[:-1], u[1:]).sum())
     require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
     while True:
         lengths = _arc_length(curve, u[:-1], u[1:])
         velocity = curve(u, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):  # the speed is zero at a cusp, and NaN is not close
+        with np.errstate(divide="ignore", invalid="ignore"):  # the speed is zero at a cusp; NaN counts as coarse
             slope = 1 / np.abs(velocity)
-            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # of the inverse's polynomial
+            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # polynomial halfway along
             miss = np.abs(_arc_length(curve, u[:-1], middle) - lengths / 2)
             turn = np.abs(np.angle(velocity[1:] / velocity[:-1]))
         coarse = (lengths > STEP) | ~(miss < _CLOSE) | ~(turn < _MAX_TURN) | (len(lengths) < 2)
@@ -131,9 +131,9 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         u = np.sort(np.concatenate([u, (u[:-1] + u[1:])[coarse] / 2]))
 
 
-MIN_SPEED = 1e-3  # minimum speed that the tightest bend of a path must allow [m/s]
-_MIN_ACCELERATION = 1e-4  # [m/s^2]
-_WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points of a cell without its ends, where the curvature may jump
+MIN_SPEED = 1e-3  # minimum speed that the tightest bend in a path must allow [m/s]
+_MIN_ACCELERATION = 1e-4  # smallest valid limit on the acceleration [m/s^2]
+_WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points in a cell; at the ends the curvature may jump
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class MotionLimits:
     track_speed: float = 0.27
     """Maximum surface speed of the faster track [m/s]."""
     half_gauge: float = 0.215
-    """Distance of a track's ICR from the middle of the robot: half the gauge plus the effect of slip [m]."""
+    """Distance of a track's ICR from the robot's centre line: half the gauge plus the effect of slip [m]."""
 
     def __post_init__(self) -> None:
         require_non_negative("half_gauge", self.half_gauge)
@@ -164,7 +164,7 @@ class MotionLimits:
             require(value >= least, name, value, f"at least {least:g} {unit}")
 
     def speed_at(self, curvature: ArrayLike) -> Array:
-        """Maximum speeds (...) at curvatures (...) [m/s]."""
+        """Maximum speeds (...) [m/s] at curvatures (...) [1/m]."""
         bend = np.abs(np.asarray(curvature, float))
         by_track = self.track_speed / (1 + self.half_gauge * bend)
         by_yaw_rate = self.yaw_rate / np.maximum(bend, self.yaw_rate / self.speed)
@@ -172,7 +172,7 @@ class MotionLimits:
 
 
 LIMITS = MotionLimits()
-"""Limits that the default robot's motors can keep up with, slip included."""
+"""Limits within which the default robot's motors can follow a reference, slip included."""
 
 
 class ProfiledReference(PiecewiseReference):
@@ -185,14 +185,14 @@ class ProfiledReference(PiecewiseReference):
         speed_at: Callable[[Array], Array] | None = None,
         direction: int = 1,
     ) -> None:
-        """`speed_at` returns the largest speeds (...) at arc lengths (...), raised to MIN_SPEED where lower [m/s].
+        """Plan the speeds. `speed_at` returns limits (...) [m/s] at arc lengths (...) [m]; at least MIN_SPEED is used.
 
-        `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError for a path too tight to be driven at
+        `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError if a bend is too tight for
         MIN_SPEED.
         """
         self._path, self._direction = path, direction
         turn = -np.copysign(np.pi, path.pose(path.knots[0])[2]) if direction < 0 else 0.0
-        self._turn = np.array([0.0, 0.0, turn])  # from the path to the robot
+        self._turn = np.array([0.0, 0.0, turn])  # offset from the path's poses to the robot's
         speeds = _speeds(path, limits, speed_at)  # (K,)
         durations = 2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:])
         super().__init__(durations, direction * speeds[:-1], direction * speeds[1:])
@@ -207,7 +207,7 @@ class ProfiledReference(PiecewiseReference):
 
 
 def _speeds(path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], Array] | None) -> Array:
-    """The maximum speeds (K,) at the knots of the path, zero at both ends; their squares are linear in between."""
+    """Maximum speeds (K,) [m/s] at the knots of the path, zero at both ends; between knots, v^2 is linear."""
     s = path.knots
     within = s[:-1, None] + np.diff(s)[:, None] * _WITHIN
     curvature = path.curvature(within)
@@ -223,7 +223,7 @@ def _speeds(path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], 
     if speed_at is not None:
         allowed = np.minimum(allowed, np.maximum(speed_at(within).min(axis=1), MIN_SPEED))
     square = np.minimum(np.append(allowed, 0.0), np.insert(allowed, 0, 0.0)) ** 2
-    # v^2 may grow by 2 a per metre, forwards from the start and backwards from the end
+    # v^2 may increase by 2 a per metre, forwards from the start and backwards from the end
     growth = 2 * limits.acceleration * s
     square = np.minimum.accumulate(square - growth) + growth
     square = np.minimum.accumulate((square + growth)[::-1])[::-1] - growth

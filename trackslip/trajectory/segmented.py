@@ -1,4 +1,4 @@
-"""Straight lines and arcs at piecewise constant acceleration: the paper's path, circles, stopping and reversing."""
+"""References of straight lines and arcs at piecewise constant acceleration: the paper's path, circles, stop-and-go."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from trackslip.trajectory.path import LIMITS
 class Segment:
     """A piece of constant curvature, driven at constant acceleration."""
 
-    duration: float  # time from its start to its end [s]
-    start_speed: float  # speed at its start [m/s]
-    end_speed: float  # speed at its end [m/s]
-    curvature: float = 0.0  # curvature, positive to the left [1/m]
+    duration: float  # time from the start to the end of the segment [s]
+    start_speed: float  # speed at the start [m/s]
+    end_speed: float  # speed at the end [m/s]
+    curvature: float = 0.0  # positive to the left [1/m]
 
     def __post_init__(self) -> None:
         require_positive("duration", self.duration)
@@ -33,10 +33,10 @@ class Segment:
 
 
 class SegmentedReference(PiecewiseReference):
-    """Straight lines and arcs in sequence, with pose and twist in closed form."""
+    """A sequence of straight lines and arcs, with pose and twist in closed form."""
 
     def __init__(self, start: ArrayLike, segments: Sequence[Segment]) -> None:
-        """`start` is the first pose (3,)."""
+        """Join the segments, the first from the pose `start` (3,)."""
         poses = [np.asarray(start, float)]
         for s in segments:
             poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
@@ -56,9 +56,9 @@ PAPER_START = (0.0, 0.0, np.pi / 2)  # first pose of the paper's path [m, m, rad
 
 
 def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:
-    """The verification path of Sec. IV-A: 45.8 s, from `start` (3,).
+    """The verification path of Sec. IV-A, which takes 45.8 s, from the pose `start` (3,).
 
-    The five segments follow the description in words, which Eqs. 14c-14e contradict.
+    The five segments follow the paper's text, which Eqs. 14c-14e contradict.
     """
     speed, yaw_rate = 0.15, 0.12
     turn = 4 * np.pi / 3 - np.pi / 2
@@ -67,22 +67,22 @@ def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:
 
 
 def circle(radius: float, speed: float, duration: float, start: ArrayLike = (0.0, 0.0, 0.0)) -> SegmentedReference:
-    """A circle of signed `radius` [m] (positive to the left), from `start`, at `speed` [m/s] for `duration` [s]."""
+    """A circle of signed `radius` [m], positive to the left, from pose `start` at `speed` [m/s] for `duration` [s]."""
     require_positive("abs(radius)", abs(radius))
     return SegmentedReference(start, [Segment(duration, speed, speed, 1 / radius)])
 
 
 def stop_and_go(start: ArrayLike) -> SegmentedReference:
-    """2.5 m forwards, 1.6 m backwards with 1 m radius about a point to the left, 2.5 m forwards; 2 s at rest between.
+    """2.5 m forwards, a 1.6 m arc backwards and 2.5 m forwards, with 2 s at rest after the first two legs.
 
-    `start` (3,) is the first pose.
+    `start` (3,) is the first pose. The arc has a radius of 1 m, and its centre is to the left of the robot.
     """
     forwards, backwards, stop = _leg(2.5, 0.0, 1.0), _leg(1.6, 1.0, -1.0), Segment(2.0, 0.0, 0.0)
     return SegmentedReference(start, [*forwards, stop, *backwards, stop, *forwards])
 
 
 def _leg(length: float, curvature: float, direction: float) -> list[Segment]:
-    """Segments from rest to rest: accelerate, cruise, brake."""
+    """Segments from rest to rest over `length` [m]: accelerate, cruise and brake."""
     speed = float(LIMITS.speed_at(curvature))
     top, ramp = direction * speed, speed / LIMITS.acceleration
     cruise = Segment(length / speed - ramp, top, top, curvature)

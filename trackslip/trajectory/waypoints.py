@@ -1,4 +1,4 @@
-"""A reference through waypoints from an array or a CSV file, with reversals where the headings require them."""
+"""References through waypoints from an array or a CSV file, with reversals where the headings require them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trackslip.logs.logfile import read_table
 from trackslip.trajectory.base import PiecewiseReference, Reference
 from trackslip.trajectory.path import LIMITS, MAX_LENGTH, MotionLimits, ParametricPath, ProfiledReference
 
-COLUMNS = ("x", "y", "yaw", "v")  # columns of a file [m, m, rad, m/s]; the last two are optional
+COLUMNS = ("x", "y", "yaw", "v")  # columns of a waypoint file [m, m, rad, m/s]; yaw and v are optional
 MIN_POINTS, MAX_POINTS = 3, 10_000  # allowed number of waypoints
 MAX_COORDINATE = 100.0  # maximum absolute coordinate of a waypoint [m]
 MIN_SPACING = 1e-3  # minimum distance between neighbouring waypoints [m]
@@ -25,11 +25,11 @@ _ALONG = np.cos(np.radians(45))  # cosine of the largest angle between a chord a
 
 
 class Stretches(PiecewiseReference):
-    """References one after another; headings continue without jumps by whole turns."""
+    """Several references in sequence, whose headings continue without jumps by whole turns."""
 
     def __init__(self, references: Sequence[ProfiledReference]) -> None:
         self._references = references
-        self._first = np.cumsum([0, *(len(each.knots) - 1 for each in references)])  # first cell of each
+        self._first = np.cumsum([0, *(len(each.knots) - 1 for each in references)])  # first cell of each reference
         start, end = np.array([each.pose([0.0, each.duration])[:, 2] for each in references]).T
         self._turns = 2 * np.pi * np.append(0.0, np.cumsum(np.round((end[:-1] - start[1:]) / (2 * np.pi))))
         super().__init__(*np.concatenate([each.cells for each in references], axis=1))
@@ -50,7 +50,7 @@ class Stretches(PiecewiseReference):
         return curvatures
 
     def _driven_in(self, k: np.ndarray) -> Iterator[tuple[ProfiledReference, np.ndarray, int, float]]:
-        """Each reference, a mask (...) of the cells k in it, its first cell, and the turn of its headings [rad]."""
+        """Yield each reference, a mask (...) of the cells k in it, its first cell and its headings' offset [rad]."""
         for reference, first, end, turn in zip(
             self._references, self._first[:-1], self._first[1:], self._turns, strict=True
         ):
@@ -58,10 +58,10 @@ class Stretches(PiecewiseReference):
 
 
 def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
-    """The reference through the points in a CSV file of columns x, y and, optionally, yaw and v: see `waypoints`.
+    """Build the reference through the points in a CSV file with columns x, y and optionally yaw and v: see `waypoints`.
 
-    Raises ReferenceFileError if the file cannot be read or driven; the message names the row, counted from 1 without
-    the header, and the column.
+    Raises ReferenceFileError if the file cannot be read or its path cannot be driven. The message names the column and
+    the row, counted from 1 without the header.
     """
     try:
         table = read_table(path)
@@ -82,21 +82,21 @@ def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
 def waypoints(
     points: ArrayLike, limits: MotionLimits = LIMITS, yaw: ArrayLike | None = None, speed: ArrayLike | None = None
 ) -> Reference:
-    """A smooth reference through all points in order: a cubic spline parametrised by chord length.
+    """Build a smooth reference through all points in order: a cubic spline parametrised by chord length.
 
     The curvature is continuous and, without `yaw`, zero at both ends. Among the usual spline parameters, chord length
-    gives the widest bends for unevenly spaced points. The robot drives in reverse where the points go against the
-    headings, and stops where its direction changes.
+    gives the widest bends for unevenly spaced points. The robot drives in reverse where successive points lie
+    against the headings, and stops where its direction of travel changes.
 
     Args:
-        points: (N, 2) in the world [m].
-        limits: limits on the motion.
-        yaw: headings (N,) [rad]; they say where the robot reverses, and are the headings where it starts and stops.
-        speed: largest speeds (N,) [m/s]; their squares are linear in between.
+        points: world positions (N, 2) [m].
+        limits: limits on speed, acceleration and yaw rate.
+        yaw: headings (N,) [rad], which determine where the robot reverses, and its headings at starts and stops.
+        speed: speed limits (N,) at the points [m/s]; between points the squared limit is linear.
 
     Raises:
-        InvalidValueError: if there are too few points, points too far away or too close, bends too tight to drive, or
-            headings across the path.
+        InvalidValueError: if there are too few or too many points, points too far away or too close together, bends too
+            tight to drive, or headings across the path.
     """
     points = np.asarray(points, float)
     planar = points.ndim == 2 and points.shape[1] == 2
@@ -105,7 +105,7 @@ def waypoints(
     _require_drivable(points, yaw, speed)
     directions = np.ones(len(points) - 1, int) if yaw is None else _directions(points, yaw)
     if speed is not None:
-        forwards = np.append(directions, 1) + np.insert(directions, 0, 1) == 2  # before and after each point
+        forwards = np.append(directions, 1) + np.insert(directions, 0, 1) == 2  # forwards before and after a point
         row, allowed = int(np.argmin(speed * forwards)), "at least 0, unless a column yaw says reverse"
         require(speed[row] >= 0 or not forwards[row], f"point {row + 1}, column v", float(speed[row]), allowed)
     ends = [0, *(np.flatnonzero(np.diff(directions)) + 1).tolist(), len(points) - 1]
@@ -123,7 +123,7 @@ def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> 
     for name, values in zip(COLUMNS, (*points.T, yaw, speed), strict=True):
         if values is None:
             continue
-        far = ~(np.abs(values) <= MAX_COORDINATE)  # NaN is too
+        far = ~(np.abs(values) <= MAX_COORDINATE)  # NaN counts as too far
         row = int(np.argmax(far))
         allowed = f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g}"
         require(not far.any(), f"point {row + 1}, column {name}", float(values[row]), allowed)
@@ -136,7 +136,7 @@ def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> 
 
 
 def _directions(points: Array, yaw: Array) -> np.ndarray:
-    """Directions (N - 1,) between points (N, 2) with headings (N,): 1 for forwards and -1 for reverse."""
+    """Directions of travel (N - 1,) between points (N, 2) with headings (N,): 1 for forwards, -1 for reverse."""
     chords = np.diff(points, axis=0)
     headings = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     means = headings[:-1] + headings[1:]
@@ -150,7 +150,7 @@ def _directions(points: Array, yaw: Array) -> np.ndarray:
 def _stretch(
     points: Array, yaw: Array | None, speed: Array | None, direction: int, limits: MotionLimits
 ) -> ProfiledReference:
-    """The reference through points (N, 2) that are driven in one direction, from rest to rest."""
+    """The reference from rest to rest through points (N, 2) that are driven in one direction."""
     parameter = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     ends = "natural" if yaw is None else tuple((1, direction * np.exp(1j * end)) for end in (yaw[0], yaw[-1]))
     path = ParametricPath(scipy.interpolate.CubicSpline(parameter, points @ [1, 1j], bc_type=ends), parameter)
