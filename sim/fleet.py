@@ -29,7 +29,7 @@ _TURN = 2 * np.pi
 class Fleet(World):
     """N robots on their grounds. Results are bitwise equal for the same arguments and any number of threads."""
 
-    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
+    STATE = ("_heading", "_radius", "_weight", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
     def __init__(
         self,
