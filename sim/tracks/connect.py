@@ -123,10 +123,10 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
     require(pairs <= _MAX_PAIRS, "terrain", shown, allowed)
     _make_room(spec, description, min(_cells(spec, grounds)))
     free = (name for k in itertools.count(1) if not spec.geom(name := f"terrain{k}"))
-    connected = {pair.name for pair in spec.pairs}
+    connected = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
     for ground in grounds:
         ground.name = ground.name or next(free)
-        if f"{ground.name}/{description.geoms[0]}" in connected:
+        if (ground.name, description.geoms[0]) in connected:
             continue
         for geom, depth in zip(description.geoms, description.cores, strict=True):
             friction = list(description.friction)

@@ -185,9 +185,14 @@ def set_timestep(spec: mujoco.MjSpec, preset: Preset) -> None:
 
 
 def set_options(option: Any, preset: Preset) -> None:
-    """Set cone, impratio and solver of a spec or a model; raises InvalidValueError if it overrides contacts."""
+    """Set cone, impratio and solver of a spec or a model.
+
+    Raises InvalidValueError if it overrides contacts, or disables the sensors that read them.
+    """
     override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
     require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
+    unread = option.disableflags & mujoco.mjtDisableBit.mjDSBL_SENSOR
+    require(not unread, "flag sensor", "disable", "enable: the tracks' contacts are read from sensors")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = max(option.impratio, preset.impratio)
     if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at this impratio
