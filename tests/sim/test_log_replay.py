@@ -79,7 +79,7 @@ def test_refusals(driven):
         replay(wild, ROBOT)
     with pytest.raises(InvalidValueError, match="inputs = 'wheels': must be encoders or commands"):
         replay(driven, ROBOT, inputs="wheels")
-    with pytest.raises(InvalidValueError, match="clock = 0.6: must be from -0.5 to 0.5 s"):
+    with pytest.raises(InvalidValueError, match=r"clock = 0.6: must be from -0.5 to 0.5 s"):
         replay(driven, ROBOT, clock=0.6)
     with pytest.raises(LogError, match="run 'run 0': needs omega_cmd_l and omega_cmd_r"):
         replay([replace(driven[0], command=None)], ROBOT, inputs="commands")
