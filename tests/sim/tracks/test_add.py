@@ -91,7 +91,7 @@ assert not [name for name in sys.modules if name.startswith(("sim.", "trackslip.
 
 
 def test_a_robot_saved_and_attached_elsewhere_turns_as_here(tmp_path):
-    """Through XML, an attachment with prefix and suffix, and a binary model, with mujoco, numpy and sim.tracks alone."""
+    """Through XML, an attachment by prefix and suffix, and a binary model, with mujoco, numpy and sim.tracks only."""
     spec = on_plane()
     tracked(spec, terrain="ground")
     model = spec.compile()
