@@ -29,7 +29,7 @@ _TURN = 2 * np.pi
 class Fleet(World):
     """N robots on their grounds. Results are bitwise equal for the same arguments and any number of threads."""
 
-    STATE = ("_heading", "_radius", "_weight", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
+    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
     def __init__(
         self,
@@ -89,7 +89,6 @@ class Fleet(World):
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
         """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
-        self._weight = np.full(self.size, robot.mass * float(np.linalg.norm(robot.model.opt.gravity)))  # (N,) [N]
         self.pull = pull or Pull()
         """The pull on each robot."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
@@ -135,11 +134,9 @@ class Fleet(World):
         self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
         self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
-        mass, chassis = np.array([s.mass for s in setting]), self.robot.model.body("chassis")
+        mass, com = np.array([s.mass for s in setting]), np.array([s.weight for s in setting])
         self._drive(rows, 1.0)
-        if self._load(rows, chassis.id, mass, np.array([s.weight for s in setting])):
-            gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
-            self._weight[rows] = gravity * (self.robot.mass + chassis.mass[0] * (mass - 1))
+        self._load(rows, self._chassis, mass, com)
         self._drive(rows, 0.0)
         self._ground.put([s.ground for s in setting], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
@@ -331,7 +328,9 @@ class Fleet(World):
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), relative to their normal force [-]."""
-        return self._pulled(rows) / (self._weight[rows] * np.cos(self._ground.slope[rows]))
+        masses, gravity = self.batch.expanded("body_mass"), float(np.linalg.norm(self.robot.model.opt.gravity))
+        mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
+        return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left at constant velocity, over their normal force [-]."""
