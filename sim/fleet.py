@@ -143,6 +143,8 @@ class Fleet(World):
 
     def _effective_radius(self, error: Array) -> Array:
         """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
+        allowed = f"from {-MAX_RADIUS_ERROR:g} to {MAX_RADIUS_ERROR:g}"
+        require((np.abs(error) <= MAX_RADIUS_ERROR).all(), "radius_error", error.tolist(), allowed)
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
 
     def _drive(self, rows: Rows, belts: float | Array) -> None:
@@ -304,10 +306,11 @@ class Fleet(World):
         if a robot can't be held at rest.
         """
         self._place_at(rows, start, height)
+        if self.shear is not None:
+            self.shear.forget(rows)
         self._lay_friction(rows)
         self._ground.tilt(rows)
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
-        self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self.state.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
