@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -177,11 +178,14 @@ def load_preset(preset: str | Preset) -> Preset:
     return PRESETS[preset]
 
 
-def set_timestep(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Set the preset's time step, unless the user chose one; raises InvalidValueError if it isn't stable."""
-    if spec.option.timestep == mujoco.MjSpec().option.timestep and not spec.authored.option & _TIMESTEP:
-        spec.option.timestep = preset.timestep
-    require_stable(spec.option.timestep, preset)
+def shared_timestep(spec: mujoco.MjSpec, presets: Sequence[Preset]) -> float:
+    """The presets' shortest time step, or the spec's if the user chose one; InvalidValueError if it isn't stable."""
+    steps = [preset.timestep for preset in presets]
+    chosen = spec.authored.option & _TIMESTEP or spec.option.timestep not in (mujoco.MjSpec().option.timestep, *steps)
+    step = spec.option.timestep if chosen else min(steps)
+    for preset in presets:
+        require_stable(step, preset)
+    return float(step)
 
 
 def set_options(option: Any, preset: Preset) -> None:

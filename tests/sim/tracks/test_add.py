@@ -54,13 +54,12 @@ def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width, 
 
 def test_an_attached_robot_is_connected_with_its_new_scene():
     scene = plane()
-    for prefix, y in (("first/", 0.0), ("second/", 2.0)):
+    for prefix, y, preset in (("first/", 0.0, "fast"), ("second/", 2.0, "accurate")):
         robot = mujoco.MjSpec()
         add_robot(robot)
-        tracked(robot)
+        tracked(robot, preset=preset)
         scene.worldbody.add_frame(pos=[0, y, 0]).attach_body(robot.body("robot"), prefix, "")
     connect(scene)
-    connect(scene)  # has nothing left to do
     model = scene.compile()
     assert Belts(model).names == tuple(f"{prefix}/robot_{side}" for prefix in ("first", "second") for side in SIDES)
     data = driven(model, Belts(model), (0.0, 0.0, 0.3, 0.3), steps=500)
