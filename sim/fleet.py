@@ -89,7 +89,6 @@ class Fleet(World):
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
         """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
-        self._weight = np.full(self.size, robot.mass * float(np.linalg.norm(robot.model.opt.gravity)))  # (N,) [N]
         self.pull = pull or Pull()
         """The pull on each robot."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
@@ -135,17 +134,17 @@ class Fleet(World):
         self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
         self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
-        mass, chassis = np.array([s.mass for s in setting]), self.robot.model.body("chassis")
+        mass, com = np.array([s.mass for s in setting]), np.array([s.weight for s in setting])
         self._drive(rows, 1.0)
-        if self._load(rows, chassis.id, mass, np.array([s.weight for s in setting])):
-            gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
-            self._weight[rows] = gravity * (self.robot.mass + chassis.mass[0] * (mass - 1))
+        self._load(rows, self._chassis, mass, com)
         self._drive(rows, 0.0)
         self._ground.put([s.ground for s in setting], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
         """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
+        allowed = f"from {-MAX_RADIUS_ERROR:g} to {MAX_RADIUS_ERROR:g}"
+        require((np.abs(error) <= MAX_RADIUS_ERROR).all(), "radius_error", error.tolist(), allowed)
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
 
     def _drive(self, rows: Rows, belts: float | Array) -> None:
@@ -307,10 +306,11 @@ class Fleet(World):
         if a robot can't be held at rest.
         """
         self._place_at(rows, start, height)
+        if self.shear is not None:
+            self.shear.forget(rows)
         self._lay_friction(rows)
         self._ground.tilt(rows)
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
-        self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self.state.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
@@ -331,7 +331,9 @@ class Fleet(World):
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), relative to their normal force [-]."""
-        return self._pulled(rows) / (self._weight[rows] * np.cos(self._ground.slope[rows]))
+        masses, gravity = self.batch.expanded("body_mass"), float(np.linalg.norm(self.robot.model.opt.gravity))
+        mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
+        return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left at constant velocity, over their normal force [-]."""

@@ -150,12 +150,6 @@ class FleetGround(Restorable):
             self._shear.advance(rows, before, after, belt, self._surface[rows, ..., 2])
             self.share(rows)
 
-    def harden(self, rows: Rows) -> None:
-        """Mobilise the full friction under the robots `rows` (R,)."""
-        if self._shear is not None:
-            self._shear.forget(rows)
-            self.share(rows)
-
     def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:
         """Shear the ground by the least displacement that holds the robots `rows` (R,), at headings (R,) [rad].
 

@@ -15,7 +15,7 @@ from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import InvalidValueError, LogError, require_within
 from trackslip.identification.first_look import first_look
 from trackslip.identification.preparation import drives_of, interval_means
 from trackslip.kinematics import Array, RobotGeometry, body_twist
@@ -89,7 +89,7 @@ def replay(
         inputs: "encoders" for the measured sprocket speeds, means since the row before, or "commands" for the logged
             commands, each of which holds until the next.
         sensor: position and yaw of the pose sensor on the robot; by default those of the robot's frame, all zero.
-        clock: encoder clock minus pose clock [s].
+        clock: encoder clock minus pose clock, from -0.5 to 0.5 [s].
         threads: number of worker threads, 0 for one per processor.
 
     Returns:
@@ -100,6 +100,7 @@ def replay(
         LogError: for a log without commands if `inputs` is "commands", and for belts faster than 9.9 m/s.
         InvalidValueError: for arguments out of range.
     """
+    require_within("clock", clock, -RUN_UP, RUN_UP, "s")
     logs = [log] if isinstance(log, RunLog) else list(log)
     parameters, own = load_parameters(robot)
     ground = ground or own
@@ -209,5 +210,6 @@ def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
         v, w = body_twist(log.omega[0], 0.0, geometry)
         return np.array([v, 0.0, w])
     time, pose = log.time[rows], log.pose[rows]
+    pose[:, 2] = np.unwrap(pose[:, 2])
     moved = np.polynomial.polynomial.polyfit(time - time.mean(), pose, 1)
     return np.append(se2.rotate(-moved[0, 2], moved[1, :2]), moved[1, 2])

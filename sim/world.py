@@ -137,21 +137,20 @@ class World(Restorable):
         self._fresh = self.batch.state[0].copy()  # state of a robot that has not moved yet
         self.state = States(self.batch.qpos, self.batch.qvel, free)  # the robots' states (N, ...), live
 
-    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> bool:
+    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> None:
         """Scale a body's mass and inertia by `mass` (R,), and shift its centre of mass by `com` (R, 2) [m].
 
         The shift is forward and to the left. The belts must be moving meanwhile, or the engine concludes that they
-        never do. Returns whether this changes anything.
+        never do.
         """
         model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
         if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
-            return False
+            return
         masses, inertias, centres = (self.batch.expand(name) for name in names)
         masses[rows, body] = model.body_mass[body] * mass
         inertias[rows, body] = model.body_inertia[body] * mass[:, None]
         centres[rows, body, :2] = model.body_ipos[body, :2] + com
         self.batch.set_const(ids=rows)
-        return True
 
     def get_state(self) -> dict[str, Any]:
         """See Restorable; with the engine's state, and the fields of its model that differ between simulations."""

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from experiments.common.check import Check
 from experiments.validate.measurements import GRAVITY, Setup, Turns, drive_steadily, measure_loads, paper_turns
 from sim.drive.drive import tireless
-from sim.ground.ground import friction_angle
 from sim.run_recorder import read_contacts
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
@@ -51,8 +50,8 @@ class Checks:
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
     def friction_angle(self, heading: float) -> float:
-        """The steepest slope that holds the robot at a heading relative to uphill [rad]."""
-        return friction_angle((self.setup.ground.along, self.setup.ground.across), heading)
+        """The steepest slope that holds the robot, heading uphill (0) or across it [rad]."""
+        return math.atan(self.setup.ground.across if heading else self.setup.ground.along)
 
     def tips_over(self, what: str, heading: float, slope: float) -> bool:
         """True, with a note on `what`, if the robot may tip over on a slope, heading uphill (0) or across it."""

@@ -37,7 +37,10 @@ def advance_within_limits(
     tolerance = _TOLERANCE * np.minimum(drive.drive.torque_limit, carrying) + _ROUGHNESS * carrying
     weak = rows[(np.abs(asked - torque) > tolerance).any(axis=1)]
     if weak.size:
-        first = _first_guess(start[weak], goal[weak], torque[weak] != asked[weak])
+        limited = torque[weak] != asked[weak]
+        # at first past speeds if both motors are too weak, otherwise speeds that turn the robot no faster than before
+        alone = np.where(limited, start[weak] + (goal - start)[weak, ::-1], goal[weak])
+        first = np.where(limited.all(axis=1, keepdims=True), start[weak], alone)
         balance = _balance(drive.of(weak), start[weak], goal[weak], first, mass, tolerance[weak])
         _, torque[weak] = balance.solve(lambda going, omega: drive.radius[weak[going]] * run(weak[going], omega))
         speed[weak] = belt[weak] = balance.speed
@@ -45,12 +48,6 @@ def advance_within_limits(
     saturated = (torque <= least) | (torque >= most)
     error = np.where(speed == goal, wanted.error, speed - drive.set_point)
     drive.accept(Forecast(np.stack([start, speed]), belt[None], error), torque[None], saturated[None])
-
-
-def _first_guess(start: Array, goal: Array, saturated: Array) -> Array:
-    """Past speeds (R, 2) if both motors are too weak, otherwise speeds that turn the robot no faster than before."""
-    both = saturated.all(axis=1, keepdims=True)
-    return np.where(both, start, np.where(saturated, start + (goal - start)[:, ::-1], goal))
 
 
 def _balance(sprockets: DriveState, start: Array, goal: Array, speed: Array, mass: float, tolerance: Array) -> Balance:

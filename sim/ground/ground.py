@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from sim.settings import build, read_named
 from trackslip.errors import (
@@ -19,7 +16,6 @@ from trackslip.errors import (
     require_positive,
     require_within,
 )
-from trackslip.kinematics import Array
 
 MAX_FRICTION = 10.0
 """Largest friction coefficient [-]."""
@@ -119,15 +115,6 @@ class Ground(Checked):
         """Gravity of magnitude `size` [m/s^2] in the plane's frame: x and y in the plane, z along its normal."""
         downhill = size * math.sin(self.slope)
         return -downhill * math.cos(self.uphill), -downhill * math.sin(self.uphill), -size * math.cos(self.slope)
-
-
-def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
-    """Steepest slope [rad] on which a robot doesn't slide; `uphill` is the uphill direction in its frame [rad].
-
-    The friction limit is an ellipse with the semi-axes `friction` (2,), along and across the tracks.
-    """
-    along, across = friction
-    return float(np.arctan(1 / np.hypot(np.cos(uphill) / along, np.sin(uphill) / across)))
 
 
 def _require_friction(along: float, across: float) -> None:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.tracks.description import set_contacts, tracks_in
+from sim.tracks.description import moving_mass, set_contacts, tracks_in
 from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
 from trackslip.errors import require
@@ -36,7 +36,7 @@ class _Map:
         self.leader, leading = self.geoms[first], self.direction[first]
         self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks in every for _ in tracks.names]
-        mass = model.body_subtreemass[model.body_rootid[self.bodies]].max()
+        mass = moving_mass(model, self.bodies).max()
         self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
         self.slope = mass * max(tracks.preset.grip for tracks in every)
         self.radius = np.array([hull.wheels[:, 2].max() for hull in self.hulls])

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.tracks.description import Description, descriptions
 from sim.tracks.hull import Hull
-from sim.tracks.recipe import load_preset, require_stable, set_options, set_timestep
+from sim.tracks.recipe import load_preset, set_options, shared_timestep
 from sim.tracks.track import WHEEL_WEIGHT, WHEELS, Track
 from trackslip.errors import InvalidValueError, require
 
@@ -59,8 +59,7 @@ def add_tracks(
         taken = spec.body(f"{each}_track") or spec.sensor(f"{each}_track") or spec.geom(f"{each}_track_wheel0")
         require(not taken, "name", name, f"another: the spec has a {each}_track already")
     preset = load_preset(track.preset)
-    if spec.option.timestep != mujoco.MjSpec().option.timestep:
-        require_stable(spec.option.timestep, preset)
+    shared_timestep(spec, [preset, *(each.preset for each in descriptions(spec).values())])
     parts, count = track.parts(), track.segment_count
     geoms = []
     for each, (_, sign) in zip(names, track.sides, strict=True):
@@ -97,7 +96,7 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
     """Add the contacts that are missing between the tracks in a spec and terrain.
 
     This makes the spec's cone elliptic and its impratio at least 10,000, and replaces MuJoCo's default time step with
-    the preset's.
+    the shortest of its tracks' presets.
 
     Args:
         spec: a spec with tracks, attached robots included.
@@ -123,10 +122,10 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
     require(pairs <= _MAX_PAIRS, "terrain", shown, allowed)
     _make_room(spec, description, min(_cells(spec, grounds)))
     free = (name for k in itertools.count(1) if not spec.geom(name := f"terrain{k}"))
-    connected = {pair.name for pair in spec.pairs}
+    connected = {(pair.geomname1, pair.geomname2) for pair in spec.pairs}
     for ground in grounds:
         ground.name = ground.name or next(free)
-        if f"{ground.name}/{description.geoms[0]}" in connected:
+        if (ground.name, description.geoms[0]) in connected:
             continue
         for geom, depth in zip(description.geoms, description.cores, strict=True):
             friction = list(description.friction)
@@ -135,7 +134,7 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
             for suffix, margin in (("", 0.0), ("_core", -depth))[: 1 + (depth > 0)]:
                 pair = {"geomname1": ground.name, "geomname2": geom, "condim": 3, "friction": [*friction, 0, 0, 0]}
                 spec.add_pair(name=f"{ground.name}/{geom}{suffix}", margin=margin, gap=0.0, adhesion=0.0, **pair)
-    set_timestep(spec, description.preset)
+    spec.option.timestep = shared_timestep(spec, [each.preset for each in descriptions(spec).values()])
     set_options(spec.option, description.preset)
 
 

@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -54,7 +55,7 @@ def descriptions(spec: mujoco.MjSpec) -> dict[str, Description]:
             *_head(numbers[each.name]), tuple(each.objname), tuple(each.objprm), tuple(numbers[each.name][_HEAD:])
         )
         for each in spec.tuples
-        if each.name.endswith(_ENDING) and each.name in numbers
+        if _ENDING in each.name and each.name in numbers
     }
 
 
@@ -93,7 +94,7 @@ def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
     """All tracks in a compiled model, in the order in which they were added."""
     named = {model.numeric(k).name for k in range(model.nnumeric)}
     names = [model.tuple(k).name for k in range(model.ntuple)]
-    return [TracksInModel(model, name) for name in names if name.endswith(_ENDING) and name in named]
+    return [TracksInModel(model, name) for name in names if _ENDING in name and name in named]
 
 
 def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
@@ -120,7 +121,8 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     set_options(model.opt, preset)
     body = int(tracks.bodies[0])
     require(model.body_weldid[body] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
-    mass = float(model.body_subtreemass[model.body_rootid[body]]) * tracks.load
+    mass = float(moving_mass(model, body)) * tracks.load
+    model.tree_sleep_policy[model.body_treeid[body]] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER  # belts don't wake robots
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     rocks = max(mobility(model, tracks, mass), 1.0)  # a robot held on a test rig, for example, has no mobility
     grip = preset.grip * preset.regularisation / preset.regularise(gravity, rocks, np.inf)
@@ -139,6 +141,11 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     hard = model.pair_margin[pairs, None] < 0
     for name in vars(core):
         getattr(model, f"pair_{name}")[pairs] = np.where(hard, getattr(core, name), getattr(belts, name))
+
+
+def moving_mass(model: mujoco.MjModel, bodies: NDArray[np.int_] | int) -> Any:
+    """Masses (...) of the robots to which `bodies` (...) belong, without what carries a robot but is fixed [kg]."""
+    return model.body_subtreemass[model.tree_bodyadr[model.body_treeid[bodies]]]
 
 
 def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float:

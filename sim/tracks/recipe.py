@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -177,17 +178,25 @@ def load_preset(preset: str | Preset) -> Preset:
     return PRESETS[preset]
 
 
-def set_timestep(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Set the preset's time step, unless the user chose one; raises InvalidValueError if it isn't stable."""
-    if spec.option.timestep == mujoco.MjSpec().option.timestep and not spec.authored.option & _TIMESTEP:
-        spec.option.timestep = preset.timestep
-    require_stable(spec.option.timestep, preset)
+def shared_timestep(spec: mujoco.MjSpec, presets: Sequence[Preset]) -> float:
+    """The presets' shortest time step, or the spec's if the user chose one; InvalidValueError if it isn't stable."""
+    steps = [preset.timestep for preset in presets]
+    chosen = spec.authored.option & _TIMESTEP or spec.option.timestep not in (mujoco.MjSpec().option.timestep, *steps)
+    step = spec.option.timestep if chosen else min(steps)
+    for preset in presets:
+        require_stable(step, preset)
+    return float(step)
 
 
 def set_options(option: Any, preset: Preset) -> None:
-    """Set cone, impratio and solver of a spec or a model; raises InvalidValueError if it overrides contacts."""
+    """Set cone, impratio and solver of a spec or a model.
+
+    Raises InvalidValueError if it overrides contacts, or disables the sensors that read them.
+    """
     override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
     require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
+    unread = option.disableflags & mujoco.mjtDisableBit.mjDSBL_SENSOR
+    require(not unread, "flag sensor", "disable", "enable: the tracks' contacts are read from sensors")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = max(option.impratio, preset.impratio)
     if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at this impratio

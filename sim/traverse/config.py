@@ -17,7 +17,7 @@ import numpy as np
 from sim.robot.named import RobotSource
 from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.terrain import Course, load_course
-from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM, require_kinds
+from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM
 from sim.traverse.outcome import Limits, Outcome, Outcomes
 from sim.traverse.world import Traverse
 from trackslip import se2
@@ -199,7 +199,9 @@ class TraverseConfig(OwnTerms):
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:
                 load_course(course, drawn=DRAWN)
-        require_kinds(self.kinds)
+        require(len(self.kinds) > 0, "kinds", self.kinds, f"some of {', '.join(OBSTACLES)}")
+        for kind in self.kinds:
+            require(kind in OBSTACLES, "kinds", kind, f"some of {', '.join(OBSTACLES)}")
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
         allowed = f"a multiple of {SAMPLE} s, up to 1 s"
         require(0 < self.period <= 1, "period", self.period, allowed)

@@ -77,13 +77,6 @@ def draw_course(
     return Course(tuple(pieces), WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
 
 
-def require_kinds(kinds: Sequence[str]) -> None:
-    """Raise InvalidValueError unless `kinds` has at least one kind of obstacle, and all are known."""
-    require(len(kinds) > 0, "kinds", kinds, f"some of {', '.join(OBSTACLES)}")
-    for kind in kinds:
-        require(kind in OBSTACLES, "kinds", kind, f"some of {', '.join(OBSTACLES)}")
-
-
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
     """An obstacle of a kind in `OBSTACLES`, of half to all of the size that the difficulty allows."""
     size = difficulty * rng.uniform(0.5, 1.0)

@@ -237,6 +237,8 @@ def test_robots_do_not_park_where_they_would_tip_over(robot, heading):
     tips = float(np.arctan(np.abs(robot.contact_points[:, 0]).max() / 0.12))
     with pytest.raises(InvalidValueError, match=r"slope = 1\.\d+: must be less, to park .* the robot tips over"):
         Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=1.15 * tips))
+    with pytest.raises(InvalidValueError, match=r"radius_error = \[2.0\]: must be from -0.5 to 0.5"):
+        Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips), radius_error=2.0)  # meant in percent
     Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips))
 
 

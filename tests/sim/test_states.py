@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from results import assert_same
 
-from sim import Drive, LaserScanner, Limits, Pull, RobotParameters
+from sim import Drive, LaserScanner, Limits, Pull, Randomization, RobotParameters
 from sim.ground.ground import Change, Ground
 from trackslip.laws.icr import IcrLoad
 
@@ -16,7 +16,8 @@ CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
 DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "clay"), "randomization": "typical", "off_path": 0.22}
 TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
-LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy", "compensation": "online_cold"}
+PAYLOAD = {"pull": Pull(10.0, since=0.1), "randomization": Randomization(mass=(0.5, 2.0))}
+LEARNING = {"loads": True, "pose_source": "noisy", "compensation": "online_cold"} | PAYLOAD
 ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
 WEAK = Drive(lag=0.127, torque_limit=3.0)
 STATES = [

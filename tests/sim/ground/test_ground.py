@@ -5,7 +5,7 @@ from scipy.optimize import minimize
 from sim import Fleet, Ground, Pilot, Pull, RobotParameters, closed_loop, load_robot, open_loop
 from sim.drive.drive import tireless
 from sim.fleet_ground import PadFriction
-from sim.ground.ground import Change, Patch, friction_angle
+from sim.ground.ground import Change, Patch
 from sim.ground.shear import LARGEST, LEAST_SHARE
 from trackslip.controllers.feedback import LinearTimeVarying
 from trackslip.kinematics import track_slip
@@ -40,13 +40,6 @@ def test_changes_take_effect_at_their_times_outside_patches():
         found = friction.surface(time, np.zeros((2, 2)), np.zeros(2))[..., :2]
         np.testing.assert_allclose(found[0], [(0.2, 0.3), right])
         np.testing.assert_allclose(found[1], [(0.7, 0.778)] * 2)
-
-
-def test_the_friction_angle_is_that_of_the_ellipse():
-    assert friction_angle((0.7, 0.9), 0.0) == pytest.approx(np.arctan(0.7))
-    assert friction_angle((0.7, 0.9), -np.pi / 2) == pytest.approx(np.arctan(0.9))
-    c = np.sqrt(0.5)
-    assert np.tan(friction_angle((0.7, 0.9), 3 * np.pi / 4)) == pytest.approx(1 / np.hypot(c / 0.7, c / 0.9))
 
 
 SANDY = Ground(shear=0.01)

@@ -34,28 +34,32 @@ def driven(model, belts, speeds=(0.3, 0.3), steps=1000):
     ("preset", "width", "depth"), [("accurate", 0.0, 0.34e-3), ("accurate", 0.12, 0.34e-3), ("fast", 0.0, 1.25e-3)]
 )
 def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width, depth):
-    """Also a payload that comes after the tracks."""
+    """Also a payload that comes after the tracks; and belts move a robot that would sleep."""
     spec = on_plane()
+    spec.option.enableflags = mujoco.mjtEnableBit.mjENBL_SLEEP
     tracked(spec, preset=preset, terrain="ground", width=width)
     spec.body("robot").add_body(name="payload", pos=[0, 0, 0.2]).add_geom(size=[0.1, 0, 0], mass=20)
     model = spec.compile()
     belts = Belts(model)
-    reading = belts.read(driven(model, belts, (0.0, 0.0)))
+    data = driven(model, belts, (0.0, 0.0))
+    reading = belts.read(data)
     np.testing.assert_allclose(reading.load, 45 * 9.81 / 2, rtol=1e-3)
     np.testing.assert_allclose(reading.depth, depth, rtol=0.02)
     assert np.isnan(reading.slip).all()
     assert np.abs(reading.sliding).max() < 1e-6
+    belts.set((0.3, 0.3))
+    mujoco.mj_step(model, data, 100)
+    assert data.qvel[0] == pytest.approx(0.3, rel=1e-3)
 
 
 def test_an_attached_robot_is_connected_with_its_new_scene():
     scene = plane()
-    for prefix, y in (("first/", 0.0), ("second/", 2.0)):
+    for prefix, y, preset in (("first/", 0.0, "fast"), ("second/", 2.0, "accurate")):
         robot = mujoco.MjSpec()
         add_robot(robot)
-        tracked(robot)
+        tracked(robot, preset=preset)
         scene.worldbody.add_frame(pos=[0, y, 0]).attach_body(robot.body("robot"), prefix, "")
     connect(scene)
-    connect(scene)  # has nothing left to do
     model = scene.compile()
     assert Belts(model).names == tuple(f"{prefix}/robot_{side}" for prefix in ("first", "second") for side in SIDES)
     data = driven(model, Belts(model), (0.0, 0.0, 0.3, 0.3), steps=500)
@@ -68,10 +72,11 @@ for name in ("gymnasium", "scipy", "rerun", "pyarrow", "matplotlib"):
     sys.modules[name] = None
 import mujoco
 import numpy as np
-from sim.tracks import Belts
+from sim.tracks import Belts, connect
 
 scene = mujoco.MjSpec.from_string('<mujoco><worldbody><body name="post" pos="0 9 0"/></worldbody></mujoco>')
-scene.attach(mujoco.MjSpec.from_file(sys.argv[1]), prefix="a/", frame=scene.worldbody.add_frame())
+scene.attach(mujoco.MjSpec.from_file(sys.argv[1]), prefix="a/", suffix="-b", frame=scene.worldbody.add_frame())
+connect(scene)  # has nothing left to do
 model = scene.compile()
 mujoco.mj_saveModel(model, sys.argv[2], None)
 model = mujoco.MjModel.from_binary_path(sys.argv[2])
@@ -85,7 +90,7 @@ assert not [name for name in sys.modules if name.startswith(("sim.", "trackslip.
 
 
 def test_a_robot_saved_and_attached_elsewhere_turns_as_here(tmp_path):
-    """Through XML, an attachment with a prefix, and a binary model, with mujoco, numpy and sim.tracks alone."""
+    """Through XML, an attachment by prefix and suffix, and a binary model, with mujoco, numpy and sim.tracks only."""
     spec = on_plane()
     tracked(spec, terrain="ground")
     model = spec.compile()
@@ -150,6 +155,7 @@ def test_models_without_tracks_or_with_options_that_spoil_the_recipe_are_refused
     connect(spec)
     for option, value, message in (
         ("enableflags", override, "flag override = 'enable': must be disable"),
+        ("disableflags", mujoco.mjtDisableBit.mjDSBL_SENSOR, "flag sensor = 'disable': must be enable"),
         ("timestep", 0.003, "timestep = 0.003: must be at most 0.002 s"),
     ):
         model = spec.compile()
