@@ -165,9 +165,10 @@ class _Reader:
         """Mask (n,) of rows `damaged` (n, 8) in any of `columns`; notes them; LogError if most rows are."""
         bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
+            total = int((bad | np.isfinite(self._values[rows][:, columns]).any(axis=1)).sum())
             k = int(np.argmax(bad))
             column = next(column for column in columns if damaged[k, column])
-            self._note(name, int(bad.sum()), len(rows), what, self._columns.complaint(_NAMES[column], int(rows[k])))
+            self._note(name, int(bad.sum()), total, what, self._columns.complaint(_NAMES[column], int(rows[k])))
         return bad
 
     def _note(self, name: str, count: int, total: int, what: str, reason: str) -> None:
