@@ -20,6 +20,7 @@ from experiments.evaluate.page import Report
 from experiments.evaluate.prediction import Prediction, predict
 from experiments.recorder import record
 from trackslip.identification.source import Source
+from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import write_tum
 
 _MOST_PATHS = 20  # largest number of drives whose paths are written
@@ -80,9 +81,8 @@ def _write_paths(predictions: Sequence[Prediction], log: Source, folder: Path, r
         for prediction, label in zip(predictions, labels, strict=True):
             path = prediction.drive(drive.name)
             write_tum(trajectories / f"{file}_{label}.tum", path.time, path.placed)
-            valid = np.isin(measured.time, path.time)
-            pose = np.full(measured.pose.shape, np.nan)
-            pose[valid] = path.placed
-            recorded.append(replace(measured, run=prediction.model.label, pose=pose, valid=valid))
+            omega = measured.omega[np.searchsorted(measured.time[:-1], path.time)]
+            known = RunLog(prediction.model.label, path.time, omega, path.placed, metadata=measured.metadata)
+            recorded.append(known)
         if rrd:
             record(folder / RECORDINGS_FOLDER / f"{file}.rrd", recorded)

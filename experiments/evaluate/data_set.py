@@ -11,13 +11,10 @@ from experiments.calibrate.config import Parameter
 from experiments.common.check import Check
 from experiments.common.options import refuse_changed
 from experiments.evaluate.config import Config
-from experiments.evaluate.models import CALIBRATED, ROBOT
 from experiments.evaluate.prediction import Prediction
 from experiments.simulate.options import GroundOptions
 from sim.settings import build, read_toml
 from trackslip.errors import require, require_positive
-from trackslip.identification.drive_comparison import TODAY
-from trackslip.laws.families import GAINS
 
 _AHEAD = 1.0  # time ahead at which errors are bounded [s]
 _UNITS = {"position": "m", "heading": "rad"}
@@ -46,8 +43,8 @@ class DataSet:
     log: Path
     source: str
     licence: str
-    robot: tuple[str, ...]
-    ground: str
+    robot: tuple[str, ...] = ()
+    ground: str | None = None
     law: tuple[str, ...] = ()
     free: tuple[str, ...] = ()
     folds: int = 2
@@ -55,10 +52,6 @@ class DataSet:
 
     def __post_init__(self) -> None:
         require(self.log.exists(), "log", self.log, "a file beside the data set")
-        robots = [f"{ROBOT}_{k}" for k in range(2, len(self.robot) + 1)]
-        rows = (TODAY, GAINS, *self.law, ROBOT, *robots, CALIBRATED)
-        for bound in self.bounds:
-            require(bound.row in rows, "bounds", bound.row, f"one of {', '.join(rows)}")
         for name in self.free:
             require(name in get_args(Parameter), "free", name, f"one of {', '.join(get_args(Parameter))}")
         self.options(Config(self.log))
@@ -76,6 +69,7 @@ class DataSet:
         """A check for each bound."""
         errors, checks = {each.model.label: each.errors.after_seconds.get(_AHEAD) for each in predictions}, []
         for bound in self.bounds:
+            require(bound.row in errors, "bounds", bound.row, f"one of {', '.join(errors)}")
             what, _, kind = bound.quantity.partition("_")
             value = getattr(getattr(errors[bound.row], what, None), kind, float("nan"))
             checks.append(Check(self.title, f"{bound.row}, {bound.quantity}", value, bound.most, _UNITS[what]))

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
 from trackslip.identification.comparison import (
     FEWEST_BLOCKS,
-    LEAST_ERROR,
     REFERENCE,
     Choice,
     Comparison,
@@ -80,8 +78,8 @@ def compare_drives(
     if choice is None:
         why = "no motion can be predicted: the drives are too short"
         choice = Choice(best=REFERENCE, reason=why, score={}, expressible=REFERENCE)
-    alarms = [*look.alarms, *_alarms(laws[choice.best], errors)]
-    if "gains" in [alarm.kind for alarm in alarms] and not two.at_limit:
+    alarms = [*look.alarms, *_alarms(laws[choice.best], known)]
+    if GAINS in [alarm.kind for alarm in alarms] and not two.at_limit:
         laws[GAINS] = two
         why = "gains by regression predict better than every law that was fitted"
         choice = replace(choice, best=GAINS, reason=why, expressible=GAINS)
@@ -120,19 +118,19 @@ def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
     return np.array([known.get(name, 0.0) for name in model.names])
 
 
-def _alarms(law: DriveFit, errors: Mapping[str, Mapping[float, PredictionErrors]]) -> list[Alarm]:
-    """Reasons not to trust the best law."""
+def _alarms(law: DriveFit, known: Mapping[str, Array]) -> list[Alarm]:
+    """Reasons not to trust the best law, some from errors (n, 3) of predictions without it."""
     alarms = [
         Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}") for name in law.at_limit
     ]
     if law.blocks < FEWEST_BLOCKS:
         what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
         return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
-    for name, kind, others in ((TODAY, "worse", "the robot does today"), (GAINS, "gains", "two gains do")):
-        for (ahead, ours), what in product(errors[law.name].items(), ("position", "heading")):
-            now, then = (getattr(each, what) for each in (ours, errors[name][ahead]))
-            if now is not None and then is not None and now.median > 1.1 * then.median + LEAST_ERROR:
-                line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
-                alarms.append(Alarm(kind, line))
+    fitted = law.pairs.errors(law.fit.model, law.fit.values[None])  # two gains are fitted to all of the driving, too
+    for name, ours, others in ((TODAY, law.missed, "the robot does today"), (GAINS, fitted, "two gains do")):
+        for criterion in law.pairs.criteria({name: known[name], law.name: ours}):
+            both = np.stack([criterion.errors[name], criterion.errors[law.name]])
+            if both[1].mean() > 1.1 * both[0].mean() and not criterion.as_good_as(both, 0)[1]:
+                alarms.append(Alarm(name, f"law {law.name} predicts worse than {others}: don't use it"))
                 break
     return alarms

@@ -121,7 +121,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         right,
         duration,
         (*_notes(covered, gains, left, right), *others, *(line for _, lines in cut for line in lines)),
-        tuple(_alarms(covered, gains, duration, matches)),
+        tuple(_alarms(covered, gains, duration, matches_of(windows_of(Drives.of(parts), geometry, clock)))),
     )
 
 

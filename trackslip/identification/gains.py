@@ -134,12 +134,13 @@ def windows_of(
     good &= steps.time[end] - steps.time[begin] > 0.49 * length[end]
     block = drives.blocks(WINDOW)[steps.rows[(begin + end) // 2]]
     distance, turn = steps.distance[end] - steps.distance[begin], steps.turn[end] - steps.turn[begin]
+    chord = steps.place[end] - steps.place[begin]
+    good &= ~(np.abs(chord) > _longest(chord, distance, geometry.half_gauge * turn))
     if drives.known[1].any():
         turned = steps.heading[end] - steps.heading[begin]
         moved = np.add.reduceat(steps.moved, ends[:-1])[whole]
     else:
-        chord = steps.place[end] - steps.place[begin]
-        moving = good & (np.abs(chord) > 0.3 * rms(chord)) & (np.abs(distance) > 0.3 * rms(distance))
+        moving = good & (np.abs(chord) > 0.3 * rms(chord[good])) & (np.abs(distance) > 0.3 * rms(distance))
         along = np.where(distance < 0, -chord, chord)  # a robot that reverses moves against its heading
         turned = np.append(np.angle(along[1:] * np.conj(along[:-1])), np.nan)
         turned[~(moving & np.append(moving[1:] & (begin[1:] == end[:-1]), False))] = np.nan
@@ -148,6 +149,13 @@ def windows_of(
         turn = np.append(np.diff(direction), 0.0)
         turned[np.abs(turn) > 2.0] = np.nan  # chords are ambiguous for turns of half a circle and more
     return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
+
+
+def _longest(chord: np.ndarray, distance: Array, aside: Array) -> float:
+    """Length of chords (n,) that only jumps of the poses exceed [m], by the wheels' motion (n,) along and aside [m]."""
+    moving = np.isfinite(chord) & (np.abs(distance) > 0.3 * rms(distance))
+    usual = np.median(np.abs(chord[moving] / distance[moving])) if moving.any() else 0.0
+    return float(3 * usual * (np.abs(distance) + np.abs(aside)).max(initial=0.0)) or np.inf
 
 
 def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:

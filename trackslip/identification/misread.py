@@ -14,7 +14,7 @@ from trackslip.identification.preparation import FEW, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
 _EXACTLY = 0.05  # relative deviation up to which a gain is that of a wrong unit: tracks lose no more, except on ice
-_CLEARLY = 0.8  # least correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes (test_misread)
+_CLEARLY = 0.8  # least correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes
 _BETTER = 0.2  # least increase in the sum of the correlations that makes another reading better
 _SLOW = 0.2  # rms belt speed at which no robot turns so far between poses that the turn is ambiguous [m/s]
 

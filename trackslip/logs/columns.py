@@ -36,22 +36,26 @@ class Columns:
     def require(self, names: Sequence[str]) -> None:
         """Raise LogError if one of `names` is missing or any column occurs twice."""
         present = self._table.column_names
+        if missing := [name for name in names if name not in present]:
+            raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {', '.join(present)[:200]!r}")
         for name in present:
             if present.count(name) > 1:
                 raise LogError(f"{self._source}: column {name} is there {present.count(name)} times")
-        if missing := [name for name in names if name not in present]:
-            raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {', '.join(present)[:200]!r}")
 
     def cells(self, name: str) -> Cells:
         """A column of numbers, all empty if it is missing; raises LogError for a wrong type or unit."""
         if name not in self._table.column_names:
             nowhere = np.zeros(len(self._table), bool)
             return Cells(np.full(len(nowhere), np.nan), ~nowhere, nowhere)
-        self._require_unit(name)
+        stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
+        if stated is not None and name in COLUMNS:
+            unit, expected = stated.decode(errors="replace"), COLUMNS[name].unit
+            if unit != expected:
+                raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {expected or 'no unit'}")
         column = self._table.column(name)
         if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
             return _from_text(column)
-        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+        if not any(of(column.type) for of in (pa.types.is_floating, pa.types.is_integer, pa.types.is_decimal)):
             raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
         return _cells(_as_floats(column), column.is_null().to_numpy())
 
@@ -82,13 +86,6 @@ class Columns:
         index, texts = self.categories(name)
         values = np.array([_BOOLEANS.get(text.lower(), np.inf) for text in texts], float)[index]
         return _cells(values, np.isnan(values))
-
-    def _require_unit(self, name: str) -> None:
-        stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
-        if stated is not None and name in COLUMNS:
-            unit, expected = stated.decode(errors="replace"), COLUMNS[name].unit
-            if unit != expected:
-                raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {expected or 'no unit'}")
 
 
 def _cells(values: Array, empty: np.ndarray) -> Cells:

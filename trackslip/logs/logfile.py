@@ -27,7 +27,6 @@ RUNS = "runs.parquet"  # name of the file with the runs in a results folder
 _LOOKED_AT = 50  # number of lines from which the separator and the decimal mark are inferred
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
 _TIMES = ("s", "sec", "ms", "us", "ns")  # units of time in the column t, which identify a row of units
-_NO_UNIT = ("", "-", "1")
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -92,6 +91,8 @@ def _read_csv(path: Path) -> pa.Table:
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
     comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
+    if comments and "omega_l" in lines[comments - 1] and "omega_l" not in "".join(lines[comments : comments + 1]):
+        comments -= 1  # the header, as numpy.savetxt writes it
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
     rows = list(csv.reader(lines[comments:], delimiter=separator))
@@ -101,7 +102,7 @@ def _read_csv(path: Path) -> pa.Table:
         parse_options=pa.csv.ParseOptions(delimiter=separator),
         convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(rows[0] if rows else (), pa.string())),
     )
-    names = [name.strip() for name in table.column_names]
+    names = [name.strip("# ") for name in table.column_names]
     columns = [pc.utf8_trim_whitespace(column.cast(pa.string())) for column in table.columns]
     if separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row):
         columns = [
@@ -117,7 +118,7 @@ def _with_units(table: pa.Table) -> pa.Table:
     if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
         return table
     fields = [
-        field.with_metadata({"unit": unit}) if field.name in COLUMNS and unit not in _NO_UNIT else field
+        field.with_metadata({"unit": unit}) if field.name in COLUMNS and unit not in ("", "-", "1") else field
         for field, unit in zip(table.schema, first, strict=True)
     ]
     return table.slice(1).cast(pa.schema(fields))

@@ -69,7 +69,7 @@ class _Reader:
     """The columns of a table, and the runs and parts left out so far."""
 
     def __init__(self, table: pa.Table, source: str) -> None:
-        table = _named(_with_heading(table, source), source)
+        table = _with_heading(table, source)
         columns = Columns(table, source)
         given = set(table.column_names)
         turns_alone = given >= set(REQUIRED) and given & {"phi", "gyro"} and not given & {"x", "y"}
@@ -92,7 +92,9 @@ class _Reader:
 
     def read(self) -> ReadRuns:
         """All runs that can be read."""
-        number, names = self._columns.categories("run")
+        number, names = np.zeros(len(self._table), int), [Path(self._source).stem]
+        if "run" in self._table.column_names:
+            number, names = self._columns.categories("run")
         if not len(number):
             raise LogError(f"{self._source}: no rows")
         runs: list[RunLog] = []
@@ -163,9 +165,10 @@ class _Reader:
         """Mask (n,) of rows `damaged` (n, 8) in any of `columns`; notes them; LogError if most rows are."""
         bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
+            total = int((bad | np.isfinite(self._values[rows][:, columns]).any(axis=1)).sum())
             k = int(np.argmax(bad))
             column = next(column for column in columns if damaged[k, column])
-            self._note(name, int(bad.sum()), len(rows), what, self._columns.complaint(_NAMES[column], int(rows[k])))
+            self._note(name, int(bad.sum()), total, what, self._columns.complaint(_NAMES[column], int(rows[k])))
         return bad
 
     def _note(self, name: str, count: int, total: int, what: str, reason: str) -> None:
@@ -186,7 +189,7 @@ class _Reader:
         return rows[np.argsort(place, kind="stable")]
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
-        """The rows, with rows of equal time merged unless a column has two readings there.
+        """The rows, with rows of equal time merged unless a column has different readings there.
 
         Encoders, gyro and pose may be logged in separate rows.
         """
@@ -196,9 +199,9 @@ class _Reader:
         starts, group = np.flatnonzero(first), np.cumsum(first) - 1
         values, damaged = self._values[rows], self._damaged[rows].any(axis=1)
         values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan  # `valid` means nothing without a pose
-        readings = np.add.reduceat(np.isfinite(values[:, 1:]), starts)
-        joins = (readings <= 1).all(axis=1) & ~np.logical_or.reduceat(damaged, starts)
-        self._values[rows[starts[joins]]] = np.fmax.reduceat(values, starts)[joins]
+        low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+        joins = ((low == high) | np.isnan(high)).all(axis=1) & ~np.logical_or.reduceat(damaged, starts)
+        self._values[rows[starts[joins]]] = high[joins]
         return rows[first | ~joins[group]]
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
@@ -287,15 +290,8 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
         )
     columns = Columns(table, source)
     x, y, z, w = (columns.cells(parts[part]).values if part in parts else 0.0 for part in "xyzw")
-    phi = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+    phi = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)  # of any norm
     return table.append_column("phi", pa.array(phi, from_pandas=True))
-
-
-def _named(table: pa.Table, source: str) -> pa.Table:
-    """The table with a column `run`; one is added if missing, with the file's name, for a single run."""
-    if "run" in table.column_names:
-        return table
-    return table.add_column(0, "run", pa.repeat(Path(source).stem, len(table)))
 
 
 def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:

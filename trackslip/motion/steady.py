@@ -92,7 +92,9 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     late = [f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps]
     notes = [f"run {log.run!r}: {gap}" for gap in late]
     lead = max(settle, MARGIN)
-    enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
+    headed = log.time[log.has_heading]
+    usual = float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0  # between poses
+    enough = max(_SHORTEST, (MIN_ARC_POSES - 1) * usual)
     least = lead + MARGIN + enough
     long, longest = constant_stretches(log.time, log.omega, gaps, least)
     if not long:
@@ -139,12 +141,6 @@ def require_steady_motion(part: SteadyPart) -> None:
             f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, but its motion is "
             f"not: v changes by {change[0]:+.3g} m/s and w by {change[1]:+.3g} rad/s from the first half to the second"
         )
-
-
-def _time_of_poses(log: RunLog, count: int) -> float:
-    """Typical duration of `count` successive poses with headings [s]; 0 for a run without headings."""
-    headed = log.time[log.has_heading]
-    return (count - 1) * float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0
 
 
 def _require_headings(log: RunLog) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
+from trackslip.identification.preparation import changing, measured_poses
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
@@ -136,7 +137,6 @@ def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
 
 LENGTHS = (1.0, 2.0, 5.0, 10.0)
 """Lengths of the stretches over which relative errors are taken [m and s]."""
-_MIN_POSES = 2
 
 
 @dataclass(frozen=True)
@@ -219,21 +219,22 @@ def estimated_trajectory(
     Raises LogError if there are fewer than two.
     """
     rows = np.flatnonzero(log.has_place)
-    at = log.time[rows] + clock_offset
+    rows = rows[changing(log, rows)]
+    time, measured = measured_poses(log.time[rows], log.pose[rows])
+    at = time + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
-    if covered.sum() < _MIN_POSES:
-        count = f"{int(covered.sum())} of {counted(len(rows), 'measured pose')}"
-        raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least {_MIN_POSES}")
-    rows, at = rows[covered], at[covered]
+    if covered.sum() < 2:
+        count = f"{int(covered.sum())} of {counted(len(time), 'measured pose')}"
+        raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least 2")
+    time, at, measured = time[covered], at[covered], measured[covered]
     estimated = estimate(at)
-    measured = log.pose[rows]
     heading = measured[:, 2]
     if not np.isfinite(heading).any():
         place, estimated_place = (pose[:, 0] + 1j * pose[:, 1] for pose in (measured, estimated))
         heading = trailing_heading(at, place, estimated_place, estimated[:, 2])
     speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
     way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
-    return Trajectory(log.run, log.time[rows], np.interp(at, log.time, way), measured, estimated, heading)
+    return Trajectory(log.run, time, np.interp(at, log.time, way), measured, estimated, heading)
 
 
 def _readings(log: RunLog, time: Array) -> Array | None:

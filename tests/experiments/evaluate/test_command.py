@@ -174,7 +174,6 @@ def test_one_command_is_in_one_part_and_parts_are_in_order():
         (TOML.replace("log.csv", "gone.csv"), "log = .*gone.csv.*: must be a file beside the data set"),
         (TOML + "folds = 1", "folds = 1: must be"),
         (TOML + 'free = ["wax"]', "free = 'wax': must be one of half_gauge"),
-        (TOML + BOUND.format("wax", 1.0), "bounds = 'wax': must be one of today, two_gains, robot, calibrated"),
         (TOML + BOUND.format("today", -1.0), "most = -1.0: must be"),
         (TOML + BOUND.replace("heading_rms", "v").format("today", 1.0), "quantity = 'v': must be one of position_"),
     ],
@@ -199,7 +198,7 @@ def data_set(tmp_path_factory):
     return folder / "mine.toml"
 
 
-def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
+def test_a_data_set_states_models_and_bounds(data_set, tmp_path, refused):
     result = ran(tmp_path / "out", "evaluate", str(data_set))
     models = result.summary["models"]
     heading = {name: model["after_seconds"]["1"]["heading"]["rms"] for name, model in models.items()}
@@ -208,6 +207,9 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
     assert [check["holds"] for check in result.summary["checks"]] == [True, True]
     assert "2 of 2 checks passed" in result.printed
     assert "Best after 1 s: " in (result.folder / "report.html").read_text()
+    lines = [line for line in data_set.read_text().splitlines(True) if line[:5] not in ("robot", "groun")]
+    (laws := data_set.with_name("laws.toml")).write_text("".join(lines) + BOUND.format("robot", 0.5))
+    assert "bounds = 'robot': must be one of today, two_gains, icr_radius" in refused("evaluate", str(laws), *SIZE)
 
 
 @pytest.mark.slow

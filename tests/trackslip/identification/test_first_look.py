@@ -96,13 +96,11 @@ def test_stops_and_rare_motion_are_no_missing_readings():
 
 
 @pytest.mark.parametrize(
-    ("kind", "late"), [("poses", 6.0), ("positions", -30.0), ("headings", 112.0), ("poses", -1.7e9)]
+    ("kind", "late"), [("poses", 6.0), ("positions", -30.0), ("headings", 112.0), ("poses", 1.7e9)]
 )
 def test_clocks_that_are_far_apart_are_told(kind, late):
-    whose = "pose clock is ahead: subtract that from the times of the poses"
-    if late < 0:
-        whose = "encoder clock is ahead: subtract that from the times of the encoders"
-    with pytest.raises(LogError, match=rf"run 'a': the clocks differ by {abs(late):.1f} s, as the {whose}"):
+    whose = "encoder" if late < 0 else "pose"
+    with pytest.raises(LogError, match=rf"the clocks differ by {abs(late):.1f} s, as the {whose} clock .* {whose}s"):
         look_at(time=TIME + late, pose=without(POSE, kind))
 
 
@@ -115,7 +113,7 @@ def test_clocks_that_are_nearly_right_give_a_start_value(late, kind):
 
 
 def test_a_run_whose_clocks_are_apart_by_another_time_than_those_of_others_is_told():
-    logs = [log_of(DRIVE, TIME - late, POSE, run=name) for name, late in (("a", 0.0), ("b", 0.4), ("c", 0.0))]
+    logs = [log_of(DRIVE, TIME - late, POSE, run=name) for name, late in (("a", 0.0), ("b", 0.4), ("c", 1e-3))]
     told = "run 'b': add 0.40 s to the times of its poses: other runs have other clocks"
     assert [note for note in look(*logs).notes if "clocks" in note] == [told]
 
@@ -139,7 +137,7 @@ def test_the_same_round_again_is_no_other_clock():
     [
         (slice(600, 601), 3.0, 1, ["1 wild pose left out, first at t = 60 s"]),
         (slice(600, 602), 3.0, 1, ["2 wild poses left out, first at t = 60 s"]),
-        (slice(600, None), 3.0, 2, ["1 lasting jump of its poses, first at t = 60 s"]),
+        (slice(600, None), 30.0, 2, ["1 lasting jump of its poses, first at t = 60 s"]),
         (slice(0, 2), -10.0, 1, ["1 lasting jump of its poses, first at t = 0.2 s"]),
     ],
 )
@@ -149,6 +147,7 @@ def test_jumps_are_left_out_or_cut(rows, offset, parts, words, kind):
     found = look_at(pose=pose)
     assert holds(found.gains.turn, HUSKY.turn_gain)
     assert [line.split(": ")[1] for line in found.notes if line.startswith("run 'a'")] == words
+    assert found.alarms == ()
     assert len(found.drives) == parts
     for part in found.drives:
         assert np.hypot(*np.diff(part.pose[:, :2], axis=0).T).max() < 0.3
@@ -267,8 +266,9 @@ def test_zeros_for_missing_poses(every):
         (lambda w: -w[:, ::-1], "or turn phi by pi$"),
     ],
 )
-def test_sides_that_are_swapped_or_reversed(change, words):
-    refused(words, drive=DRIVE.with_wheels(change(DRIVE.omega)))
+@pytest.mark.parametrize("jump", [0.0, 30.0])
+def test_sides_that_are_swapped_or_reversed(change, words, jump):
+    refused(words, drive=DRIVE.with_wheels(change(DRIVE.omega)), pose=POSE + jump * (TIME > 60.0)[:, None] * [1, 1, 0])
 
 
 @pytest.mark.parametrize("kind", ["positions", "headings"])

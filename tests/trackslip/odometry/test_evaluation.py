@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
+from scipy.interpolate import interp1d
 
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError
@@ -48,6 +49,16 @@ def test_a_circle_is_wrong_by_its_law():
         assert errors.heading.median == pytest.approx(turned - truly, rel=1e-6)
         assert errors.heading.mean / errors.way == pytest.approx((nominal[1] - twist[1]) / nominal[0], rel=1e-3)
         assert errors.count == len(time) - round(seconds / 0.02)
+
+
+def test_only_measured_poses_count_where_others_are_held_or_interpolated():
+    log = drive_log(1, 60.0, PoseSource(rate=1.0), STILL).between(20, 3030)
+    rows = np.flatnonzero(log.is_valid)
+    for kind in ("previous", "linear"):
+        pose = interp1d(log.time[rows], log.pose[rows].T, kind, fill_value="extrapolate")(log.time).T
+        found = odometry_errors(replace(log, pose=pose, valid=None), BY_LAW)
+        assert found.after_seconds[5.0].position.median < 1e-4
+        assert found.after_seconds[5.0].count == pytest.approx(len(rows) - 5, abs=3)
 
 
 def test_sensor_and_clock_are_allowed_for():
