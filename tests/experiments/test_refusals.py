@@ -64,6 +64,7 @@ FILES = [
     (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",0,0\n", ",oops,0\n"), "row 1, column y: 'oops' is not a"),
     (f"identify {ROBOT} {{}} --plate 0.6x0.04", "log.csv", TRACE, "is no bag"),
     (f"identify {ROBOT} {{}} --encoders /a", "log.csv", TRACE, "encoders = '/a': must be left out: "),
+    (f"identify {ROBOT} {{}} --where a=1", "log.csv", TRACE, "log.csv: holds no runs of a sweep: --where must be left"),
     ("calibrate --target {} --folds 7", "samples.csv", SAMPLES, "folds = 7"),
     ("calibrate --target {} --free radius_error radius_left --test none.csv", "samples.csv", SAMPLES, "none.csv: no"),
     ("benchmark --controllers linear --compensations none --gains {}", "gains.json", GAINS, "weight"),
