@@ -3,12 +3,14 @@
 import os
 import signal
 import sys
+import time
 from importlib.util import find_spec
 from types import FrameType
-from typing import NoReturn
 
 PACKAGES = ("models", "sim", "trackslip")
 """Packages that a module with the same name, earlier on Python's path, would hide."""
+CLEANING = 5.0
+"""Time after an interrupt during which further ones are ignored, so that cleaning up can finish [s]."""
 
 
 def main() -> None:
@@ -18,11 +20,14 @@ def main() -> None:
         if spec is not None and spec.submodule_search_locations is None:
             print(f"trackslip: {spec.origin} hides the package {name}: rename or move it", file=sys.stderr)
             sys.exit(2)
-    signals: list[int] = []
+    signals: list[float] = []
 
-    def stop(number: int, frame: FrameType | None) -> NoReturn:
-        signals.append(number)
-        raise KeyboardInterrupt
+    def stop(number: int, frame: FrameType | None) -> None:
+        signals.append(time.monotonic())
+        if len(signals) == 1:
+            raise KeyboardInterrupt
+        if signals[-1] - signals[0] > CLEANING:
+            os._exit(130)
 
     numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
     for number in numbers:

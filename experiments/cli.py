@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):  # the reader closed the pipe
             sys.exit(1)
-        _fail(f"can't write ({error.strerror or error})", 2)
+        _fail(f"{error.filename or 'output'}: can't be written ({error.strerror or error})", 2)
 
 
 def _run(arguments: Sequence[str]) -> None:

@@ -7,9 +7,8 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.common.options import Exclusion, Needs, Options, default_is
-from experiments.common.results import write_output
+from experiments.common.results import require_new, write_output
 from trackslip.deploy.deploy import deployed
-from trackslip.errors import OutputError
 from trackslip.laws.file import SHIPPED
 
 EXAMPLES = (
@@ -46,8 +45,8 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Print the deployed law, or write it to a file."""
-    if config.out is not None and config.out.exists() and not config.overwrite:
-        raise OutputError(f"{config.out}: exists already; --overwrite replaces it")
+    if config.out is not None:
+        require_new(config.out, config.overwrite)
     program = deployed(config.path or SHIPPED, config.to, config.law, config.controller, config.accept)
     if config.out is None:
         print(program.text, end="")

@@ -14,14 +14,14 @@ import tyro
 
 from experiments.common.log_options import Bag, BagOptions
 from experiments.common.options import Exclusion, Needs, Options, default_is
-from experiments.common.results import RUNS_FILE, write_output
+from experiments.common.results import RUNS_FILE, require_new, write_output
 from experiments.common.table import MISSING, Table, number
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import holds_bags, read_runs_of
 from trackslip.bags.open import Bag as RosBag
 from trackslip.bags.open import open_bags
 from trackslip.bags.topics import IMU, LASER_SCAN, encoder_topics, imu_topic, pose_source, pose_sources, scan_topic
-from trackslip.errors import InvalidValueError, LogError, OutputError, counted
+from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.logs.schema import COLUMNS
@@ -161,8 +161,7 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
     """Write the runs to `file`, and for CSV also a file with units; raises OutputError for files that exist."""
     parquet, units = file.suffix.lower() == ".parquet", file.with_suffix(".columns.csv")
     for target in (file,) if parquet else (file, units):
-        if target.exists() and not overwrite:
-            raise OutputError(f"{target}: exists already; --overwrite replaces it")
+        require_new(target, overwrite)
     read = read_runs_of(path, choice)
 
     def write_both(draft: Path) -> None:  # writes both files or neither

@@ -98,11 +98,8 @@ def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
     return ((layout.cluster + 0.5) / layout.clusters * folds).astype(int)
 
 
-def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
-    """Errors of `base` and `fit` on the log `config.test`, each with its own clock offset if the clock is free."""
-    if config.test is None:
-        return None
-    target = read_target(str(config.test), config, base)
+def tested(target: Target, base: Candidate, fit: Calibration) -> Test:
+    """Errors of `base` and `fit` on another target, each with its own clock offset if the clock is free."""
     candidates = [base, fit.candidate]
     if "clock" in fit.estimates and isinstance(target, Drives):
         candidates = [calibrate(target, candidate, ("clock",)).candidate for candidate in candidates]

@@ -26,12 +26,13 @@ def run(config: Config) -> None:
     with Run(config) as run:
         base = first_candidate(config.robot, config.ground, config.sensor, config.clock_offset)
         target = read_target(config.target, config, base)
+        other = None if config.test is None else read_target(str(config.test), config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
         folds = fold_labels(target, config.folds)
         fits = 2 + (config.folds or 0)
         with run.progress(f"calibration to {config.target}", fits, "fits") as report:
             fit = calibrate(target, base, free, folds, progress=report)
-            test = tested(config, base, fit)
+            test = None if other is None else tested(other, base, fit)
             report(1)
         fitted, comment = fit.candidate, f"made by: {command_line('calibrate')}"
         (run.folder / ROBOT).write_text(robot_file_text(fitted.robot, fitted.ground, comment), encoding="utf-8")

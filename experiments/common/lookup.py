@@ -99,7 +99,7 @@ def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Pa
     else:
         attribute, colon, given = given.partition(":")
         if not base or not attribute:
-            raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
+            raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, ppo:FOLDER or MODULE:CLASS")
         if os.getcwd() not in sys.path:
             sys.path.insert(0, os.getcwd())
         make = getattr(importlib.import_module(base), attribute)

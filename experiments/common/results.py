@@ -123,6 +123,13 @@ def write_output(file: Path, write: Callable[[Path], object]) -> None:
         write_whole(file, write)
 
 
+def require_new(file: Path, overwrite: bool) -> None:
+    """Raise OutputError if a file that the user has named exists, and `overwrite` is False, or can't exist."""
+    with output_errors(str(file)):
+        if file.exists() and not overwrite:
+            raise OutputError(f"{file}: exists already; --overwrite replaces it")
+
+
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:
     """File names (n,) with this ending for run names (n,), all different even on file systems that ignore case."""
     used: dict[str, str] = {}

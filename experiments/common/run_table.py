@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.common.results import TABLE_FILE
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, LogError
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column
@@ -43,6 +43,8 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
 
     Raises InvalidValueError for an axis or value that is not in the sweep, LogError for a folder without a run table.
     """
+    if not (folder / TABLE_FILE).exists():
+        raise LogError("holds no runs of a sweep: --where must be left out")
     table = read_table(folder / TABLE_FILE)
     Columns(table, str(folder / TABLE_FILE)).require(("run",))
     rows: list[dict[str, Any]] = table.to_pylist()

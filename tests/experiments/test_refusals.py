@@ -52,17 +52,21 @@ OPTIONS = [
     ("grid --vary scanner.noise=0.1,loud", "Error parsing --scanner.noise"),
     # learning and benchmarks
     ("benchmark --controllers lqr linear:", "controllers = 'linear:': must be linear:ARGUMENT=VALUE,..."),
+    ("benchmark --controllers policy.npz", "mppi, ppo:FOLDER or MODULE:CLASS"),
     ("benchmark --controllers none:Mine", "controllers = 'none:Mine': must be MODULE:CLASS that"),
     ("benchmark --radius-error 0.49", "radius_error of drawn plants = "),
 ]
 GAINS = '{"gains": [{"controller": "linear", "compensation": "none", "arguments": {"weight": 1.0}}]}'
 TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
+SAMPLES = "omega_l,omega_r,v,w\n2,3,0.15,0.1\n3,2,0.15,-0.1"
 FILES = [
     ("grid --robot {}", "odd.toml", "half_gauge = 0.01", "com_height = 0.12: must be at most 0.0125 m, to stand on"),
     (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",0,0\n", ",oops,0\n"), "row 1, column y: 'oops' is not a"),
     (f"identify {ROBOT} {{}} --plate 0.6x0.04", "log.csv", TRACE, "is no bag"),
     (f"identify {ROBOT} {{}} --encoders /a", "log.csv", TRACE, "encoders = '/a': must be left out: "),
-    ("calibrate --target {} --folds 7", "samples.csv", "omega_l,omega_r,v,w\n2,3,0.15,0.1\n3,2,0.15,-0.1", "folds = 7"),
+    (f"identify {ROBOT} {{}} --where a=1", "log.csv", TRACE, "log.csv: holds no runs of a sweep: --where must be left"),
+    ("calibrate --target {} --folds 7", "samples.csv", SAMPLES, "folds = 7"),
+    ("calibrate --target {} --free radius_error radius_left --test none.csv", "samples.csv", SAMPLES, "none.csv: no"),
     ("benchmark --controllers linear --compensations none --gains {}", "gains.json", GAINS, "weight"),
     ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
@@ -71,14 +75,10 @@ FILES = [
 
 @pytest.mark.parametrize(("line", "message"), OPTIONS)
 def test_a_value_is_refused(failing, line, message):
-    assert message in _plain(failing(*shlex.split(line)))
+    assert message in " ".join(failing(*shlex.split(line)).replace("│", " ").split())
 
 
 @pytest.mark.parametrize(("line", "name", "text", "message"), FILES)
 def test_a_file_with_a_mistake_prints_one_line(refused, tmp_path, line, name, text, message):
     (tmp_path / name).write_text(text)
     assert message in refused(*shlex.split(line.format(name)))
-
-
-def _plain(text):
-    return " ".join(text.replace("│", " ").split())
