@@ -16,14 +16,13 @@ CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
 DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "clay"), "randomization": "typical", "off_path": 0.22}
 TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
-PAYLOAD = {"pull": Pull(10.0, since=0.1), "randomization": Randomization(mass=(0.5, 2.0))}
-LEARNING = {"loads": True, "pose_source": "noisy", "compensation": "online_cold"} | PAYLOAD
+LEARNING = {"loads": True, "pull": Pull(10.0, since=0.1), "pose_source": "noisy", "compensation": "online_cold"}
 ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
 WEAK = Drive(lag=0.127, torque_limit=3.0)
 STATES = [
     (BATCH, TRACKING, DRAWN | {"robot": RobotParameters(drive=WEAK)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
-    (BATCH, TRACKING, TWIST | LEARNING, {"ground": CHANGING}),
+    (BATCH, TRACKING, TWIST | LEARNING | {"randomization": Randomization(mass=(0.5, 2.0))}, {"ground": CHANGING}),
     (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.0, stuck_time=0.4), "period": 0.2}, {}),
 ]
 
