@@ -66,7 +66,8 @@ def add_tracks(
         frame = carrier.add_body(name=f"{each}_track", pos=[0.0, sign * track.half_gauge, 0.0])
         for part in parts:
             geoms.append(f"{each}_track_{part.name}")
-            frame.add_geom(name=geoms[-1], mass=0, contype=0, conaffinity=0, group=3, **part.shape)
+            geom = frame.add_geom(name=geoms[-1], mass=0, contype=0, conaffinity=0, group=3, **part.shape)
+            geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT  # not a default's, such as its euler angles
         spec.add_sensor(
             name=f"{each}_track",
             type=mujoco.mjtSensor.mjSENS_CONTACT,

@@ -34,8 +34,9 @@ def driven(model, belts, speeds=(0.3, 0.3), steps=1000):
     ("preset", "width", "depth"), [("accurate", 0.0, 0.34e-3), ("accurate", 0.12, 0.34e-3), ("fast", 0.0, 1.25e-3)]
 )
 def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width, depth):
-    """Also a payload that comes after the tracks; and belts move a robot that would sleep."""
+    """Also a payload that comes after the tracks; and belts move a robot that would sleep, whatever geoms inherit."""
     spec = on_plane()
+    spec.default.geom.alt.type, spec.default.geom.alt.euler = mujoco.mjtOrientation.mjORIENTATION_EULER, [0, 0.5, 0]
     spec.option.enableflags = mujoco.mjtEnableBit.mjENBL_SLEEP
     tracked(spec, preset=preset, terrain="ground", width=width)
     spec.body("robot").add_body(name="payload", pos=[0, 0, 0.2]).add_geom(size=[0.1, 0, 0], mass=20)
