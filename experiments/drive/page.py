@@ -119,6 +119,6 @@ def _slip_over_slope(run: DrivenCourse) -> Figure:
     if known.size:  # all but the rarest slips, which come from belts that hardly move
         low, high = np.quantile(known, (0.01, 0.99))
         axes.set_ylim(low - 0.05, high + 0.05)
-    for entry in figure.legend(ncols=2, loc="outside upper left", handlelength=0.8).legend_handles:
+    for entry in figure.legend(ncols=2, loc="outside upper left", handlelength=0.8).get_lines():
         entry.set(alpha=1.0, markersize=8.0, markeredgewidth=3.0)
     return figure
