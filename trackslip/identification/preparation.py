@@ -85,7 +85,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     if not log.is_valid.any() and log.gyro is not None and log.beyond is None:
         log = replace(log, pose=_turned_by(log.gyro, log), valid=None, gyro=None)
     valid = np.flatnonzero(log.is_valid)
-    rows = valid[changing(log, valid)]
+    rows = valid[_changing(log, valid)]
     if len(rows) < 2 and (log.beyond is None or len(log.beyond) < 2):
         raise LogError(f"run {log.run!r}: {counted(len(rows), 'pose')} while it drives, needs at least 2")
     if not np.abs(log.omega[1:]).max() > STANDING:
@@ -143,7 +143,7 @@ def _refuse_zeros(run: str, columns: str, zero: np.ndarray, measured: str) -> No
         )
 
 
-def changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
+def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
     """(n,) bool: false where the pose in `rows` (n,) was held: it equals the previous one although sprockets turned.
 
     Poses without positions are not judged, as headings stay the same on a straight.

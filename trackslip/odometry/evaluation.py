@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
-from trackslip.identification.preparation import changing, measured_poses
+from trackslip.identification.preparation import measured_poses
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
@@ -219,7 +219,7 @@ def estimated_trajectory(
     Raises LogError if there are fewer than two.
     """
     rows = np.flatnonzero(log.has_place)
-    rows = rows[changing(log, rows)]
+    rows = rows[np.append(True, (np.diff(np.nan_to_num(log.pose[rows]), axis=0) != 0).any(axis=1))[: len(rows)]]
     time, measured = measured_poses(log.time[rows], log.pose[rows])
     at = time + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
