@@ -234,7 +234,7 @@ class Balance:
         to = _newton(whole, excess, speed, goal, force)
 
         back = ((over > 0.7 * short) & (short > 0))[:, None]  # much too far: try a speed between the two
-        part = np.clip(short / np.where(back[:, 0], short + over, 1.0), 0.3, 0.7)[:, None]
+        part = np.maximum(short / np.where(back[:, 0], short + over, 1.0), 0.3)[:, None]  # at most 1 / 1.7
         self.speed[rows] = np.where(back, from_speed + part * moved, to)
         for began, now in zip(base, (speed, traction, excess), strict=True):
             began[rows] = np.where(back, began[rows], now)

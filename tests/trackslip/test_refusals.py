@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from trackslip.bags.choice import BagChoice
+from trackslip.controllers.steering import Stanley
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip
@@ -25,7 +26,7 @@ from trackslip.trajectory.waypoints import waypoints
 NAN, ORIGIN = float("nan"), (0.0, 0.0, 0.0)
 GEOMETRY = RobotGeometry(0.168, 0.06)
 ICR = ConstantIcr(0.045, 0.168, 0.0066)
-ODOMETRY = SlipOdometry(ICR, GEOMETRY)
+ODOMETRY, OFFSET = SlipOdometry(ICR, GEOMETRY), LawErrors(("offset",), np.eye(1))
 LEVEL, HIGH = line_contact(0.168, 0.17, 0.7, 0.778), line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12))
 LIMITS = partial(DriveLimits, 0.3, 0.5)
 PLAN = partial(plan_drive, GEOMETRY, poses=PoseQuality(10.0, 0.02, np.radians(1.0)))
@@ -52,10 +53,7 @@ REFUSED = [
     (lambda: ODOMETRY.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
     (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
     (lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
-    (
-        lambda: SlipOdometry(NoSlip(), GEOMETRY, errors=LawErrors(("offset",), np.eye(1))).update([1.0, 2.0], 0.1),
-        "names = 'offset'",
-    ),
+    (partial(SlipOdometry(NoSlip(), GEOMETRY, None, OFFSET).update, [1.0, 2.0], 0.1), "names = 'offset'"),
     # references
     (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
@@ -64,15 +62,13 @@ REFUSED = [
     (lambda: waypoints([(0, 0), (1, 0), (0.5, 0)]), "path = 'turns back sharply at "),
     (lambda: waypoints([(0, 0), (1, 0.05), (0.5, 0)]), "must be large enough to drive at 0.001 m/s"),
     (lambda: waypoints(ZIGZAG), "way through all points = "),
+    (lambda: Stanley(steering_limit=np.pi / 2), "steering_limit = 1.57"),
     # plans
     (lambda: LIMITS((3.0, 3.0), 40.0, 1.5), "area = '3x3': must be more than twice the clearance, 1.5 m"),
     (lambda: PLAN(LIMITS((3.0, 0.6), 40.0)), "area = '3x0.6': must be more than 0.672 m long and wide"),
     # what is taken from bags
     (lambda: BagChoice(left=("a",)), "right = None: must be given where left is"),
-    (
-        lambda: BagChoice(left=("a", "b"), right=("b",)),
-        "right = 'b': must be the name of a joint that is not on the left",
-    ),
+    (lambda: BagChoice(left=("b",), right=("b",)), "right = 'b': must be the name of a joint that is not on the left"),
     (lambda: BagChoice(poses="tf:map:map"), "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
     (lambda: BagChoice(plate=Plate(), poses="/pose"), "poses = "),
 ]

@@ -163,6 +163,6 @@ def test_models_without_tracks_or_with_options_that_spoil_the_recipe_are_refused
         setattr(model.opt, option, value)
         with pytest.raises(InvalidValueError, match=message):
             Belts(model)
-    for options in ({"torque_limit": -1.0}, {"torque_limit": [1.0, 2.0, 3.0]}, {"inertia": np.nan}):
-        with pytest.raises(InvalidValueError, match=f"{next(iter(options))} = .*: must be a number of at least 0"):
-            Belts(spec.compile()).set([0.1, 0.1], **options)
+    for options in ({"torque_limit": -1.0}, {"torque_limit": [1.0, 2.0, 3.0]}, {"inertia": np.nan}, {"speeds": [0.1]}):
+        with pytest.raises(InvalidValueError, match=f"{next(iter(options))} = .*: must be (a number of|.*a belt each)"):
+            Belts(spec.compile()).set(**{"speeds": [0.1, 0.1]} | options)

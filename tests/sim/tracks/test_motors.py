@@ -81,7 +81,7 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
     for torque in (0.95, 1.05):
         model, data, belts = robot()
         step(model, data, belts, 0.2)
-        belts.set(speeds, torque_limit=torque * needed, inertia=1e-3)
+        belts.set(speeds, torque_limit=torque * needed)
         step(model, data, belts, 0.5)
         turned.append(data.qvel[5])
     assert turned[0] < 0.05

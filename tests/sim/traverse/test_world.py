@@ -207,8 +207,8 @@ def test_a_state_that_is_not_finite_is_named_and_kept_out(capfd, tmp_path, monke
     world.begin([1])
     world.step(Command(np.zeros((2, 2)), np.zeros((2, 0))))
     assert (world.outcome == Outcome.DRIVING).all()
-    assert capfd.readouterr().err == ""
-    assert not list(tmp_path.iterdir())  # the engine's MUJOCO_LOG.TXT
+    assert (capfd.readouterr().err, [*tmp_path.iterdir()]) == ("", [])  # no MUJOCO_LOG.TXT of the engine's
+    assert mujoco.MjLogConfig.get().logto_file  # as before
 
 
 def test_who_waits_turns_or_slips_is_not_stuck():

@@ -181,10 +181,7 @@ ROBOTS = [
 @pytest.mark.parametrize(
     ("messages", "line"),
     [
-        (
-            [poses_of(LOG), poses_of(LOG, pose_with_covariance)],
-            "poses may be /amcl_pose, /slam/pose: choose with --poses",
-        ),
+        ([poses_of(LOG), poses_of(LOG, pose_with_covariance)], "poses may be /amcl_pose, /slam/pose: choose with"),
         ([ROBOTS], "poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"),
         ([poses_of(LOG, topic="/goal_pose")], r"no poses: no other topic of .*; its topics are /goal_pose"),
     ],

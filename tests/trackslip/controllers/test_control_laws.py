@@ -81,6 +81,8 @@ def test_offset_points_error_decays_exactly(speed):
     errors = [point(advance(desired, reference.twist(5.0), h)) - point(advance(pose, twist, h)) for h in (-step, step)]
     wanted = -controller.gain * (point(desired) - point(pose))
     np.testing.assert_allclose((errors[1] - errors[0]) / (2 * step), wanted, atol=1e-6)
+    pose = pose_with_error(reference.pose(50.0), np.array([0.0, 0.1, 0.0]))  # to the right of the reference, at rest
+    assert controller.twist(50.0, pose, reference)[1] == pytest.approx(0.1 * controller.gain / controller.distance)
 
 
 @SPEEDS

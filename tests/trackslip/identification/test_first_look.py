@@ -163,10 +163,7 @@ def refused(match, **log):
     ("change", "match"),
     [
         (lambda pose: pose * [1, 1, 180 / np.pi], r"column phi is in degrees .*: multiply it by pi/180"),
-        (
-            lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0],
-            "phi runs clockwise by the course",
-        ),
+        (lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0], "phi runs clockwise by the"),
         (lambda pose: [0, 0, 90] + pose * [1, 1, -180 / np.pi], r"in degrees, clockwise .*: give pi/2 - phi pi/180"),
         (lambda pose: pose[:, [1, 0, 2]], "phi runs clockwise .*, exchange x and y"),
         (lambda pose: pose * [1, -1, 1], "phi runs clockwise .* or change the sign of y"),
@@ -237,9 +234,7 @@ def test_counts_since_the_last_reading_are_an_alarm():
 
 
 def test_a_counter_that_begins_anew():
-    refused(
-        r"column omega_. is .* rad/s at t = .* times its usual speed", drive=DRIVE.with_wheels(ticks(DRIVE, 400, 4096))
-    )
+    refused(r"column omega_. is .* rad/s at t = .* its usual speed", drive=DRIVE.with_wheels(ticks(DRIVE, 400, 4096)))
 
 
 @pytest.mark.parametrize("per_turn", [60, 4096])

@@ -59,9 +59,8 @@ def test_motion_without_noise_gives_the_law_exactly():
     fit = fitted(REFERENCE, drive_log(1, 60.0, exact, STILL, drift=0.1, turning_centre=-0.05))
     true = {"offset": ICR.offset, "radius_error": ICR.radius_error} | PLACE | {"sensor_x": 0.35, "drift": 0.1}
     for key, value in true.items():
-        assert (fit.values | fit.extras)[key] == pytest.approx(
-            value, abs=2e-3 if key in ("drift", "sensor_x") else 2e-4
-        )
+        within = 2e-3 if key in ("drift", "sensor_x") else 2e-4
+        assert (fit.values | fit.extras)[key] == pytest.approx(value, abs=within)
 
 
 def test_a_given_sensor_is_held_and_improves_the_rest():

@@ -95,6 +95,8 @@ def test_left_out_radii_are_predicted_as_well_as_the_law_is_right():
     assert wrong.yaw_rate > 10 * right.yaw_rate
     tight = samples.radius < 0.9  # by hand: leave out the tightest turns
     rest = fit_law("icr_radius", samples.take(~tight), GEOMETRY)
+    whole = fit_law("icr_radius", samples, GEOMETRY).fit  # from which Newton's step leaves out as much
+    np.testing.assert_allclose(whole.without(tight * 1)[1], rest.fit.values, rtol=0, atol=1e-6)
     predicted = rest.law.twist(samples.omega[tight], GEOMETRY)[:, 1]
     assert np.abs(predicted - samples.twist[tight, 1]).max() < 3e-4
 

@@ -10,7 +10,7 @@ from trackslip.identification.first_look import first_look
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
 from trackslip.identification.preparation import Drives, PreparedDrive, drive_of, drives_of
-from trackslip.identification.windows import Windows, fit_windows, residuals
+from trackslip.identification.windows import LOSS, Residuals, Windows, fit_windows, residuals
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.se2 import Mounting
@@ -81,6 +81,12 @@ def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
     found = residuals(driven, data, windows, values, NONE, data.known[:, windows.pose] * 1.0)
     assert np.abs(found.value[found.known]).max() < 2e-5
     np.testing.assert_array_equal(found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"])
+
+
+def test_a_residual_at_the_scale_of_cauchys_loss_has_half_its_weight_in_alignments():
+    value = LOSS * np.array([[0.0, 0.6, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0, 0.1]])
+    found = Residuals(value, np.zeros((3, 0, 3)), np.ones((3, 3))).alignment(np.array([1.0, 0.1, 1.0]))
+    np.testing.assert_allclose(found, [[1.0, 0.5, 1.0], [100.0, 100.0, 50.0]])
 
 
 def white(seed, **source):

@@ -56,9 +56,7 @@ def test_wild_readings_are_left_out_in_one_line(log, tmp_path):
     read = read_log(cells(log, texts, tmp_path / "a.csv"))
     assert np.isnan(read.runs[0].gyro[3:6]).all()
     (line,) = read.warnings
-    assert line == (
-        "run 'a': 3 gyro readings left out: row 4, column gyro: '1e6' is not a yaw rate of at most 100 rad/s"
-    )
+    assert line == "run 'a': 3 gyro readings left out: row 4, column gyro: '1e6' is not a yaw rate of at most 100 rad/s"
 
 
 @pytest.mark.parametrize(("factor", "shown"), [(180 / np.pi, "57.3"), (-1.0, "-1"), (1e-3, "0.001")])

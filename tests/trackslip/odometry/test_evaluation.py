@@ -72,6 +72,7 @@ def test_sensor_and_clock_are_allowed_for():
 def test_without_headings_stretches_start_as_the_positions_before():
     log = drive_log(3, 60.0, replace(EXACT, heading=False), STILL)
     found = odometry_errors(log, BY_LAW)
+    np.testing.assert_allclose(found.trajectories[0].placed[:, :2], found.trajectories[0].measured[:, :2], atol=1e-6)
     assert found.after_metres[2.0].position.largest < 1e-6
     assert found.after_metres[2.0].heading is None
     none = odometry_errors(log, BY_NONE).after_metres[2.0]

@@ -79,6 +79,10 @@ def test_on_a_straight_line_the_covariance_is_that_of_an_integrated_random_walk(
         across, both = 0.02**2 * way + q * way**3 / 3, q * way**2 / 2
         expected = [[0.01**2 * way, 0, 0], [0, across, both], [0, both, q * way]]
         np.testing.assert_allclose(path.covariance[-1], expected, rtol=1e-12, atol=1e-18)
+    omega = NoSlip().sprocket_speeds([0.5, 0.4], GEOMETRY)
+    path = SlipOdometry(NoSlip(), GEOMETRY, SlipNoise(0.01)).path([0.0, 2.0], [omega, omega])
+    across = np.array([-path.pose[-1, 1], path.pose[-1, 0]])  # an arc is symmetric about the middle of its chord
+    np.testing.assert_allclose(path.covariance[-1, :2, :2] @ across, 0.0, atol=1e-18)
 
 
 def test_the_covariance_at_the_start_is_carried_along():
@@ -171,9 +175,7 @@ def test_at_rest_it_learns_the_bias():
 def test_the_variance_of_the_heading_is_that_of_a_gyro():
     omega = np.tile(ICR.sprocket_speeds([0.2, 0.0], GEOMETRY), (len(TIME), 1))
     for rate in (0.0, 0.4):
-        path = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, gyro=GYRO).path(
-            TIME, omega, np.full(len(TIME), readings(rate))
-        )
+        path = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, gyro=GYRO).path(TIME, omega, readings(rate) + 0 * TIME)
         time = TIME[-1]
         expected = GYRO.noise**2 * time + (GYRO.bias_error * time) ** 2 + (GYRO.scale_error * time * rate) ** 2
         assert path.covariance[-1, 2, 2] == pytest.approx(expected / (1 + GYRO.scale) ** 2, rel=1e-9)

@@ -64,6 +64,8 @@ def test_relative_errors_after_seconds_are_those_of_evo_after_frames():
         frames = metrics.RPE(metrics.PoseRelation.translation_part, round(10 * seconds), Unit.frames, all_pairs=True)
         np.testing.assert_allclose(statistics(position), evo_statistics(frames, reference, estimate), atol=1e-6)
         assert len(way) == len(frames.error)
+    drive.time[:] /= 0.75  # at 7.5 Hz, two poses are half an interval from a second
+    assert len(errors.errors_after_seconds(drive, 1.0)[0]) == len(drive.time) - 7
 
 
 @pytest.mark.parametrize(("start", "origin"), [(0.0, (0.0, 0.0)), (1.7e9, (4.5e5, 5.4e6))])
