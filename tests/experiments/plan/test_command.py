@@ -42,9 +42,8 @@ def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(tr
     report = (result.folder / "report.html").read_text()
     error = significant(1e3 * result.summary["stderr"]["offset"], "mm")
     assert f"30 s of driving will determine D ± {error} and ε ± " in report
-    command = "trackslip identify LOG --half-gauge 0.168 --sprocket-radius 0.06"
-    assert command in report
-    assert f"next: drive it, then {command}" in result.printed
+    for text in (report.replace("<span>", "").replace("</span>", ""), result.printed):
+        assert "trackslip identify LOG --half-gauge 0.168 --sprocket-radius 0.06" in text
 
 
 def test_a_second_round_takes_the_robot_and_the_law_of_the_first(trackslip, tmp_path):

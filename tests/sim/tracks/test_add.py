@@ -46,7 +46,6 @@ def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width, 
     reading = belts.read(data)
     np.testing.assert_allclose(reading.load, 45 * 9.81 / 2, rtol=1e-3)
     np.testing.assert_allclose(reading.depth, depth, rtol=0.02)
-    assert np.isnan(reading.slip).all()
     assert np.abs(reading.sliding).max() < 1e-6
     belts.set((0.3, 0.3))
     mujoco.mj_step(model, data, 100)
