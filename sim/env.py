@@ -20,7 +20,7 @@ class _Tracking:
     task: PathTracking
 
     def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:
-        """Set how later episodes vary, as the option `randomization` does; raises InvalidValueError for invalid values."""
+        """Set how later episodes vary, like the option `randomization`; raises InvalidValueError for invalid values."""
         options = {f.name: getattr(self.task.config, f.name) for f in fields(EnvConfig)}
         config = from_options(EnvConfig, options | {"randomization": randomization})
         allowed = "None in an environment that was made without ground that shears"
