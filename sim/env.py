@@ -47,7 +47,7 @@ class PathTrackingEnv(_Tracking, TaskEnv):
 
 
 class PathTrackingVectorEnv(_Tracking, TaskVectorEnv):
-    """N robots, each with its own ground and reference; each row is equal to a `PathTrackingEnv`."""
+    """N robots, each with its own ground and reference; each row behaves like a `PathTrackingEnv`."""
 
 
 class TraverseEnv(_Traversing, TaskEnv):
@@ -61,4 +61,4 @@ class TraverseEnv(_Traversing, TaskEnv):
 
 
 class TraverseVectorEnv(_Traversing, TaskVectorEnv):
-    """N robots, each on its own course; each row is equal to a `TraverseEnv`."""
+    """N robots, each on its own course; each row behaves like a `TraverseEnv`."""

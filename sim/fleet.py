@@ -27,7 +27,7 @@ _TURN = 2 * np.pi
 
 
 class Fleet(World):
-    """N robots on their grounds. Results are equal in all bits for equal arguments and any number of threads."""
+    """N robots on their grounds. Results are bitwise identical for equal arguments and any number of threads."""
 
     STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
@@ -113,7 +113,7 @@ class Fleet(World):
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
-        """Sinkage (N, 3), positive downwards [m], roll to the right and pitch forwards [rad] of the chassis."""
+        """Sinkage, positive downwards [m], roll to the right and pitch forwards [rad] of the chassis, (N, 3)."""
         return np.stack([-self.state.position[:, 2], self.state.roll, -self.state.pitch], axis=-1)
 
     @property
@@ -321,7 +321,7 @@ class Fleet(World):
         self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
-        """Undo the drift of some micrometres from poses (R, 3) while the robots `rows` (R,) settled."""
+        """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows` (R,) settled."""
         qpos, half_turn = self.state.qpos, (start[:, 2] - self.state.heading[rows]) / 2
         qpos[rows, :2] = start[:, :2]
         cos, sin = np.cos(half_turn), np.sin(half_turn)

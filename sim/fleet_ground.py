@@ -51,8 +51,8 @@ class PadFriction:
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
         """Friction along and across the tracks [-] and shear modulus [m] under the pads, (N, P, 3).
 
-        `time` is that since the runs began, a scalar or (N,) [s]. The robots are at positions (N, 2) [m] with headings
-        (N,) [rad].
+        `time` is counted from the start of the runs, a scalar or (N,) [s]. The robots are at positions (N, 2) [m] with
+        headings (N,) [rad].
         """
         n = len(position)
         passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
@@ -97,7 +97,7 @@ class FleetGround(Restorable):
 
     @property
     def friction(self) -> Array:
-        """Friction coefficients (N, P, 2) along and across the tracks, before shear reduces them [-]."""
+        """Full friction coefficients (N, P, 2) along and across the tracks, before shear reduces them [-]."""
         return self._surface[..., :2]
 
     @property
@@ -106,7 +106,7 @@ class FleetGround(Restorable):
         return self._ground.varies
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See Restorable."""
+        """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
         self.put(self.grounds)
 

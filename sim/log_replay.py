@@ -52,7 +52,7 @@ class Replay:
         return se2.compose(self.at(robot, time), sensor.pose)
 
     def log(self, robot: int, of: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
-        """A log with a robot's motion in the rows of its log `of` and metadata `about`; for the rest, see `replay`."""
+        """A log of the robot's motion, with the rows of `of` and metadata `about`; for the rest, see `replay`."""
         known = np.flatnonzero(of.has_heading)
         row, first = (int(known[0]), of.pose[known[0]]) if len(known) else (0, np.zeros(3))
         seen = self.sensor_at(robot, sensor, of.time + clock)
@@ -131,7 +131,7 @@ def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
 
 
 class Replayer:
-    """Inputs from N logs, which different robots can repeat on different grounds."""
+    """The inputs in N logs, for replays by different robots on different grounds."""
 
     def __init__(self, logs: Sequence[RunLog], inputs: Inputs = "encoders") -> None:
         """Prepare logs for replays; `inputs` are those of `replay`."""
@@ -189,7 +189,7 @@ class Replayer:
 
 
 def _turned(log: RunLog) -> list[tuple[Array, Array]]:
-    """Times and angles of each sprocket; before and after the log, it turns at its first and last speed."""
+    """Times and angles of each sprocket, which turns at its first speed before the log and at its last after it."""
     means = interval_means(log.time, log.omega)
     time = np.concatenate([[log.time[0] - 2 * RUN_UP], log.time, [log.time[-1] + _BEYOND]])
     speeds = np.concatenate([log.omega[:1], means, means[-1:]])

@@ -26,7 +26,7 @@ from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
-_PRODUCTS = 100_000  # number of products, of rows and weights, that fit into a processor's cache
+_PRODUCTS = 100_000  # number of products of rows and weights that fit into a processor's cache
 ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # slices of an observation
 FINE = np.array([0.02, 0.02, 0.02])  # errors at which compression sets in, in the observation's units
 _OPSET = 18

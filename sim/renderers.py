@@ -38,7 +38,7 @@ class TaskRenderer(ABC):
 
     @abstractmethod
     def follow(self) -> None:
-        """Note the robots' state after each control period."""
+        """Note that a control period has passed."""
 
     @abstractmethod
     def pose(self, row: int) -> None:

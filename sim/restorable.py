@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Restorable:
-    """An object with the state in the attributes named by `STATE`. Tuples in it contain only immutable objects."""
+    """An object whose state is in the attributes named by `STATE`. Tuples in the state hold only immutable objects."""
 
     STATE: ClassVar[tuple[str, ...]] = ()
 

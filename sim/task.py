@@ -78,7 +78,7 @@ def function(name: str) -> Callable[[Any], Any]:
 
 
 class Task(Restorable, ABC):
-    """A task for N robots, one row each, without an environment's interface. Rows don't affect each other in any bit.
+    """A task for N robots, one row each, without an environment's interface. Rows are bitwise independent.
 
     Users step a task, and its episodes end one by one, so `sim.loop` can't run it.
     """
@@ -160,7 +160,7 @@ class Task(Restorable, ABC):
         """Set rewards from `terms` (N,) and the user's own terms, which are 0 for robots that aren't `running`."""
         own = [np.where(running, weight * self._values(name), 0.0) for name, weight in self.config.own_rewards.items()]
         self._terms = np.array([*terms, *own])
-        self.reward = np.add.accumulate(self._terms)[-1]  # added in order: equal bits for any number of robots
+        self.reward = np.add.accumulate(self._terms)[-1]  # added in order: bitwise identical for any number of robots
 
     def _scaled(self, scales: Mapping[str, float]) -> Floats:
         """The user's own elements (N, k), scaled and clipped."""

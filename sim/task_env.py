@@ -126,7 +126,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
 class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
     """A task for N robots.
 
-    Row i is identical, in all bits, to row i of gymnasium's SyncVectorEnv with single environments and the same seeds;
+    Row i is bitwise identical to row i of gymnasium's SyncVectorEnv with single environments and the same seeds;
     spaces, autoreset modes and infos are identical as well.
     """
 
@@ -177,8 +177,8 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         Args:
             seed: an integer s, which seeds row i like a single environment's reset(seed=s + i); or a sequence of seeds,
                 one per robot, or None for a robot that keeps its generator.
-            options: `reset_mask`, (N,) bool, to reset only some robots; the others are those of the single environment,
-                each a value for all robots or a list with one per robot, or None to draw a robot's value.
+            options: `reset_mask`, (N,) bool, resets only some robots; other options are those of the single
+                environment, each a value for all robots or a list with one per robot, or None to draw a robot's value.
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})

@@ -121,7 +121,7 @@ class States:
 
 
 class World(Restorable):
-    """N simulations of a robot, each in its own world; no row affects another in any bit."""
+    """N simulations of a robot, each in its own world; rows are bitwise independent."""
 
     def __init__(self, model: mujoco.MjModel, size: int, threads: int, free: tuple[int, int] = (0, 0)) -> None:
         """Create `size` simulations of a model on `threads` worker threads (0: one per processor); `free` as in States.

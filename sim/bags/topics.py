@@ -148,7 +148,7 @@ class RunTopics:
             yield transforms("/tf", stamps, frames, odom)
 
     def commands(self) -> Iterator[Publication]:
-        """Topic of the body twists that a controller commands, or of the commanded sprocket speeds without slip."""
+        """Topic of the body twists from a controller, or from the commanded sprocket speeds without slip."""
         log, commanded = self._log, self._log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
             commanded = body_twist(log.command, 0.0, self._geometry)

@@ -1,4 +1,4 @@
-"""Calibration: parameters of the simulated robot, fitted to data from a robot with priors and a robust loss.
+"""Calibration: parameters of the simulated robot, fitted with priors and a robust loss to data from a robot.
 
 MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to sensor trajectories. In this module, candidates also differ in
 ground, drive and clock, errors refer to motions over a few seconds, and some errors may be very large.
@@ -176,7 +176,7 @@ class _Problem:
         return float(share @ np.log(size) + loss / 2), sigma
 
     def minimum(self) -> _End:
-        """Find the minimum by successive models in which errors are linear in the parameters.
+        """Find the minimum with successive models of the errors that are linear in the parameters.
 
         A model needs one simulation per parameter. Least squares on simulated errors would need four times as many.
         """
@@ -195,7 +195,7 @@ class _Problem:
         return _End(scaled, self.errors(scaled), slope, sigma, cost)
 
     def _linear_minimum(self, start: Array, slope: Array, sigma: Array) -> Array:
-        """Parameters (p,) with the least loss for errors with this slope; alternates with the errors' sizes."""
+        """Parameters (p,) with the least loss for errors with this slope, fitted in turns with the errors' sizes."""
         first, scaled, count = self.errors(start), start, len(start)
         prior = np.ones(count)
 
@@ -263,7 +263,7 @@ class _Problem:
         return reasons
 
     def described(self, end: _End) -> Calibration:
-        """The calibration that a minimum describes."""
+        """The calibration that results from a minimum."""
         target, base = self.target, self._base
         covariance = self.covariance(end)
         spread = np.sqrt(np.diag(covariance))

@@ -38,7 +38,7 @@ HORIZONS = (0.5, 1.0, 1.8, 5.0)
 _PAIRS = 4.0  # approximate number of pose pairs that begin within a horizon
 _MIN_DRIVEN = 0.1  # belt travel above which a robot is moving [half gauges]
 _WINDOW = 6.5  # duration of the windows that are cut from drives [s]
-_LEAD = 3.0  # time replayed before a window in a long drive: makes it forget the initial state, even on ice [s]
+_LEAD = 3.0  # time replayed before a window, if the drive is long enough, to forget the initial state, even on ice [s]
 _MAX_WINDOWS = 200
 _KEPT = 3  # number of cached motions
 _FEW = 20  # number of steady rows at which single wrong rows are evident
@@ -164,7 +164,7 @@ class SteadyRows:
         return np.stack([moved[:, 0], w, moved[:, 1]])
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """RMS errors in the speeds [m/s, rad/s], and in the slips except of sprockets at rest [-]."""
+        """RMS errors in the speeds [m/s, rad/s], and in the slips, except those of sprockets at rest [-]."""
         parts = np.full(self._measured.shape, np.nan)
         parts[np.isfinite(self._measured)] = errors
         rows = np.isfinite(parts[:2]).all(axis=0)

@@ -131,7 +131,7 @@ class Drive(Checked):
         """Largest motor torques (...) [N m] for belts at `speeds` (...) with set points `goal` (...) [m/s].
 
         The sprockets have a `radius` [m]. For belts that exceed their set points, the limit is the torque limit plus
-        gear friction, which helps to brake; for other belts, it is on the motor's torque-speed line.
+        gear friction, which helps to brake; for other belts, the motor's torque-speed line is the limit.
         """
         friction = self.motor.friction
         driving = np.maximum(self.torque_range(np.abs(speeds) / radius)[1] - friction, 0.0)
@@ -217,7 +217,7 @@ class DriveState(Restorable):
         """Forecast the speeds in the next `periods` servo periods for motors that are strong enough."""
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
-        np.multiply.accumulate(error, axis=0, out=error)  # equal bits for any number of forecasts
+        np.multiply.accumulate(error, axis=0, out=error)  # bitwise identical for any number of forecasts
         return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
@@ -242,7 +242,7 @@ class DriveState(Restorable):
         totals[0], rates = self._totals, totals[1:]
         rates[:, :, 0], rates[:, :, 1] = forecast.mean, self.drive.motor.power(torque, forecast.mean)
         rates *= period
-        self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # added in order: equal bits for any number
+        self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # added in order: bitwise identical for any number
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
 

@@ -179,7 +179,7 @@ class EnvConfig(OwnTerms):
         return self._robot_file[0]
 
     def load_ground(self, name: str) -> Ground:
-        """A ground by name, or by "robot" that in the robot's file; raises TrackslipError for unknown names."""
+        """A ground by name, or "robot" for the ground in the robot's file; raises TrackslipError for unknown names."""
         return self._robot_file[1] if name == "robot" else load_ground(name)
 
     @property

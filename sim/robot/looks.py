@@ -21,7 +21,7 @@ _AZIMUTH, _ELEVATION = 106.0, -21.0  # the camera looks at the robot from the ri
 _AWAY = 2.8  # distance of the camera from the robot, in robot lengths
 _CALM = 0.6  # share of the robot's heave that the camera follows
 
-_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # shipped robot: x, z, radius of its wheels; width [m]
+_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # shipped robot: wheels x, z, radius; belt's width [m]
 _TYRE = 0.76  # ratio of a wheel's drawn width to its radius [-]
 _ATTACHED = "robot/"  # prefix of all names that come from a tracked robot's model
 
@@ -48,7 +48,7 @@ class RobotLooks:
         return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, travel: Array) -> None:
-        """Append the tracks to a scene, with each belt drawn after it has driven `travel` (T,) forwards [m]."""
+        """Append the tracks to a scene, for belts that have travelled `travel` (T,) forwards [m]."""
         for (_, body, look), way in zip(self.tracks, travel, strict=True):
             draw(scene, look.pieces(way), data.xpos[body], data.xmat[body].reshape(3, 3))
 

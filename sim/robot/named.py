@@ -58,7 +58,7 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
 
 
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
-    """Load a robot for terrain, from the same sources as `load_parameters`; parameters pass through `on_terrain`.
+    """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts parameters.
 
     `refuse` is called for each missing mesh that is needed to find the model's wheels; see `build_tracked`.
     """
@@ -161,7 +161,7 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
     given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
-    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # placeholders for the wheels'
+    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until they are read
     robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path))
     folder = path.parent
     robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))

@@ -66,7 +66,7 @@ class RobotParameters(Checked):
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
     radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
-    """Half of the right sprocket's radius error minus the left sprocket's [-]."""
+    """Half the difference between the sprockets' radius errors, right minus left [-]."""
 
     def __post_init__(self) -> None:
         self._lay_axles()
@@ -95,7 +95,7 @@ class RobotParameters(Checked):
         return dataclasses.replace(self, contact_length=RobotParameters.contact_length, axles=axles)
 
     def contact_theory(self, along: float, across: float, points: int = 200) -> Contact:
-        """The contact with ground of these friction coefficients, for `skid_theory`; at least `points` per side."""
+        """The robot's contact, for `skid_theory`, with ground of this friction [-]; at least `points` per side."""
         rest = (along, across, self.centre_of_mass)
         if not self.axles:
             return line_contact(self.half_gauge, self.contact_length / 2, *rest, points)

@@ -37,7 +37,7 @@ CONTACT_WIDTH = 9
 """Number of values from a contact sensor per point, in this order: force, position in the world, velocity. Force
 and velocity have components normal to the ground, along the pad and across it."""
 _Bit = mujoco.mjtDisableBit
-_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # useless for a single body and slow
+_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # off: useless for a single body
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
 _TILT = np.radians(45.0)  # tilt of a pad with one point: only its lower end touches; its axis still sets directions
 _LENGTH = 0.02  # distance between the ends of a tilted pad [m]
@@ -89,7 +89,7 @@ def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Pr
         return parameters.contact_length * _middles(n), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
     warn_if_unverified(parameters.half_gauge, parameters.contact_length)
     points = _middles(_SHEARING) if single else np.array(_GAUSS)
-    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # limit of the engine, for any ground
+    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # least that the engine allows, for any ground
     preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))
     return np.add.outer(parameters.axles, parameters.patch_length * points).ravel(), preset
 
@@ -136,7 +136,7 @@ class Robot:
     plate_radius: float  # radius of the sphere around the plate [m]
     pads: slice  # the geoms that are contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_sign: Array  # (P,) 1 where a pad's z axis points forwards, -1 where backwards; smaller in size if tilted
+    pad_sign: Array  # (P,) 1 where a pad's z axis points forwards, -1 where backwards; less in magnitude if tilted
     pad_slant: Array  # (P,) ratio of the x and z components of the robot's forward direction in the pad's frame
     pad_position: Array  # (P, 2) middle of each pad's contact, in the chassis' frame [m]
     pad_pairs: slice  # the contact pairs, in the order of the pads

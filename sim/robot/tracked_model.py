@@ -85,7 +85,7 @@ def build_tracked(
     looks: bool = False,
     refuse: Refuse = refuse,
 ) -> TrackedModel:
-    """Compile a robot on its terrain, or on a plane, whose tracks have a contact preset.
+    """Compile a robot with tracks of a contact preset, on its terrain or on a plane.
 
     Friction along and across the tracks is by default the terrain's, or 0.7 on a plane. `looks` keeps purely visual
     geoms, which slow the physics down. `refuse` is called with a line on each part that is missing or wrong, and raises
@@ -291,7 +291,7 @@ def _named(model: mujoco.MjModel, geom: int) -> str:
 def clear_angles(tracked: TrackedModel) -> Array:
     """Lowest angles (F,), from 0 upwards, at which no flipper reaches below the chassis' tracks [rad].
 
-    A flipper that reaches below them at every angle from 0 to its highest stays at 0, or at the nearest allowed angle.
+    A flipper that is below the tracks at every angle from 0 to its highest stays at 0, or at the nearest allowed angle.
     """
     model, flippers = tracked.model, tracked.robot.flippers
     data, low, high = mujoco.MjData(model), *tracked.flipper_range.T

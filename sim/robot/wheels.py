@@ -215,7 +215,7 @@ def outline(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, geom: int)
 
 
 def choose_start(spec: Any, robot: TrackedRobot) -> None:
-    """Delete all keyframes but the robot's; a RobotWarning if `robot` names none although they would move joints.
+    """Delete all keyframes except the robot's; issue a RobotWarning if none is chosen but they would move joints.
 
     Raises TrackslipError for a keyframe that the model doesn't have.
     """

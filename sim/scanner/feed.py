@@ -54,7 +54,7 @@ class _Aim:
 
 
 class ScannerFeed(Restorable):
-    """The scanners of a fleet: each robot's own laser range finder (LRF) observes it in its own world."""
+    """The scanners of a fleet: each robot is observed by its own laser range finder (LRF) in its own world."""
 
     STATE = ("_random",)
 

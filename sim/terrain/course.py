@@ -79,7 +79,7 @@ class Course(Checked):
     def from_table(cls, table: Mapping[str, Any], where: str) -> Course:
         """A course from a table of its fields, with a table per piece; raises SettingsFileError, citing `where`.
 
-        A piece has a `kind`; without it, the piece is of the only kind with exactly the given fields.
+        A piece without a `kind` is of the only kind that has exactly the given fields.
         """
         rows = table.get("pieces", [])
         if not isinstance(rows, list | tuple):
@@ -209,7 +209,7 @@ class Table(NamedTuple):
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
-    """Heights (N, P) of N courses at points (N, P, 2), those of each course in a row; bilinear in cells of 2 cm [m].
+    """Heights (N, P) of N courses, each at its own `points` (N, P, 2), bilinear within cells of 2 cm [m].
 
     For courses larger than 800 m², the cells are larger. `Course.height` is exact.
     """

@@ -32,7 +32,7 @@ NUMBER = require_whole, 1, MAX_NUMBER
 _ANGLE = require_within, -1.2, 1.2, "rad (69 degrees)"  # of a ramp or a side slope
 _MAX_EXPONENT = 8.0
 _MAX_SAMPLES = 1_000_000  # in a height field
-_MAX_SIDE = 2000  # samples along a side of rough ground; its spectrum has four times as many as the square of this
+_MAX_SIDE = 2000  # largest side of rough ground [samples]; its spectrum takes four times the square of this
 _MIN_CELL = 0.005  # [m]
 
 

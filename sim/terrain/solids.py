@@ -87,7 +87,7 @@ class Level:
 class Box:
     """A box in any attitude."""
 
-    centre: tuple[float, float, float]  # of the centre [m]
+    centre: tuple[float, float, float]  # position of the box [m]
     half: tuple[float, float, float]  # half of length, width and height [m]
     quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # attitude w, x, y, z
     colour: Colour = STONE
@@ -133,7 +133,7 @@ class Box:
             self._add_skirt(spec, f"{name}/skirt", base)
 
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """Draw the support between a sloping box's lower face and the floor, which doesn't collide."""
+        """Draw the support of a sloping box, from its lower face down to the floor; the support doesn't collide."""
         signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
         lower = self.centre + signs * self.half @ self.rotation.T  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])

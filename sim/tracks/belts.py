@@ -94,7 +94,7 @@ class Belts:
     def set(self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0) -> None:
         """Set the belt speeds (T,) [m/s], positive forwards.
 
-        With a torque limit, these are set points, from which `step` finds the actual speeds.
+        With a torque limit, these speeds are set points, from which `step` finds the actual speeds.
 
         Args:
             speeds: belt speeds (T,) [m/s].

@@ -21,13 +21,13 @@ from trackslip.errors import InvalidValueError, require
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of the data that a contact sensor reports per contact: found, force, dist, normal, tangent, linvel."""
-_FINER = 10.0  # factor on the preset's impratio, as contacts slide more slowly near a wide robot's pivot [-]
+_FINER = 10.0  # factor on the preset's impratio, as sliding is slower near a wide robot's pivot [-]
 _MAX_FORCE = 2  # a contact sensor's reduction mode: the largest forces first
-_MAX_PAIRS = 20_000  # takes about 0.3 ms per step, five times as long as the rest of a robot's step
+_MAX_PAIRS = 20_000  # they take about 0.3 ms per step, five times as long as the rest of a robot's step
 _MOST = mujoco.mjMAXCONPAIR  # most contacts that the engine keeps between two geoms
-_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell of length, and in addition
-_TWICE = 4  # sensor slots per contact between belt and solids: two solids, cores included
-_MARGIN = 1.5  # sensor slots per contact with a height field; a belt rarely has all of these contacts [-]
+_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell along it, plus a constant
+_TWICE = 4  # sensor slots per contact with solids: the belt may touch two, and its cores as well
+_MARGIN = 1.5  # sensor slots per possible contact with a height field; a belt rarely has all of them [-]
 _CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
 
 
@@ -139,7 +139,7 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
 
 
 def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> None:
-    """Give the tracks' sensors slots for contacts with height fields, whose smallest cell is `cell` (inf: none) [m].
+    """Give the tracks' sensors enough slots for contacts; `cell` is the height fields' smallest cell, inf for none [m].
 
     Raises InvalidValueError for capsules that are so long that the engine might not keep all of their contacts.
     """

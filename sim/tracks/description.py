@@ -135,7 +135,7 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     grounds = ends[pairs][~ours]
     softness = model.body_invweight0[body, 0] + model.body_invweight0[model.geom_bodyid[grounds], 0]
     share = mass * softness / tracks.points
-    field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # fields may touch a geom anywhere
+    field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # a geom may touch it anywhere
     regularisation = preset.regularise(gravity, np.where(field, np.inf, rocks), share * tracks.weights.min())
     belts, core = preset.contact(gravity, share * weight, regularisation, grip), preset.core()
     hard = model.pair_margin[pairs, None] < 0

@@ -101,7 +101,7 @@ def read_contacts(
     normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
 
     def total(values: Floats) -> Floats:
-        """Sums (..., T) over contacts in a fixed order, so that no bit of a track's sum depends on other tracks."""
+        """Sums (..., T) over contacts in their order, so that a track's sum is bitwise independent of other tracks."""
         sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
         return sums.reshape(speeds.shape)
 

@@ -39,7 +39,7 @@ _FLIPPERS = ("each", "pairs")
 
 @dataclass(frozen=True)
 class SensorNoise(Checked):
-    """Standard deviations of Gaussian noise in the observations, drawn anew in each step."""
+    """Standard deviations of Gaussian noise in the observations, independent between steps."""
 
     attitude: float = checked(0.0, require_non_negative, 10.0)
     """Noise in each component of the vertical in the robot's frame [-]; its errors are small angles [rad]."""
@@ -151,7 +151,7 @@ class CrossingReward(Checked):
 
 
 def one_by_one(values: Array) -> Array:
-    """Sums (N,) of values (N, n) over n, equal in all bits for any N."""
+    """Sums (N,) of values (N, n) over n, bitwise identical for any N."""
     return np.add.accumulate(values, axis=1)[:, -1]
 
 
@@ -174,7 +174,7 @@ class TraverseConfig(OwnTerms):
     """Meaning of the actions in [-1, 1]: "direct" for set points in units of the top speed and of pi / 2, "correction"
     for corrections to the scripted controller's set points, in units of 0.3 m/s and 0.8 rad."""
     flippers: str = "each"
-    """Number of actions for flippers: one "each", or one for the front and one for the rear flippers ("pairs")."""
+    """Actions for the flippers: one per flipper ("each"), or one for the front and one for the rear ones ("pairs")."""
     start_offset: float = checked(0.1, require_non_negative)
     """Largest lateral offset of the start, drawn uniformly to either side [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")

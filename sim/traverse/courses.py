@@ -16,7 +16,7 @@ from sim.terrain import Beams, Blocks, Course, Flat, Gap, Piece, Ramp, Stairs, S
 from trackslip.errors import require, require_within
 
 RANDOM = "random"
-"""Name of a course with random obstacles."""
+"""Name for courses with random obstacles."""
 MAX_BOXES = 9
 """Largest number of boxes on a course with random obstacles."""
 OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
@@ -31,7 +31,7 @@ KINDS = (
     *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
     *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
 )
-"""Kinds of FTR-Bench courses."""
+"""Kinds of courses from FTR-Bench."""
 PUBLISHED = "_published"
 FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
 """Names of the FTR-Bench courses."""

@@ -34,7 +34,7 @@ _BESIDE = 1.5  # least ratio of a course's width to the robot's [-]
 
 
 class Slots:
-    """Placeholders that a model has as its terrain, for any of its courses: boxes, height fields and a floor."""
+    """Slots for courses, added to a model as its terrain: boxes, height fields and a floor."""
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
         """Provide slots for each of `courses`, and for any course of at most `boxes` boxes without height fields."""
@@ -70,7 +70,7 @@ class Slots:
         return list(self._names)
 
     def bind_batch(self, batch: Any) -> None:
-        """Connect the slots with `batch`, a batch of the model, whose geoms they will move."""
+        """Let the slots move the geoms in `batch`, a batch of the model."""
         self._ids = np.array([batch.model.geom(name).id for name in self._names])
         self._batch = {name: batch.expand(name) for name in _FIELDS}  # (N, ngeom, ...) each, views of the batch
         self._empty = {name: getattr(batch.model, name)[self._ids].copy() for name in _FIELDS}
@@ -78,7 +78,7 @@ class Slots:
     def lay(self, row: int, course: Course) -> None:
         """Move slots so that they form a course for the robot `row` in the batch.
 
-        Raises InvalidValueError for a course with more boxes than slots, and for height fields not given at the start.
+        Raises InvalidValueError for a course with more boxes than slots, and for other height fields than the slots'.
         """
         listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model

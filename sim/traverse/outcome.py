@@ -18,7 +18,7 @@ from trackslip.kinematics import Array
 Outcomes = NDArray[np.int_]
 """Outcomes (N,), as the numbers in `Outcome`."""
 _WAITING = 0.1  # mean travel of left and right belts below which a robot is waiting or turning [m]
-_SHARE = 0.1  # ratio of a robot's motion to its belt travel below which it is stuck [-]
+_SHARE = 0.1  # ratio of a robot's displacement to its belt travel below which it is stuck [-]
 
 
 class Outcome(IntEnum):
@@ -29,7 +29,7 @@ class Outcome(IntEnum):
     TIME = 1
     """The time limit has been reached."""
     STUCK = 2
-    """The belts ran without progress of the robot."""
+    """The belts ran, but the robot made no progress."""
     REACHED = 3
     """The robot has crossed the course."""
     FELL = 4

@@ -43,7 +43,7 @@ class Command:
 
 
 class Traverse(World):
-    """N robots on courses. Each row is independent, in every bit, of other rows and of the number of threads."""
+    """N robots on courses. Rows are bitwise independent of each other and of the number of threads."""
 
     STATE = ("servo", "contact", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
@@ -64,10 +64,10 @@ class Traverse(World):
         """Prepare `size` robots; `begin` starts their runs.
 
         Args:
-            robot: the robot; the torque of its belts is unlimited unless it has its own drive.
-            courses: the courses for runs.
+            robot: the robot; without a drive of its own, the torque of its belts is unlimited.
+            courses: courses on which runs may take place.
             size: number of robots.
-            boxes: number of boxes up to which other courses, without height fields, are allowed, too.
+            boxes: largest number of boxes on other courses that are allowed, too, if they have no height fields.
             preset: contact preset of the tracks.
             top_speed: top speed of the belts; by default the drive's, or 0.6 without a drive [m/s].
             limits: the limits that end a run.
@@ -103,7 +103,7 @@ class Traverse(World):
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked)
         self.servo = ServoState(robot.drive.lag, self.top_speed, size, len(self.flippers.length))
-        """Belt speeds and flipper set points after the servos' lag."""
+        """Servos of the belts and flippers: current belt speeds and set points."""
         self.contact = Reading.none(size, len(self.track_names))
         """Means of the track contacts (N, T) over the last control period."""
         self.work: Array = np.zeros((size, len(self.track_names)))
@@ -165,13 +165,13 @@ class Traverse(World):
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def get_state(self) -> dict[str, Any]:
-        """See Restorable; courses given at the construction are stored as indices."""
+        """Return a copy of the state, see Restorable; courses given to the constructor are stored as indices."""
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
         return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See Restorable."""
+        """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
         self._belts.set_state(state["belts"])
         self.course = [self._courses[course] if isinstance(course, int) else course for course in state["courses"]]

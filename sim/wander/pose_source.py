@@ -125,7 +125,7 @@ SOURCES: Mapping[str, PoseSource] = {
 
 
 def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator) -> tuple[Array, Scan]:
-    """Times (S,) [s] and scans (S, B) from a stationary scanner of a robot's plate in an empty field.
+    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, from a stationary scanner.
 
     The first scan is at a random time in the first period.
     """
