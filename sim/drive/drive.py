@@ -55,9 +55,9 @@ class Motor(Checked):
     voltage: float = checked(24.0, _require_usable)
     """Voltage of the battery, the largest voltage at the motor [V]."""
     no_load_speed: float = checked(400.0, _require_usable)
-    """Motor speed at full voltage without load [rad/s]."""
+    """No-load speed of the motor at full voltage [rad/s]."""
     stall_torque: float = checked(0.6, _require_usable)
-    """Motor torque at full voltage and zero speed [N m]."""
+    """Stall torque of the motor at full voltage [N m]."""
     rotor_inertia: float = checked(8e-6, _require_usable)
     """Moment of inertia of the rotor, including the gear [kg m^2]."""
     friction: float = checked(0.3, require_non_negative)
