@@ -1,4 +1,4 @@
-"""The simulated world: tracked robots on MuJoCo grounds, observed by a laser range finder.
+"""The simulated world: tracked robots on grounds in MuJoCo, and a laser range finder that observes them.
 
     import numpy as np
     import sim
@@ -6,7 +6,7 @@
     fleet = sim.Fleet(sim.load_robot(), np.zeros((2, 3)))
     logs = sim.open_loop(fleet, np.array([[2.0, 3.0], [3.0, 4.0]]), duration=10.0)
 
-The names below are imported when first used. Importing this package registers the environments
+The names below are imported at their first use. Importing this package registers the environments
 trackslip/PathTracking-v0 and trackslip/Traverse-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
 """
 
@@ -16,7 +16,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without gymnasium
+with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain don't need gymnasium
     import gymnasium
 
     for _task in ("PathTracking", "Traverse"):

@@ -1,4 +1,4 @@
-"""Gymnasium environments for one robot and for N robots in a batch: path tracking and crossing courses."""
+"""Gymnasium environments for path tracking and crossing courses, with one robot or N robots in a batch."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -33,32 +33,32 @@ class _Traversing:
     task: Crossing
 
     def set_difficulty(self, low: float, high: float) -> None:
-        """Set the range, within 0 to 1, from which later episodes draw the difficulty of their courses."""
+        """Set the range, within 0 to 1, for the difficulty of the courses in later episodes."""
         self.task.set_difficulty(low, high)
 
 
 class PathTrackingEnv(_Tracking, TaskEnv):
     """trackslip/PathTracking-v0: a tracked robot that must follow a reference trajectory.
 
-    Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
-    observations are described in `TrackingLayout`, the reward in `TrackingReward`. An episode terminates if the robot
-    is farther than `off_path` from the reference or tips over, and is truncated at the end of the reference.
+    Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. See
+    `TrackingLayout` for the observations and `TrackingReward` for the reward. An episode terminates if the robot is
+    farther than `off_path` from the reference or tips over, and is truncated at the end of the reference.
     """
 
 
 class PathTrackingVectorEnv(_Tracking, TaskVectorEnv):
-    """N robots, each with its own ground and reference; every row is a `PathTrackingEnv`."""
+    """N robots, each with its own ground and reference; each row behaves like a `PathTrackingEnv`."""
 
 
 class TraverseEnv(_Traversing, TaskEnv):
     """trackslip/Traverse-v0: a tracked robot that must cross a course.
 
-    Actions are float32 in [-1, 1], by default 10 per second: the belts' speeds, left and right, and the flippers'
-    angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.config`, the
-    reward in `CrossingReward`. An episode terminates when the course is crossed, or when the robot tips over, falls
-    off, gets stuck or explodes, and is truncated when its time is over.
+    Actions are float32 in [-1, 1], by default 10 per second: left and right belt speeds, and flipper angles, see
+    `TraverseConfig.action` and `flippers`. See `traverse.config` for the observations and `CrossingReward` for the
+    reward. An episode terminates if the robot has crossed the course, tips over, falls off, gets stuck or explodes, and
+    is truncated at its time limit.
     """
 
 
 class TraverseVectorEnv(_Traversing, TaskVectorEnv):
-    """N robots, each on its own course; every row is a `TraverseEnv`."""
+    """N robots, each on its own course; each row behaves like a `TraverseEnv`."""

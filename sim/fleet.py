@@ -1,4 +1,4 @@
-"""Fleet: N driven robots, each in its own world, stepped together by mujoco.batch."""
+"""A fleet: N driven robots, each in its own world, simulated together with mujoco.batch."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
 SETTLING = 1.0
-"""Settling time simulated before a fleet's first period [s]."""
-_RESETTLING = 0.4  # settling time of robots that are placed at their sinkage [s]
+"""Time for which robots settle before a fleet's first period [s]."""
+_RESETTLING = 0.4  # for robots that are placed at their sinkage [s]
 _TURN = 2 * np.pi
 
 
 class Fleet(World):
-    """N robots on their grounds. Results are bitwise equal for the same arguments and any number of threads."""
+    """N robots on their grounds. Results are bitwise identical for equal arguments and any number of threads."""
 
     STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
@@ -44,14 +44,14 @@ class Fleet(World):
     ) -> None:
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
-        `ground` is one for all robots, or one each; `radius_error`, the sprockets' relative error, is a number or (N,)
-        [-]. All sprockets have the same `drive`, by default the robot's own. The number of worker `threads` may be 0,
-        for one per processor. All robots tow the same `pull`. If a ground shears, or `shears` announces that one may
-        later, pads touch the ground at one point each instead of two.
+        `ground` is a ground for all robots, or one per robot; `radius_error`, the sprockets' relative error, is a
+        scalar or (N,) [-]. All sprockets have the same `drive`, by default the robot's, and all robots tow the same
+        `pull`. `threads` is the number of worker threads, 0 for one per processor. If a ground shears, or if `shears`
+        announces that a later one may, pads touch the ground at one point each instead of two.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
-                slide or tip over, a pull that drags them backwards, or a servo period that is not a multiple of the
+                slide or tip over, a pull that drags robots backwards, or a servo period that is not a multiple of the
                 physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
@@ -62,12 +62,12 @@ class Fleet(World):
         robot = robot.with_single_contacts() if shears else robot
         super().__init__(robot.model, len(start), threads)
         self.robot = robot
-        self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
+        self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6) view: forces on the left and right tracks
         self._chassis = robot.model.body("chassis").id
-        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
+        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2) view: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
-        """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
-        self._heading: Array = np.zeros(self.size)  # unwrapped [rad]
+        """Centres (N, 3) of the robots' plates one physics step ago, a view of the batch [m]."""
+        self._heading: Array = np.zeros(self.size)  # (N,) unwrapped [rad]
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
         self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
         drive = drive or robot.parameters.drive
@@ -77,27 +77,27 @@ class Fleet(World):
 
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
-        """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
-        self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the speed across a tilted pad
+        """Speed of each pad's surface along the pad's own axis (N, P), a view of the batch [m/s]."""
+        self._slanted = surface[:, robot.pads, 0]  # (N, P) view: surface speed across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
         shape = robot.parameters
         patches = (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
         self.shear = Shear(robot.pad_position, *patches, self.size, drive.period, fastest) if shears else None
-        """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
+        """Shear of the ground under the robots; None for fleets that stay on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
-        """Means (N, S) of the engine's sensors over the last `advance`."""
+        """Means of the engine's sensor data (N, S) over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
-        """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
+        """Mean longitudinal forces of the ground on the (left, right) tracks (N, 2) over the last `advance` [N]."""
         self.pull = pull or Pull()
-        """The pull on each robot."""
-        self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
-        self._periods = 0  # periods simulated since the start
-        self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
+        """Pull on each of the robots."""
+        self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6) view
+        self._periods = 0  # number of periods simulated so far
+        self._began: NDArray[np.int_] = np.zeros(self.size, int)  # (N,) period in which each robot's run began
         self._begin(np.arange(self.size), start, 0.0, SETTLING)
 
     def pose(self) -> Array:
-        """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
+        """True poses (N, 3) of the chassis, with unwrapped headings [m, m, rad]."""
         pose = np.empty((self.size, 3))
         pose[:, :2], pose[:, 2] = self.state.qpos[:, :2], self._heading
         return pose
@@ -109,22 +109,22 @@ class Fleet(World):
         return twist
 
     def load(self) -> Array:
-        """Normal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
+        """Normal forces (N, 2) of the ground on the (left, right) tracks in the last physics step [N]."""
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
-        """Sinkage (positive downwards) [m], roll (to the right) and pitch (forwards) [rad] of the chassis, (N, 3)."""
+        """Sinkage, positive downwards [m], roll to the right and pitch forwards [rad] of the chassis, (N, 3)."""
         return np.stack([-self.state.position[:, 2], self.state.roll, -self.state.pitch], axis=-1)
 
     @property
     def ground(self) -> tuple[Ground, ...]:
-        """Ground of each robot."""
+        """The ground under each robot."""
         return self._ground.grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
-        """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
+        """Begin new runs with the robots `rows` (R,), one setting each; the runs of other robots continue.
 
-        Raises InvalidValueError for poses that aren't finite, and a slope too steep to park on.
+        Raises InvalidValueError for poses that aren't finite and for slopes too steep for parking.
         """
         rows = np.asarray(rows, int)
         if not rows.size:
@@ -142,25 +142,25 @@ class Fleet(World):
         self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
-        """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
+        """Effective sprocket radii (R, 2) of robots with radius errors (R,) [m]."""
         allowed = f"from {-MAX_RADIUS_ERROR:g} to {MAX_RADIUS_ERROR:g}"
         require((np.abs(error) <= MAX_RADIUS_ERROR).all(), "radius_error", error.tolist(), allowed)
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
 
     def _drive(self, rows: Rows, belts: float | Array) -> None:
-        """Set the surface speeds, one for all pads or (R, P), of the robots `rows` (R,) [m/s]."""
+        """Set surface speeds, a scalar or (R, P), of the pads on the robots `rows` (R,) [m/s]."""
         self.belts[rows] = belts
         if self.shear is not None:
             self._slanted[rows] = belts * self.robot.pad_slant
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
-        """Change the ground, one for all robots or one each, with immediate effect, even during a run."""
+        """Replace the ground, by one for all robots or one per robot, with immediate effect, even during a run."""
         self._ground.put(one_each(ground, self.size))
         self._lay_friction(EVERYONE)
         self._ground.tilt(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
-        """Set the set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next call."""
+        """Set the set points (N, 2) or (2,) of the sprockets, which hold until the next call [rad/s]."""
         omega = np.asarray(omega, float)
         self.drive.command(omega if omega.shape == (self.size, 2) else np.broadcast_to(omega, (self.size, 2)))
 
@@ -185,25 +185,25 @@ class Fleet(World):
         self.drive.put(weak, limited)
 
     def launch(self, twist: ArrayLike) -> None:
-        """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s].
+        """Give the robots twists (N, 3) or (3,), without a change in sprocket speeds.
 
-        The sprockets keep their speeds.
+        A twist is the speed forwards and to the left [m/s], and the yaw rate [rad/s].
         """
         twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
         require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
         self.state.qvel[:, :2], self.state.qvel[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]
 
     def follow(self, omega: Array) -> None:
-        """Turn the sprockets at mean speeds (P, N, 2) [rad/s] in the next P servo periods, whatever torque it takes."""
+        """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, with unlimited torque [rad/s]."""
         forecast = Forecast(np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point)
         self.drive.accept(forecast, self.drive.torque_for(forecast, self._run(EVERYONE, omega)))
 
     def _run(self, rows: Rows, mean: Array) -> Array:
-        """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; returns mean tractions (P, R, 2) [N]."""
+        """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; return mean tractions (P, R, 2) [N]."""
         belts, ids, parts = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows, []
         varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
         changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
-        periods = 1 if changing else len(mean)  # without interruptions, the engine is faster
+        periods = 1 if changing else len(mean)  # the engine is faster without interruptions
         for k in range(0, len(mean), periods):
             if varies:
                 self._lay_friction(rows)
@@ -223,16 +223,16 @@ class Fleet(World):
         forward = forward.swapaxes(0, 1)
         self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
         sensed /= self._substeps
-        # grip builds up within a period, so that only the mean force gives the impulse
+        # grip builds up within a period, so only the mean force is consistent with the impulse
         traction = _along(sensed[..., :6], forward)
         self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
         return traction
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState, periods: int) -> None:
-        """Simulate some periods of the robots `rows` (R,), whose motors may be too weak to follow the servos.
+        """Simulate some periods for the robots `rows` (R,), whose motors may be too weak to follow the servos.
 
-        The sprocket of such a motor ends a period at a speed for which the torque is just sufficient. How the ground
-        responds to a speed is found by trial.
+        The sprocket of a weak motor ends a period at the speed for which its torque is just sufficient. The ground's
+        response to a speed is found by trial steps.
         """
         gravity, sensed = float(np.linalg.norm(self.robot.model.opt.gravity)), []
         for _ in range(periods):
@@ -248,19 +248,19 @@ class Fleet(World):
         self.sensed[rows], self.mean_traction[rows] = (np.mean(each, axis=0) for each in zip(*sensed, strict=True))
 
     def friction(self) -> Array:
-        """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
+        """Mean friction coefficients (N, 2) over the pads, along and across the tracks [-]."""
         return self._ground.friction.mean(axis=1)
 
     def _ran(self) -> Array:
-        """Time (N,) since the start of each robot's run [s]."""
+        """Times (N,) since the robots' runs began [s]."""
         return (self._periods - self._began) * self.period
 
     def _lay_friction(self, rows: Rows) -> None:
-        """Update the friction of every pad of the robots `rows` (R,) for its current place and time."""
+        """Update the friction of all pads on the robots `rows` (R,) for their current places and time."""
         self._ground.lay(rows, self._ran(), self.state.qpos[:, :2], self.state.heading)
 
     def _tow(self, rows: Rows) -> None:
-        """Apply the pull to the robots `rows` (R,), along their headings in the middle of the next period."""
+        """Apply the pull to the robots `rows` (R,), along their headings halfway through the next period."""
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
         centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
         cos, sin = np.cos(heading), np.sin(heading)
@@ -269,7 +269,7 @@ class Fleet(World):
         self._wrench[rows] = np.stack(wrench, axis=-1)
 
     def _pulled(self, rows: Rows) -> Array:
-        """Pull (R,) that acts on the robots `rows` (R,) [N]."""
+        """Pull (R,) on the robots `rows` (R,) at present [N]."""
         return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
@@ -281,29 +281,29 @@ class Fleet(World):
         self._ground.share(rows)
 
     def _parts(self) -> tuple[Array, ...]:
-        """The arrays that a servo period changes, except the drives', with the robots on the first axis."""
+        """The arrays that a servo period changes, without those of the drive; robots are on their first axis."""
         return self.batch.state, self._heading, *(() if self.shear is None else self.shear.by_robot)
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
-        """Unwrap the headings of the robots `rows` (R,), which took the values `passed` (P, R) since the last call."""
+        """Unwrap the headings of the robots `rows` (R,), whose values since the last call were `passed` (P, R)."""
         heading = self.state.heading[rows]
         headings = np.concatenate([self._heading[None, rows], passed, heading[None]])
         self._heading[rows] = heading + _TURN * np.add.reduce(np.rint((headings[:-1] - headings[1:]) / _TURN))
 
     def _placed(self, rows: Rows) -> Array:
-        """Places (4, R) of the robots `rows` (R,): x, y [m], cosine and sine of the heading."""
+        """Positions x and y [m], and cosines and sines of the headings, (4, R), of the robots `rows` (R,)."""
         w, x, y, z = self.state.quaternion.T
         place = np.empty((4, self.size))
         place[:2] = self.state.qpos[:, :2].T
-        place[2] = 1 - 2 * (y * y + z * z)  # neglecting the lean, whose square is too small to matter
+        place[2] = 1 - 2 * (y * y + z * z)  # neglects the lean, whose square is tiny
         place[3] = 2 * (w * z + x * y)
         return place[:, rows]
 
     def _begin(self, rows: np.ndarray, start: Array, height: float, settling: float) -> None:
-        """Put the robots `rows` (R,) at rest at poses `start` (R, 3).
+        """Place the robots `rows` (R,), at rest, at poses `start` (R, 3).
 
         Their frames start at a `height` [m], from which they settle for a time `settling` [s]. Raises InvalidValueError
-        if a robot can't be held at rest.
+        if a robot doesn't stay at rest.
         """
         self._place_at(rows, start, height)
         if self.shear is not None:
@@ -321,7 +321,7 @@ class Fleet(World):
         self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
-        """Undo the micrometre by which the robots `rows` (R,) drifted from poses (R, 3) while settling."""
+        """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows` (R,) settled."""
         qpos, half_turn = self.state.qpos, (start[:, 2] - self.state.heading[rows]) / 2
         qpos[rows, :2] = start[:, :2]
         cos, sin = np.cos(half_turn), np.sin(half_turn)
@@ -330,32 +330,32 @@ class Fleet(World):
         self.state.qvel[rows], self.batch.time[rows], self._heading[rows] = 0.0, 0.0, start[:, 2]
 
     def _towed(self, rows: np.ndarray) -> Array:
-        """Pull (R,) that acts on the robots `rows` (R,), relative to their normal force [-]."""
+        """Pull (R,) on the robots `rows` (R,) relative to their normal force [-]."""
         masses, gravity = self.batch.expanded("body_mass"), float(np.linalg.norm(self.robot.model.opt.gravity))
         mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
         return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
-        """Tractions (N, 2) along the robots and to their left at constant velocity, over their normal force [-]."""
+        """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots' velocity constant [-]."""
         direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
         along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
 
 def _along(forces: Array, forward: Array) -> Array:
-    """Components (..., 2) along `forward` (..., 2) of the forces (..., 6) on the left and the right track."""
+    """Components (..., 2) along `forward` (..., 2) of forces (..., 6) on the left and right tracks."""
     x, y = forces[..., 0::3], forces[..., 1::3]
     return x * forward[..., :1] + y * forward[..., 1:]
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Start and properties of one robot in one run."""
+    """Start and properties of a robot in one run."""
 
     start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
     ground: Ground = field(default_factory=Ground)  # ground under the robot
     radius_error: float = RADIUS_ERROR  # relative error of the effective sprocket radius, real / nominal - 1 [-]
     lag: float | None = None  # time constant of the servos; None for the drive's own [s]
     weight: tuple[float, float] = (0.0, 0.0)
-    """Offset of the centre of mass from the model's, forward and to the left [m]."""
-    mass: float = 1.0  # factor on the mass and the inertia of the chassis [-]
+    """Offset of the centre of mass from the model's, forwards and to the left [m]."""
+    mass: float = 1.0  # factor on the mass and inertia of the chassis [-]

@@ -1,4 +1,4 @@
-"""The grounds under a fleet's robots, written to the engine: friction of every pad, shear, and gravity."""
+"""The grounds of a fleet, as the engine needs them: friction at every pad, shear, and gravity."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from trackslip.errors import require
 from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
-"""Indices of robots, or a slice of them."""
+"""Indices of robots, or a slice over robots."""
 EVERYONE = slice(None)
-"""All robots."""
-_LIGHTEST = 0.05  # least load of a point that is accounted for, relative to the mean
-_AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
-_UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
+"""Slice over all robots."""
+_LIGHTEST = 0.05  # load, relative to the mean, below which a point is neglected [-]
+_AT_REST = 0.005  # speed below which a robot is at rest; creep is a hundred times slower [m/s]
+_UPRIGHT = 0.1  # roll and pitch below which a robot stands on its tracks [rad]
 
 
 class PadFriction:
-    """Friction and shear modulus of N robots' grounds under their P pads."""
+    """Friction and shear modulus under each of P pads on N robots."""
 
     def __init__(self, grounds: Sequence[Ground], pads: Array) -> None:
-        """`grounds`: one for each robot; `pads`: positions (P, 2) of the pads on the robot [m]."""
+        """Tabulate `grounds`, one per robot, for pads at positions `pads` (P, 2) on the robot [m]."""
         self._pads = pads
         n, changes, patches = len(grounds), max(len(g.changes) for g in grounds), max(len(g.patches) for g in grounds)
-        self.varies = changes > 0 or patches > 0  # true if the ground depends on place or time at all
-        self._time = np.full((n, changes), np.inf)  # ascending [s]
-        self._base = np.zeros((n, changes + 1, 3))  # along, across, shear
-        self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]
+        self.varies = changes > 0 or patches > 0  # whether the ground depends on place or time
+        self._time = np.full((n, changes), np.inf)  # times of changes, in ascending order [s]
+        self._base = np.zeros((n, changes + 1, 3))  # along, across, shear; before and after each change
+        self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum and maximum; x, y [m]
         self._patch = np.zeros((n, patches, 3))
-        patched = {key: _patches(ground) for key, ground in {id(g): g for g in grounds}.items()}  # each ground once
+        patched = {key: _patches(ground) for key, ground in {id(g): g for g in grounds}.items()}  # only once per ground
         for i, ground in enumerate(grounds):
             self._base[i] = ground.along, ground.across, ground.shear
             for j, change in enumerate(ground.changes):
@@ -49,10 +49,10 @@ class PadFriction:
             self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = patched[id(ground)]
 
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
-        """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
+        """Friction along and across the tracks [-] and shear modulus [m] under the pads, (N, P, 3).
 
-        `time` since the start of the runs is one for all or (N,) [s]. The robots have positions (N, 2) [m] and headings
-        (N,) [rad].
+        `time` is counted from the start of the runs, a scalar or (N,) [s]. The robots are at positions (N, 2) [m] with
+        headings (N,) [rad].
         """
         n = len(position)
         passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
@@ -62,21 +62,21 @@ class PadFriction:
         place = position[:, None] + se2.rotate(heading[:, None], self._pads)  # (N, P, 2)
         low, high = np.moveaxis(self._corners[:, None], 3, 0)  # (N, 1, M, 2) each
         inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
-        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # the last of overlapping patches
+        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # where patches overlap, the last counts
         on_patch = np.take_along_axis(self._patch, last[..., None], axis=1)
         on_patch[..., 2] = np.where(np.isnan(on_patch[..., 2]), friction[..., 2], on_patch[..., 2])
         return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
 
 
 def _patches(ground: Ground) -> tuple[Array, Array]:
-    """Corners (K, 2, 2) [m] and surface (K, 3) of a ground's patches; shear is NaN where a patch keeps the ground's."""
+    """Corners (K, 2, 2) [m] and surfaces (K, 3) of a ground's patches; a patch with NaN shear keeps the ground's."""
     corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
     surface = [(p.along, p.across, np.nan if p.shear is None else p.shear) for p in ground.patches]
     return corners.swapaxes(1, 2), np.array(surface).reshape(-1, 3)
 
 
 def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
-    """The ground of each of `size` robots; raises InvalidValueError for a wrong number of grounds."""
+    """Return one ground for each of `size` robots; raises InvalidValueError for a wrong number of grounds."""
     grounds = [ground] * size if isinstance(ground, Ground) else list(ground)
     require(len(grounds) == size, "ground", f"{len(grounds)} grounds", f"one or {size}")
     return grounds
@@ -88,10 +88,10 @@ class FleetGround(Restorable):
     STATE = ("grounds", "_surface", "_shear")
 
     def __init__(self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None) -> None:
-        """One of `grounds` for each robot of the batch `of`; without `shear`, all of them must be Coulomb grounds."""
+        """Put each robot in the batch `of` on one of `grounds`, which must be Coulomb grounds without `shear`."""
         self._batch, self._robot, self._shear = of, robot, shear
-        self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as returned by PadFriction.surface
+        self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), a view of the batch
+        self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # last result of PadFriction.surface
         self.grounds = tuple(grounds)  # ground of each robot
         self.put(grounds)
 
@@ -102,18 +102,18 @@ class FleetGround(Restorable):
 
     @property
     def varies(self) -> bool:
-        """True if the ground depends on place or time."""
+        """Whether any ground depends on place or time."""
         return self._ground.varies
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See Restorable."""
+        """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
         self.put(self.grounds)
 
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
-        """Assign `grounds`, one each, to all robots or to `rows` (R,); `lay` and `tilt` write them to the engine.
+        """Assign one of `grounds` to each robot, or to each of `rows` (R,); `lay` and `tilt` write them to the engine.
 
-        Raises InvalidValueError for ground that shears under robots that were not built for it.
+        Raises InvalidValueError for shearing ground under robots that were not built for it.
         """
         largest = max(ground.largest_shear for ground in grounds)
         allowed = "0 for a fleet that began on ground that doesn't shear: say Fleet(..., shears=True)"
@@ -121,39 +121,39 @@ class FleetGround(Restorable):
         changed = dict(enumerate(grounds) if rows is None else zip(rows.tolist(), grounds, strict=True))
         self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
         self._ground = PadFriction(self.grounds, self._robot.pad_position)
-        self.slope = np.array([ground.slope for ground in self.grounds])  # slopes (N,) of the grounds [rad]
+        self.slope = np.array([ground.slope for ground in self.grounds])  # slopes of the grounds (N,) [rad]
         self.uphill = np.array([ground.uphill for ground in self.grounds])
-        """Headings (N,) of robots that drive straight up the slopes [rad]."""
+        """Headings (N,) at which robots drive straight up the slopes [rad]."""
 
     def tilt(self, rows: np.ndarray) -> None:
-        """Tilt the gravity of the robots `rows` (R,) according to their grounds' slopes."""
+        """Tilt gravity for the robots `rows` (R,) by the slopes of their grounds."""
         if any(self.grounds[k].slope != 0 for k in rows) or self._batch.expanded("opt.gravity") is not None:
             size = -float(self._robot.model.opt.gravity[2])
             self._batch.expand("opt.gravity")[rows] = [self.grounds[k].gravity(size) for k in rows]
 
     def lay(self, rows: Rows, time: Array, position: Array, heading: Array) -> None:
-        """Set the friction of every pad of the robots `rows` (R,).
+        """Set the friction at every pad of the robots `rows` (R,).
 
-        All N robots are at positions (N, 2) [m] with headings (N,) [rad] at times (N,) since the start of their runs.
+        All N robots are at positions (N, 2) [m] with headings (N,) [rad], at times (N,) since their runs began [s].
         """
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
         self.share(rows)
 
     def share(self, rows: Rows) -> None:
-        """Scale the pads' friction by the share that shear has mobilised under the robots `rows` (R,)."""
+        """Scale the pads' friction to the share that shear has mobilised under the robots `rows` (R,)."""
         friction = self._surface[rows, ..., :2]
         self._pads[rows] = friction if self._shear is None else friction * self._shear.share[rows][..., None]
 
     def moved(self, rows: Rows, before: Array, after: Array, belt: Array) -> None:
-        """Shear the ground in a period in which the robots `rows` (R,) move; arguments as for `Shear.advance`."""
+        """Shear the ground by the motion of the robots `rows` (R,) in a period; see `Shear.advance` for arguments."""
         if self._shear is not None:
             self._shear.advance(rows, before, after, belt, self._surface[rows, ..., 2])
             self.share(rows)
 
     def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:
-        """Shear the ground by the least displacement that holds the robots `rows` (R,), at headings (R,) [rad].
+        """Shear the ground by the smallest displacement that holds the robots `rows` (R,) at headings (R,) [rad].
 
-        `drawbar` (R,) is the towing force, backwards at a `height` [m], relative to the normal force.
+        `drawbar` (R,) is the backward towing force at a `height` [m], relative to the normal force [-].
         """
         if self._shear is None:
             return
@@ -161,7 +161,7 @@ class FleetGround(Restorable):
         along, across = slope * np.cos(uphill), slope * np.sin(uphill)
         forwards, left, up = self.centre_of_mass(rows).T
         x, y = self._robot.pad_position.T
-        # loads are linear in position; forces are spread as in the engine, as if all points were alike
+        # loads are linear in position; forces are spread as in the engine, where all points are treated alike
         lean_x, lean_y = forwards - up * along - height * drawbar, left - up * across
         load = 1 + lean_x[:, None] * x / np.mean(x**2) + lean_y[:, None] * y / np.mean(y**2)
         turn = (forwards * across - left * along)[:, None] / np.mean(x**2 + y**2)
@@ -171,15 +171,15 @@ class FleetGround(Restorable):
         self.share(rows)
 
     def centre_of_mass(self, rows: Rows) -> Array:
-        """Centres of mass of the robots `rows` (R,) in their frames [m]: (R, 3), or (3,) if all are alike."""
+        """Centres of mass of the robots `rows` (R,) in the robots' frames [m]: (R, 3), or (3,) if all are equal."""
         chassis, moved = self._robot.model.body("chassis").id, self._batch.expanded("body_ipos")
         return self._robot.model.body_ipos[chassis] if moved is None else moved[rows, chassis]
 
 
 def require_at_rest(grounds: Sequence[Ground], heading: Array, speed: Array, lean: Array, pull: Pull) -> None:
-    """Raise InvalidValueError if one of R robots slides or has tipped over where it was put.
+    """Raise InvalidValueError if any of R robots slides or has tipped over at its start.
 
-    They are on `grounds` (R,) with a `heading` [rad], `speed` [m/s] and `lean` [rad], (R,) each.
+    The robots are on `grounds` (R,) with a `heading` [rad], `speed` [m/s] and `lean` [rad], each (R,).
     """
     for k in map(int, np.flatnonzero(~(speed < _AT_REST) | ~(lean < _UPRIGHT))):
         what = "slides" if lean[k] < _UPRIGHT else "tips over"

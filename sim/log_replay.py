@@ -1,4 +1,4 @@
-"""Replay: simulated robots repeat the drives recorded in logs, one robot per log."""
+"""Replays: simulated robots that repeat the drives in logs, one robot per log."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from trackslip.logs.runlog import RunLog, Truth
 from trackslip.se2 import Mounting
 
 Inputs = Literal["encoders", "commands"]
-"""What drives the robots: measured sprocket speeds, or commands to the drive."""
+"""Inputs to the simulated robots: measured sprocket speeds, or commands to the drive."""
 RUN_UP = 0.5
-"""Time for which a robot drives at a log's first measured sprocket speeds before the log begins [s]."""
-_FIRST = 0.3  # time over which poses determine the twist at the start [s]
-_BEYOND = 1e4  # time for which a log's last sprocket speeds continue after its end [s]
+"""Time for which a robot drives at the first measured sprocket speeds before its log begins [s]."""
+_FIRST = 0.3  # duration of the first poses, which determine the initial twist [s]
+_BEYOND = 1e4  # time for which the last sprocket speeds continue after a log's end [s]
 _ROUNDING = 1e-9  # [s]
 MAX_SPEED = 9.9
-"""Belt speed below which drives can be replayed [m/s]."""
-_MARGIN = 1.01  # top speed of a drive that follows every measured speed, over the largest measured speed [-]
+"""Belt speed up to which drives can be replayed [m/s]."""
+_MARGIN = 1.01  # ratio of a replaying drive's top speed to the largest measured speed [-]
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Simulated motion of N robots, each timed by the encoder clock of its log."""
+    """Simulated motion of N robots, each of them timed by its log's encoder clock."""
 
     begin: Array  # (N,) start of the run-up [s]
     period: float  # time between states [s]
-    pose: Array  # (P + 1, N, 3) poses, starting at the origin [m, m, rad]
+    pose: Array  # (P + 1, N, 3) poses, from the origin on [m, m, rad]
     twist: Array  # (P + 1, N, 3) forwards, to the left, yaw rate [m/s, rad/s]
 
     def at(self, robot: Any, time: Array) -> Array:
-        """Poses (n, 3) of robots (n,) at times (n,), which are clipped to those of the replay."""
+        """Poses (n, 3) of robots (n,) at times (n,), which are limited to the replay's duration."""
         return self._at(self.pose, robot, time)
 
     def sensor_at(self, robot: Any, sensor: Mounting, time: Array) -> Array:
@@ -52,11 +52,11 @@ class Replay:
         return se2.compose(self.at(robot, time), sensor.pose)
 
     def log(self, robot: int, of: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
-        """The motion of a robot at the rows of its log `of`, with metadata `about`; other arguments as for `replay`."""
+        """A log of the robot's motion, with the rows of `of` and metadata `about`; for the rest, see `replay`."""
         known = np.flatnonzero(of.has_heading)
         row, first = (int(known[0]), of.pose[known[0]]) if len(known) else (0, np.zeros(3))
         seen = self.sensor_at(robot, sensor, of.time + clock)
-        frame = se2.compose(first, se2.inverse(seen[row]))  # pose of the simulated world in the log's world
+        frame = se2.compose(first, se2.inverse(seen[row]))  # pose of the simulated world in the measured one
         truth = Truth(se2.compose(frame, self.at(robot, of.time)), self._at(self.twist, robot, of.time))
         pose = se2.compose(frame, seen)
         return RunLog(of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about)
@@ -78,26 +78,26 @@ def replay(
     clock: float = 0.0,
     threads: int = 0,
 ) -> list[RunLog]:
-    """Let simulated robots repeat logged drives.
+    """Let simulated robots repeat the drives in logs.
 
-    A replay starts with the twist from the first 0.3 s of poses, or at rest if the sprockets are still then.
+    A replay begins with the twist in the first 0.3 s of poses, or at rest if the sprockets are at rest in this time.
 
     Args:
-        log: a drive, or several, each of which is replayed from its own start.
+        log: a drive, or several drives, which are replayed independently.
         robot: the robot.
         ground: the ground; by default the one in the robot's file.
-        inputs: "encoders" for the measured sprocket speeds, means since the row before, or "commands" for the logged
-            commands, each of which holds until the next.
-        sensor: position and yaw of the pose sensor on the robot; by default those of the robot's frame, all zero.
+        inputs: "encoders" for measured sprocket speeds, averaged since the previous row, or "commands" for logged
+            commands, each of which holds until the next one.
+        sensor: position and yaw of the pose sensor on the robot; by default zero, at the robot's frame.
         clock: encoder clock minus pose clock, from -0.5 to 0.5 [s].
         threads: number of worker threads, 0 for one per processor.
 
     Returns:
-        For each log, a log with the same rows: simulated sensor poses, which begin at the first measured pose, measured
+        For each log, a log with the same rows: simulated sensor poses that begin at the first measured pose, measured
         sprocket speeds, and the robot's true pose and twist.
 
     Raises:
-        LogError: for a log without commands if `inputs` is "commands", and for belts faster than 9.9 m/s.
+        LogError: for a log without commands if `inputs` is "commands", and for belt speeds above 9.9 m/s.
         InvalidValueError: for arguments out of range.
     """
     require_within("clock", clock, -RUN_UP, RUN_UP, "s")
@@ -111,9 +111,9 @@ def replay(
 
 
 def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[RunLog]]:
-    """Copies of each log, one for each part between lasting jumps in its poses.
+    """Copies of each log, one per part between lasting jumps in its poses.
 
-    Only the part's poses that identification uses are valid. Raises LogError for logs that identification refuses.
+    Only poses that identification uses are valid in a copy. Raises LogError for logs that identification refuses.
     """
     look = first_look(drives_of(logs)[0], geometry)
     return [
@@ -123,7 +123,7 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
-    """The log with poses up to the first lasting jump and without outliers; unchanged if identification refuses it."""
+    """The log without outliers and poses after its first lasting jump; unchanged if identification refuses it."""
     try:
         return without_jumps([log], geometry)[0][0]
     except (LogError, IndexError):
@@ -131,10 +131,10 @@ def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
 
 
 class Replayer:
-    """Inputs from N logs, for replays by different robots on different grounds."""
+    """The inputs in N logs, for replays by different robots on different grounds."""
 
     def __init__(self, logs: Sequence[RunLog], inputs: Inputs = "encoders") -> None:
-        """`inputs` as for `replay`."""
+        """Prepare logs for replays; `inputs` are those of `replay`."""
         self.logs, self.inputs = list(logs), inputs
         if inputs == "commands":
             for log in logs:
@@ -143,12 +143,12 @@ class Replayer:
                     raise LogError(f"run {log.run!r}: {needed}")
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
-        self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # start of the run-up of each log (N,) [s]
+        self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # (N,) start of each log's run-up [s]
         self._turned = [_turned(log) for log in logs]
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
 
     def run(self, parameters: RobotParameters, ground: Ground, threads: int = 0) -> Replay:
-        """The motion of a robot on a ground."""
+        """Simulate the motion of a robot on a ground."""
         robot = compiled(parameters)
         fastest = self._fastest * robot.geometry.sprocket_radius
         if not fastest < MAX_SPEED:
@@ -173,7 +173,7 @@ class Replayer:
                 fleet.advance(period)
             else:
                 fleet.follow(measured[k : k + 1])
-            if k + 1 == round(RUN_UP / period):  # a sliding robot has slowed down during the run-up
+            if k + 1 == round(RUN_UP / period):  # a sliding robot has slowed down meanwhile
                 fleet.launch(twist)
             poses[k + 1], twists[k + 1] = fleet.pose(), fleet.twist()
         return Replay(self.begin, period, poses, twists)
@@ -198,9 +198,9 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
-    """Twist (3,) from poses with headings in the first 0.3 s, or from the sprockets without slip if these are too few.
+    """Twist (3,) from poses with headings in the first 0.3 s, or without slip from the sprockets if poses are too few.
 
-    If the sprockets are at rest during this time, so is the robot.
+    If the sprockets are at rest during this time, the twist is 0.
     """
     if not log.omega[log.time - log.time[0] <= _FIRST].any():
         return np.zeros(3)

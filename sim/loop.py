@@ -1,4 +1,4 @@
-"""Open- and closed-loop runs of a fleet, recorded as RunLogs, and the pilots that steer the fleet."""
+"""Open- and closed-loop runs of a fleet with RunLogs as results, and the pilots that steer the fleet."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
-"""Called with the seconds simulated since the last call."""
+"""Function that is called with the simulated time since the last call [s]."""
 PERIOD = LaserScanner().period
-"""Time between the rows of a run without a scanner [s]."""
+"""Time between rows in a run without a scanner [s]."""
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """The controller of R robots in a fleet, and their slip compensation."""
+    """The controller and slip compensation for R robots in a fleet."""
 
     controller: Controller
     robots: Sequence[int]
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
-    """Look-ahead time of the controller: the delay between command and motion [s]."""
+    """Look-ahead time of the controller, the delay between command and motion [s]."""
 
     @cached_property
     def _loaded(self) -> SensesLoad | None:
@@ -52,7 +52,7 @@ class Pilot:
         return self.controller if isinstance(self.controller, SensesSprockets) else None
 
     def begin(self, record: RunRecorder) -> None:
-        """Begin new runs at the robots' current poses, to be recorded in `record`."""
+        """Begin new runs at the robots' current poses; `record` is their recorder."""
         with self._failing(record, 0.0):
             self.controller.reset()
         self.compensation.reset(record.fleet.pose()[self.robots])
@@ -60,7 +60,7 @@ class Pilot:
             record.sense_loads()
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
-        """Slip law for row k, after the compensation has observed the motion so far."""
+        """Slip law for row k, after the compensation has observed the motion up to then."""
         if k > 0:
             self.compensation.observe(record.omega[k, self.robots], record.period, record.estimated(k, self.robots))
         if self._loaded is not None:
@@ -70,11 +70,11 @@ class Pilot:
         return law
 
     def twist(self, record: RunRecorder, k: int, law: SlipLaw, reference: Reference) -> Array:
-        """Twists (R, 2) that the controller wants in row k; raises RunFailedError if the controller fails."""
+        """Twists (R, 2) that the controller requests in row k; raises RunFailedError if the controller fails."""
         pose: Array = record.pose[k, self.robots]
         omega, time = record.omega[k, self.robots], float(record.time[k])
         geometry = record.fleet.robot.geometry
-        # the direction in which the robots move, and where they will be when the command takes effect
+        # the robots' direction of motion, and their poses when the command takes effect
         if self._loaded is not None:
             pose[:, 2] += self._loaded.crab_angle(law.twist(omega, geometry))
         if self.preview > 0:
@@ -88,11 +88,11 @@ class Pilot:
 
     @contextmanager
     def _failing(self, record: RunRecorder, time: float) -> Iterator[None]:
-        """Turn whatever a user's controller raises into a RunFailedError."""
+        """Turn any exception that a user's controller raises into a RunFailedError."""
         try:
             yield
         except (Exception, SystemExit) as error:
-            frames = traceback.extract_tb(error.__traceback__)[2:]  # without this frame and the call itself
+            frames = traceback.extract_tb(error.__traceback__)[2:]  # without this frame and that of the call
             where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
             what = f"its controller fails at {time:g} s ({type(error).__name__}: {error}){where}"
             raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
@@ -109,22 +109,22 @@ def open_loop(
     watch: Stopwatch | None = None,
     period: float = PERIOD,
 ) -> list[RunLog]:
-    """Drive every robot at given sprocket speeds.
+    """Drive each robot at given sprocket speeds.
 
     Args:
         fleet: N robots.
-        omega: sprocket speeds (N, 2) or (2,) [rad/s], or (T, N, 2), one for each row; above the top speed, both tracks
-            are scaled by the same factor.
+        omega: sprocket speeds (N, 2) or (2,) [rad/s], or (T, N, 2) for T rows; if they exceed the top speed, both
+            tracks are scaled by the same factor.
         duration: duration of each run [s].
-        feed: the scanner in front of the fleet; by default there is none.
-        locator: finds the poses in blocks of scans; by default the log contains the true poses.
+        feed: scanner that observes the fleet; by default none.
+        locator: finds poses in blocks of scans; by default the logs contain the true poses.
         descriptions: name and metadata of each run.
-        progress: see Progress.
-        watch: measures the time spent in the stages "physics", "scans" and "localization".
-        period: time between rows of a run without a scanner [s].
+        progress: function that is called with the simulated time since its last call [s].
+        watch: stopwatch for the stages "physics", "scans" and "localization".
+        period: time between rows in a run without a scanner [s].
 
     Raises:
-        RunFailedError: if a robot tips over; the error's `logs` contain the rows recorded until then.
+        RunFailedError: if a robot tips over; the error's `logs` contain the rows up to then.
         InvalidValueError: for arguments out of range.
     """
     watch = watch or Stopwatch()
@@ -148,27 +148,27 @@ def closed_loop(
     descriptions: Sequence[Description] | None = None,
     progress: Progress = lambda seconds: None,
 ) -> list[RunLog]:
-    """Let controllers follow `reference` to its end, with one command per scan, limited as in `open_loop`.
+    """Let controllers follow `reference` to its end; each scan leads to one command, limited as in `open_loop`.
 
     Args:
         fleet: N robots.
-        pilots: pilots that together control every robot; or one controller for all robots, without slip compensation.
+        pilots: pilots that together control all robots, or one controller for all robots without slip compensation.
         reference: the trajectory to follow.
-        feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
-        locator: finds the poses in the scans; by default controllers get the true poses.
+        feed: scanner that observes the fleet; by default none, with a command every PERIOD.
+        locator: finds poses in scans; by default controllers get the true poses.
         descriptions: see `open_loop`.
         progress: see `open_loop`.
 
     Raises:
         InvalidValueError: unless every robot has exactly one pilot.
-        RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the rows until then.
+        RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the rows up to then.
     """
     if not isinstance(pilots, Sequence):
         pilots = [Pilot(pilots, range(fleet.size))]
     valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
     require(valid, "pilots", [list(pilot.robots) for pilot in pilots], f"each robot 0..{fleet.size - 1} once")
     period = PERIOD if feed is None else feed.period
-    rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
+    rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last is at the reference's end or just after
     record = RunRecorder(fleet, rows, period, descriptions)
     localization = Localization(record, TruePose(fleet))
     if feed is not None and locator is not None:
@@ -194,7 +194,7 @@ def _drive(
     progress: Progress,
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
-    """Drive, scan, localize, steer and record, row by row; `steer` returns a row's sprocket speeds (N, 2) [rad/s]."""
+    """Drive, scan, localize, steer and record each row; `steer` returns a row's sprocket speeds (N, 2) [rad/s]."""
     fleet, watch = record.fleet, watch or Stopwatch()
     try:
         for k in range(len(record.time)):

@@ -1,4 +1,4 @@
-"""MuJoCo's renderer and viewer, with one-line errors if a machine can't draw."""
+"""MuJoCo's renderer and viewer, with one-line errors on machines that can't draw."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from trackslip.errors import TrackslipError
 
 
 def has_display() -> bool:
-    """True if windows can be opened."""
+    """Whether this machine can open windows."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def prefer_egl() -> None:
     """Import MuJoCo; without a display it renders with EGL, unless MUJOCO_GL names another OpenGL library.
 
-    Raises TrackslipError if the chosen library doesn't work. Has no effect once MuJoCo has been imported.
+    Raises TrackslipError if that library doesn't work. Has no effect if MuJoCo was imported before.
     """
     if not has_display():
         os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         import mujoco  # noqa: F401
-    except (AttributeError, OSError, RuntimeError) as error:  # what PyOpenGL and MuJoCo raise
+    except (AttributeError, OSError, RuntimeError) as error:  # from PyOpenGL and MuJoCo
         chosen = os.environ.get("MUJOCO_GL")
         raise TrackslipError(f"rendering: MUJOCO_GL = {chosen!r} does not work here ({error})") from error
 
@@ -44,15 +44,15 @@ def place(data: Any, qpos: np.ndarray) -> None:
 
 
 class Pictures:
-    """Pictures (height, width, 3) of a model, drawn by one `mujoco.Renderer`."""
+    """Pictures (height, width, 3) of a model from one `mujoco.Renderer`."""
 
     def __init__(self, model: Any, width: int, height: int) -> None:
-        """Raise TrackslipError if the OpenGL library that MUJOCO_GL chose at MuJoCo's import doesn't work."""
+        """Create the renderer; raises TrackslipError if the OpenGL library that MuJoCo chose doesn't work."""
         import mujoco
 
         try:
             self._renderer = mujoco.Renderer(model, height, width)
-        except Exception as error:  # whatever a machine without OpenGL raises
+        except Exception as error:  # any error on a machine without OpenGL
             why = " ".join(str(error).split())
             how = "set the environment variable MUJOCO_GL to egl or osmesa before Python starts"
             raise TrackslipError(f"rendering: no OpenGL works here ({why}); without a display, {how}") from error
@@ -66,7 +66,7 @@ class Pictures:
 
 
 class Window:
-    """MuJoCo's viewer, which renders in its own threads."""
+    """MuJoCo's viewer, which draws in its own threads."""
 
     def __init__(self, data: Any) -> None:
         """Open the viewer on `data` and its model; raises TrackslipError without a display."""
@@ -78,16 +78,16 @@ class Window:
 
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
-                glfw.init()  # a failure raises here; in the viewer's thread it would end the process
+                glfw.init()  # raises for a broken display, which would end the viewer's process
             others = threading.enumerate()
             self.viewer = viewer.launch_passive(data.model, data)
-        except Exception as error:  # whatever a broken display raises
+        except Exception as error:  # any error on a broken display
             raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
         self._threads = [thread for thread in threading.enumerate() if thread not in others]
         atexit.register(self.close)
 
     def close(self) -> None:
-        """Close the window and wait for its threads, which could otherwise crash the interpreter at exit."""
+        """Close the window and wait for its threads, which could otherwise crash the interpreter at its exit."""
         atexit.unregister(self.close)
         self.viewer.close()
         for thread in self._threads:

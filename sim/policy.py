@@ -1,7 +1,7 @@
-"""Trained policies: small NumPy networks from observations to actions, their files, and a controller that uses one.
+"""Trained policies, which are small NumPy networks from observations to actions, and a controller that uses them.
 
-A path-tracking policy corrects the reference's twist: action = twist now + authority * network(features), clipped to
-[-1, 1]. The features are the observation with its errors compressed by arsinh, which resolves both millimetres and
+A policy for path tracking corrects the reference's twist: action = twist now + authority * network(features), clipped
+to [-1, 1]. The features are the observation with errors compressed by arsinh, which resolves both millimetres and
 decimetres.
 """
 
@@ -26,9 +26,9 @@ from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
-_PRODUCTS = 100_000  # number of products of rows and weights at a time, which fit into a processor's cache
-ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # parts of an observation
-FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
+_PRODUCTS = 100_000  # number of products of rows and weights that fit into a processor's cache
+ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # slices of an observation
+FINE = np.array([0.02, 0.02, 0.02])  # errors at which compression sets in, in the observation's units
 _OPSET = 18
 _FEATURES = """
     errors, twist, others = Split <axis = 1> (observation, sizes)
@@ -46,7 +46,7 @@ _CORRECTED = """
 
 @dataclass(frozen=True)
 class Network:
-    """Layers with tanh, except for the last layer, which is linear. Rows are bitwise independent."""
+    """Layers with tanh, and a linear last layer. Rows are bitwise independent of each other."""
 
     weights: tuple[Array, ...]  # (in, out) each
     biases: tuple[Array, ...]  # (out,) each
@@ -61,7 +61,7 @@ class Network:
     def __call__(self, x: Array) -> Array:
         """Outputs (N, m) for inputs (N, n)."""
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # a matrix product would round differently for different N; blocks of rows bound the memory
+            # a matrix product would round differently for different N; blocks of rows limit the memory
             rows = max(1, _PRODUCTS // weight.size)
             blocks = [x[first : first + rows] for first in range(0, max(len(x), 1), rows)]
             x = np.concatenate([np.add.reduce(block[:, :, None] * weight, axis=1) for block in blocks]) + bias
@@ -71,7 +71,7 @@ class Network:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers of inputs and outputs."""
+        """Number of inputs and number of outputs."""
         return len(self.weights[0]), len(self.biases[-1])
 
 
@@ -84,14 +84,14 @@ class Policy:
     network: Network
     """Network from observations to actions in [-1, 1]."""
     options: dict[str, Any]
-    """Options of the environment on which observations and actions depend."""
+    """Options of the environment that define observations and actions."""
 
     def action(self, observation: ArrayLike) -> Array:
         """Actions (N, A) in [-1, 1] for observations (N, n)."""
         return np.clip(self.network(np.asarray(observation, float)), -1.0, 1.0)
 
     def save(self, path: Path) -> None:
-        """Write a .npz file."""
+        """Write the policy to a .npz file."""
         arrays: dict[str, Any] = {f"weight_{k}": weight for k, weight in enumerate(self.network.weights)}
         arrays |= {f"bias_{k}": bias for k, bias in enumerate(self.network.biases)}
         about = {"format": self.FORMAT} | {name: value for name, value in vars(self).items() if name != "network"}
@@ -100,7 +100,7 @@ class Policy:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a file written by `save`, or policy.npz in a folder, without pickle; raises LogError for other files."""
+        """Read, without pickle, a file from `save`, or policy.npz in a folder; raises LogError for other files."""
         file = policy_file(path)
         try:
             with regular_file(file).open("rb") as opened, np.load(opened) as stored:
@@ -113,13 +113,13 @@ class Policy:
             raise LogError(f"{file}: {error}") from error
         except OSError as error:
             raise LogError(f"{file}: {error.strerror or error}") from error
-        except Exception as error:  # whatever NumPy, zipfile and json raise for a damaged file
+        except Exception as error:  # any error of NumPy, zipfile and json for a damaged file
             raise LogError(f"{file}: not a policy.npz of `trackslip train`: docs/controller.md has others") from error
 
 
 @dataclass(frozen=True)
 class TrackingPolicy(Policy):
-    """A trained policy for robots that follow paths; its network maps features to corrections in [-1, 1]."""
+    """A trained policy for robots that follow paths; its network turns features into corrections in [-1, 1]."""
 
     FORMAT: ClassVar[str] = "trackslip policy 1"
 
@@ -137,27 +137,27 @@ class TrackingPolicy(Policy):
 
 
 def policy_file(path: Path) -> Path:
-    """A policy's file, given its path or the folder that `trackslip train` wrote."""
+    """The file of a policy, from its own path or that of the folder from `trackslip train`."""
     return path / "policy.npz" if path.is_dir() else path
 
 
 def features(observation: Array) -> Array:
-    """Network inputs (..., n) for observations (..., n)."""
+    """Features (..., n), the network's inputs, for observations (..., n)."""
     seen = np.array(observation, float)
     seen[..., ERRORS] = np.arcsinh(seen[..., ERRORS] / FINE)
     return seen
 
 
 def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Array:
-    """Actions (N, 2): the reference's present twist in observations (N, n), plus corrections (N, 2) in [-1, 1]."""
+    """Actions (N, 2): the reference's current twist in observations (N, n), plus corrections (N, 2) in [-1, 1]."""
     return np.clip(observation[:, TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
 
 
 class PolicyController:
-    """A policy as a controller, which builds the environment's observations from poses."""
+    """A controller that builds the environment's observations from poses and applies a policy to them."""
 
     def __init__(self, policy: TrackingPolicy, top_speed: float) -> None:
-        """`top_speed` is that of the sprockets [rad/s]. Raises InvalidValueError for another environment's policy."""
+        """Use sprockets with this `top_speed` [rad/s]; raises InvalidValueError for a policy of another environment."""
         config = from_options(EnvConfig, policy.options)
         require(not config.loads, "loads of the policy", config.loads, "false: controllers sense no loads")
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
@@ -167,12 +167,12 @@ class PolicyController:
         self.reset()
 
     def reset(self) -> None:
-        """Start with sprockets at rest and no previous action."""
+        """Assume sprockets at rest and no previous action."""
         self._omega: Array = np.zeros(2)
         self._action: Array = np.zeros(2)
 
     def sense(self, omega: Array) -> None:
-        """Set the measured sprocket speeds (N, 2), means over the last period [rad/s]."""
+        """Set the measured mean sprocket speeds (N, 2) over the last period [rad/s]."""
         self._omega = omega
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
@@ -188,8 +188,8 @@ class PolicyController:
 def write_onnx(path: Path, policy: Policy, observed: Sequence[Element], commanded: Sequence[Element]) -> None:
     """Write a policy as a graph from `observation` (N, n) to `action` (N, A), both float32.
 
-    As JSON, the model's metadata contain the names, units, scales and bounds of both, and the environment's options.
-    Raises TrackslipError if the package onnx is missing.
+    The model's metadata contain, as JSON, names, units, scales and bounds of both, and the environment's options.
+    Raises TrackslipError if the package onnx isn't installed.
     """
     try:
         import onnx.parser

@@ -1,4 +1,4 @@
-"""Estimated poses of a fleet from the truth, the truth plus noise, or the scanner, row by row or in blocks of scans."""
+"""Estimated poses of a fleet: the truth, noisy truth, or poses from the scanner, by row or by block of scans."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from trackslip.logs.runlog import RunLog, ScanLog
 
 Index = NDArray[np.int_]
 
-_AT_ONCE, _MOST_AT_ONCE = 2500, 400  # most scans in a block: of all robots together, and of each robot
+_AT_ONCE, _MOST_AT_ONCE = 2500, 400  # largest number of scans in a block, of all robots and of each robot
 
 
 class TruePose(Restorable):
-    """True poses of N robots; the base class of the other sources."""
+    """True poses of N robots; the base class of other pose sources."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
@@ -31,38 +31,38 @@ class TruePose(Restorable):
         self._valid = np.ones(fleet.size, bool)
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Begin new runs of the robots `rows` (R,), with noise `seeds` (R,) and numbers `last` (R,) of the last row."""
+        """Begin runs of the robots `rows` (R,), with noise `seeds` (R,) and numbers `last` (R,) of their last rows."""
 
     def start(self, rows: Index) -> Array:
-        """Estimated poses (R, 3) of the robots `rows` (R,) at the start of their runs."""
+        """Estimated poses (R, 3) of the robots `rows` (R,) at the beginning of their runs."""
         return self._fleet.pose()[rows]
 
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
-        """Estimated poses of the N robots in rows `k` (N,), counted from the start of their runs.
+        """Estimated poses of N robots in rows `k` (N,), counted from the beginning of their runs.
 
-        `omega` (N, 2) are the mean sprocket speeds over the last `duration` [rad/s, s], `true` (N, 3) the true poses.
+        `omega` (N, 2) are mean sprocket speeds over the last `duration` [rad/s, s], `true` (N, 3) are true poses.
         """
         return PoseEstimate(true, self._covariance, self._valid)
 
     def scan_logs(self, pose: Array) -> list[ScanLog] | None:
-        """Scans for the N robots' logs, from T rows with estimated poses (T, N, 3); None unless all were kept."""
+        """Scans for the logs of N robots with poses (T, N, 3) estimated in T rows; None unless all scans were kept."""
         return None
 
 
 class NoisyPose(TruePose):
-    """True poses plus Gaussian noise, drawn at the start of each run."""
+    """True poses plus Gaussian noise, which is drawn at the beginning of each run."""
 
     STATE = ("_noise",)
 
     def __init__(self, fleet: Fleet, deviation: Sequence[float]) -> None:
-        """`deviation` (3,) is the standard deviation of x, y and heading [m, m, rad]."""
+        """Use standard deviations `deviation` (3,) for x, y and heading [m, m, rad]."""
         super().__init__(fleet)
         self._deviation = np.array(deviation)
         self._covariance[:] = np.diag(self._deviation**2)
         self._noise = np.zeros((fleet.size, 1, 3))
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Draw the noise."""
+        """Draw the noise of new runs; see TruePose."""
         longer = max(0, int(last.max()) + 1 - self._noise.shape[1])
         self._noise = np.pad(self._noise, ((0, 0), (0, longer), (0, 0)))
         for row, seed, end in zip(rows, seeds, last, strict=True):
@@ -70,17 +70,17 @@ class NoisyPose(TruePose):
             self._noise[row, : end + 1] = drawn * self._deviation
 
     def start(self, rows: Index) -> Array:
-        """Noisy poses (R, 3)."""
+        """Noisy start poses (R, 3); see TruePose."""
         return super().start(rows) + self._noise[rows, 0]
 
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
-        """Noisy poses."""
+        """Noisy poses in rows `k`; see TruePose."""
         noise = self._noise[np.arange(len(true)), np.minimum(k, self._noise.shape[1] - 1)]
         return super().estimate(k, omega, true + noise, duration)
 
 
 class ScannedPose(TruePose):
-    """Poses of the plates in scans of the laser range finder, tracked from the known start."""
+    """Poses from the plates in scans of the laser range finder, tracked from the known start poses."""
 
     STATE = ("feed", "tracker")
 
@@ -88,27 +88,27 @@ class ScannedPose(TruePose):
         super().__init__(fleet)
         self.feed, self._locator = feed, locator
         self.tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-        self.scans: list[np.ndarray] = []  # ranges (N, B) of the scans so far, if all are kept [m]
+        self.scans: list[np.ndarray] = []  # ranges (N, B) in each scan, if all are kept [m]
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Restart the noise and the tracker."""
+        """Restart noise and tracker for new runs; see TruePose."""
         self.feed.restart(rows, [np.random.default_rng(seed) for seed in seeds])
         self.tracker.restart(rows, self.start(rows))
 
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
-        """Tracked poses."""
+        """Tracked poses in rows `k`; see TruePose."""
         predicted = self.tracker.predict(omega, duration)
         return self.tracker.update(self._locator.locate(self.feed.scan(self.scan()), predicted))
 
     def scan(self) -> Array:
-        """Measured ranges (N, B) in the next scan [m]."""
+        """Ranges (N, B) in the next scan [m]."""
         ranges = self.feed.measure(self.feed.true_ranges()[:, None])[:, 0]
         if self.feed.kept:
             self.scans.append(ranges.astype(np.float32))
         return ranges
 
     def scan_logs(self, pose: Array) -> list[ScanLog] | None:
-        """All scans, with the parts that were identified as the plate."""
+        """All scans, with the parts that were recognised as the plate; see TruePose."""
         if not self.scans or not len(pose):
             return None
         scans = [self.feed.scan(full.astype(float)) for full in self._full(len(pose))]
@@ -117,18 +117,18 @@ class ScannedPose(TruePose):
         return self.logged(clusters, len(pose))
 
     def logged(self, clusters: Sequence[Cluster], rows: int) -> list[ScanLog]:
-        """Scans for the robots' logs, with the parts identified as plates, `clusters`, and all ranges if kept."""
+        """Scans for the robots' logs: the parts recognised as plates, `clusters`, and all ranges if they were kept."""
         empty, plate = self.feed.scan(np.empty((0, len(self.feed.bearings)))), self._fleet.robot.plate
         full = self._full(rows) if self.scans else [None] * len(clusters)
         return [ScanLog(empty, plate, *own) for own in zip(clusters, full, strict=True)]
 
     def _full(self, rows: int) -> list[np.ndarray]:
-        """Ranges (rows, B) in each robot's first `rows` scans."""
+        """Ranges (rows, B) in the first `rows` scans of each robot."""
         return list(np.stack(self.scans[:rows], axis=1))
 
 
 class Localization:
-    """Estimates poses row by row, as closed loops require."""
+    """Pose estimation row by row, as closed loops need it."""
 
     def __init__(self, record: RunRecorder, source: TruePose) -> None:
         self._record, self._source = record, source
@@ -140,28 +140,28 @@ class Localization:
         record.estimate(k, self._source.estimate(k, record.omega[k], record.fleet.pose(), duration))
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """One log per run, with its complete rows; `failure` is the reason why the runs stopped early."""
+        """One log of complete rows per run; `failure` is the reason if the runs ended early."""
         pose = self._record.pose[: self._record.complete]
         return self._record.logs(self._source.scan_logs(pose), failure)
 
 
 class ScanBlocks(Localization):
-    """Localization in blocks of scans, which is faster, for open loops."""
+    """Pose estimation in blocks of scans, which is faster, for open loops."""
 
     def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
-        """`watch` measures the time spent in the stages "scans" and "localization"."""
+        """Estimate poses with `locator`; `watch` measures the stages "scans" and "localization"."""
         super().__init__(record, source)
         self._scanned = source
         self._watch, self._follower = watch, Follower(locator, source.tracker)
         size = record.fleet.size
         block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
-        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))  # the first `_waiting` wait
+        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))  # `_waiting` are valid
         self._waiting = 0
-        self._located = 0  # number of rows that have been localized
+        self._located = 0  # number of rows with estimated poses
         self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
 
     def estimate(self, k: int) -> None:
-        """Take the scans for row k, and localize all waiting scans once they fill a block."""
+        """Scan for row k; estimate poses once the waiting scans fill a block."""
         with self._watch.stage("scans"):
             self._ranges[:, self._waiting] = self._scanned.scan()
         self._waiting += 1
@@ -169,7 +169,7 @@ class ScanBlocks(Localization):
             self._locate()
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """See Localization; the logs include the parts of the scans that show the plate."""
+        """One log per run, see Localization, with the parts of the scans that show the plate."""
         if self._waiting:
             self._locate()
         if not self._record.complete:

@@ -1,4 +1,4 @@
-"""Drawing a task's robots, with their paths and trails or on their courses: pictures of each robot, and a window."""
+"""Drawing of a task's robots, with paths and trails or on courses: pictures of each robot, and a window."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from sim.robot.tracked_model import build_tracked
 from sim.traverse.task import Crossing
 from trackslip.kinematics import Array
 
-_SPACING = 0.03  # smallest length of a segment of a drawn line [m]
-# height above the ground and half width [m], and colour of a drawn line
+_SPACING = 0.03  # smallest length of a drawn segment [m]
+# height above the ground and half width [m], and colour of a line
 _PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
-_DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
+_DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # camera behind a robot [m, deg, deg]
 
 
 class TaskRenderer(ABC):
-    """Draws a task's robots: pictures of each robot, and robot 0 in a window."""
+    """Drawing of a task's robots: pictures of all of them, and robot 0 in a window."""
 
     def __init__(self, looks: RobotLooks) -> None:
-        self.looks, self.data = looks, mujoco.MjData(looks.model)  # in the state of the robot being drawn
+        self.looks, self.data = looks, mujoco.MjData(looks.model)  # data: state of the robot being drawn
         self._window: Window | None = None
         self._pictures: Pictures | None = None
 
     @abstractmethod
     def begin(self, rows: Sequence[int]) -> None:
-        """Note that episodes of the robots `rows` have begun."""
+        """Note that new episodes have begun for the robots `rows`."""
 
     @abstractmethod
     def follow(self) -> None:
@@ -42,21 +42,21 @@ class TaskRenderer(ABC):
 
     @abstractmethod
     def pose(self, row: int) -> None:
-        """Put `data` into the state of robot `row`."""
+        """Set `data` to the state of the robot `row`."""
 
     @abstractmethod
     def camera(self, row: int) -> Any:
-        """The camera that follows robot `row`."""
+        """The camera that follows the robot `row`."""
 
     @abstractmethod
     def draw(self, scene: Any, row: int) -> None:
-        """Append everything but the model to a scene."""
+        """Append everything except the model of the robot `row` to a scene."""
 
     def picture(self, row: int) -> np.ndarray:
-        """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
+        """Image (480, 640, 3) uint8 of the robot `row`; raises TrackslipError if OpenGL doesn't work."""
         self.pose(row)
         if self._pictures is None:
-            quality = self.looks.model.vis.quality  # low enough for a processor to draw in 60 ms
+            quality = self.looks.model.vis.quality  # low enough for drawing in 60 ms on a CPU
             quality.offsamples = quality.shadowsize = 0
             self._pictures = Pictures(self.looks.model, 640, 480)
         return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
@@ -82,7 +82,7 @@ class TaskRenderer(ABC):
 
 
 class PathRenderer(TaskRenderer):
-    """Draws a robot, its reference path (blue) and its trail (orange)."""
+    """Drawing of robots, their reference paths (blue) and their trails (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
         super().__init__(robot_looks(tracking.config.parameters))
@@ -90,31 +90,31 @@ class PathRenderer(TaskRenderer):
         self._trails = [[position] for position in tracking.fleet.pose()[:, :2]]
 
     def begin(self, rows: Sequence[int]) -> None:
-        """Start new trails for the robots `rows`."""
+        """Begin new trails for the robots `rows`."""
         pose = self._tracking.fleet.pose()
         for row in rows:
             self._trails[row] = [pose[row, :2]]
 
     def follow(self) -> None:
-        """Extend the trails to the robots' present positions."""
+        """Extend the trails to the robots' current positions."""
         for trail, position in zip(self._trails, self._tracking.fleet.pose()[:, :2], strict=True):
             trail.append(position)
 
     def camera(self, row: int) -> mujoco.MjvCamera:
-        """See TaskRenderer."""
+        """The camera that follows the robot `row`."""
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (*self.data.qpos[:2], 0.2)
         camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
         return camera
 
     def pose(self, row: int) -> None:
-        """See TaskRenderer."""
+        """Set `data` to the state of the robot `row`."""
         qpos = self.looks.rest.copy()
         qpos[:7] = self._tracking.fleet.batch.qpos[row]
         place(self.data, qpos)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
-        """Append the tracks, the path and the trail."""
+        """Append tracks, path and trail of the robot `row` to a scene."""
         travel = self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
         self.looks.draw(scene, self.data, travel[self.looks.track_side])
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
@@ -129,7 +129,7 @@ class PathRenderer(TaskRenderer):
 
 
 def _thinned(points: Array | list[Array]) -> Iterator[Array]:
-    """Points (2,) from a line (T, 2) that are more than _SPACING apart."""
+    """Points (2,) on a line (T, 2) that are at least _SPACING apart."""
     last = points[0]
     yield last
     for point in points[1:]:
@@ -139,32 +139,32 @@ def _thinned(points: Array | list[Array]) -> Iterator[Array]:
 
 
 class CourseRenderer(TaskRenderer):
-    """Draws a robot on its course."""
+    """Drawing of robots on their courses."""
 
     def __init__(self, task: Crossing) -> None:
         super().__init__(RobotLooks.of(build_tracked(task.world.tracked.robot, task.world.slots, looks=True)))
         self._task = task
-        self._travel = np.zeros(task.world.contact.belt.shape)  # belt travel in this episode (N, T) [m]
+        self._travel = np.zeros(task.world.contact.belt.shape)  # (N, T) belt travel in this episode [m]
 
     def begin(self, rows: Sequence[int]) -> None:
         """Reset the drawn belts of the robots `rows`."""
         self._travel[list(rows)] = 0.0
 
     def follow(self) -> None:
-        """Advance the drawn belts with the simulated ones."""
+        """Advance the drawn belts by the simulated belts' travel."""
         self._travel += self._task.world.contact.belt * self._task.config.period
 
     def pose(self, row: int) -> None:
-        """See TaskRenderer."""
+        """Set `data` to the state of the robot `row`, and the model to its course."""
         world = self._task.world
         world.slots.show(row, world.course[row], self.looks.model)
         place(self.data, world.state.qpos[row])
 
     def camera(self, row: int) -> mujoco.MjvCamera:
-        """See TaskRenderer."""
+        """The camera that follows the robot `row`."""
         ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
         return self.looks.camera(self.data, float(ground))
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
-        """Append the tracks."""
+        """Append the tracks of the robot `row` to a scene."""
         self.looks.draw(scene, self.data, self._travel[row])

@@ -1,4 +1,4 @@
-"""Objects whose state can be saved and restored to the bit."""
+"""Objects with a state that can be saved and restored exactly."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 
 
 class Restorable:
-    """An object whose state is the attributes named in `STATE`. Tuples among them hold immutable objects only."""
+    """An object whose state is in the attributes named by `STATE`. Tuples in the state hold only immutable objects."""
 
     STATE: ClassVar[tuple[str, ...]] = ()
 
     def get_state(self) -> dict[str, Any]:
-        """Return a copy of the state, by attribute name; it can be pickled."""
+        """Return a copy of the state, by attribute name, which can be pickled."""
         return {name: _saved(getattr(self, name)) for name in self.STATE}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state of this object, or of another one made with the same arguments."""
+        """Restore a state of this object or of another object with the same constructor arguments."""
         for name in self.STATE:
             own, saved = getattr(self, name), state[name]
             if isinstance(own, Restorable):
                 own.set_state(saved)
             elif isinstance(own, np.ndarray) and own.shape == np.shape(saved):
-                own[...] = saved  # other objects may share the array
+                own[...] = saved  # other objects may refer to the array
             else:
                 setattr(self, name, _saved(saved))
 

@@ -1,4 +1,4 @@
-"""Recording N runs row by row, and turning the rows into RunLogs."""
+"""Recording of N runs row by row, and the RunLogs from their rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trackslip.localization.scan import PoseEstimate
 from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 FAILURE = "failure"
-"""Key in a log's metadata for the reason why the run stopped early."""
+"""Key in a log's metadata for the reason if the run ended early."""
 _UPRIGHT = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
 
 
@@ -30,14 +30,14 @@ class Contacts:
 
     load: Array  # (N, K) normal force [N]
     force: Array  # (N, K, 2) tangential force on the robot, along and across the pad [N]
-    velocity: Array  # (N, K, 2) velocity of the points relative to the ground, along and across the pad [m/s]
+    velocity: Array  # (N, K, 2) velocity of the points over the ground, along and across the pad [m/s]
     rising: Array  # (N, K) vertical speed, positive upwards [m/s]
     belt: Array  # (N, K) speed of the belt relative to the robot, along the pad [m/s]
-    position: Array  # (N, K, 2) in the robot's frame [m]
+    position: Array  # (N, K, 2) position in the robot's frame [m]
 
 
 def read_contacts(fleet: Fleet) -> Contacts:
-    """The contacts of a fleet whose robot was loaded with contact sensors."""
+    """Read the contacts of a fleet, whose robot must have been loaded with contact sensors."""
     sensed = _of_points(fleet, fleet.batch.bind("sensordata"))
     return Contacts(
         load=sensed[..., 0].copy(),
@@ -50,7 +50,7 @@ def read_contacts(fleet: Fleet) -> Contacts:
 
 
 def pad_forces(fleet: Fleet) -> Array:
-    """Forces (N, P, 3) of the ground on the pads, means over the last `advance`: forward, to the left, up [N].
+    """Mean forces (N, P, 3) of the ground on the pads over the last `advance`: forwards, to the left, up [N].
 
     The fleet's robot must have been loaded with contact sensors.
     """
@@ -62,23 +62,23 @@ def pad_forces(fleet: Fleet) -> Array:
 
 
 def _of_points(fleet: Fleet, sensed: Array) -> Array:
-    """The contact sensors' data for each point (N, K, CONTACT_WIDTH), from the data of all sensors (N, S)."""
+    """Data of the contact sensors at each point (N, K, CONTACT_WIDTH), from the data of all sensors (N, S)."""
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
 
 
 @dataclass(frozen=True)
 class Description:
-    """The name and the metadata of a run."""
+    """Name and metadata of a run."""
 
     run: str
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
 class RunRecorder:
-    """Row-by-row recording of N runs.
+    """Recording of N runs, row by row.
 
-    A row is complete once its command has been recorded; logs contain only complete rows.
+    A row is complete once its command has been recorded; only complete rows are logged.
     """
 
     def __init__(self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description] | None) -> None:
@@ -89,24 +89,24 @@ class RunRecorder:
         require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
         self.fleet, self.period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
-        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # whether the ground shears under load
+        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # whether its ground shears
         self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
-        self.complete = 0  # number of rows that have been recorded in full
+        self.complete = 0  # number of complete rows
         self.time = np.arange(rows) * period  # (T,) [s]
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
-        """Tractions (T, N, 2) that the robots need per load, forward and to the left [-]; 0 unless sensed."""
+        """Tractions per load (T, N, 2) that the robots need, forwards and to the left [-]; 0 unless sensed."""
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        self._truth: list[dict[str, Array]] = []  # of each row, (N, ...) each
+        self._truth: list[dict[str, Array]] = []  # per row, arrays (N, ...)
 
     def measure(self, k: int) -> None:
-        """Record encoders and truth in row k; raises RunFailedError if a robot has tipped over."""
+        """Record encoders and truth for row k; raises RunFailedError if a robot has tipped over."""
         fleet = self.fleet
         self._require_upright(k)
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
@@ -130,28 +130,28 @@ class RunRecorder:
             raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
 
     def sense_loads(self) -> None:
-        """Record the loads of all robots from now on."""
+        """Record the loads of all robots from the next row on."""
         self._loads = True
 
     def command(self, k: int) -> None:
-        """Record the current set points of the sprockets, which completes row k."""
+        """Record the sprockets' current set points, which completes row k."""
         self._command[k] = self.fleet.drive.set_point
         self.complete = k + 1
 
     def estimate(self, rows: int | slice, estimate: PoseEstimate) -> None:
-        """Record estimated poses (N,) in a row, or (T, N) in T rows."""
+        """Record poses estimated for a row (N,) or for T rows (T, N)."""
         self.pose[rows], self._covariance[rows], self._valid[rows] = estimate.pose, estimate.covariance, estimate.valid
 
     def name(self, robot: int) -> str:
-        """Name of a robot's run."""
+        """Name of the run of a robot, given by its index."""
         return self._descriptions[robot].run
 
     def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
-        """The estimated poses (R,) of some robots in row k."""
+        """Estimated poses (R,) of the robots with these indices in row k."""
         return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
 
     def wanted(self, k: int, robots: Sequence[int], twist: Array) -> None:
-        """Record the twists (R, 2) that a controller wants in row k; raises RunFailedError unless they are finite."""
+        """Record the twists (R, 2) that a controller requests in row k; raises RunFailedError for non-finite twists."""
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
@@ -162,15 +162,15 @@ class RunRecorder:
         self._twist_command[k, robots] = twist
 
     def compensated(self, k: int, robots: Sequence[int], law: SlipLaw) -> None:
-        """Record the law that turns the twists of R robots into sprocket speeds in row k."""
+        """Record the law that converts the twists of R robots into sprocket speeds in row k."""
         if law.records_icr:
             for column, name in enumerate(("offset", "radius_error")):
                 self._icr[k, robots, column] = getattr(law, name)
 
     def logs(self, scans: Sequence[ScanLog | None] | None = None, failure: str | None = None) -> list[RunLog]:
-        """One log per run, with the run's complete rows and `scans`; no logs if there are fewer than two rows.
+        """One log per run, with its complete rows and `scans`; no logs if there are fewer than two rows.
 
-        `failure` is the reason why the runs stopped early.
+        `failure` is the reason if the runs ended early.
         """
         if self.complete < 2:
             return []
@@ -178,7 +178,7 @@ class RunRecorder:
         truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
         states = States(truth.pop("qpos"), truth.pop("qvel"))
         truth |= {"twist": states.twist, "lean": states.lean(self.fleet.robot.lrf_height)}
-        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # means since the row before
+        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # means since the previous row
             sums = truth.pop(total)
             truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period
         truths = [Truth(**{name: values[:, i] for name, values in truth.items()}) for i in range(self.fleet.size)]

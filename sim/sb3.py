@@ -1,4 +1,4 @@
-"""The vector environments for Stable-Baselines3; they need the extra `rl`."""
+"""The vector environments for Stable-Baselines3, which need the extra `rl`."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ except ImportError as error:
 
 
 class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """Stable-Baselines3's interface to a vector environment; a robot is reset in the step that ends its episode."""
+    """A vector environment with Stable-Baselines3's interface; the step that ends an episode also resets the robot."""
 
     kind: ClassVar[type[TaskVectorEnv]]
 
     def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """Build the simulator for N robots; see the vector environment."""
+        """Build the simulator for `num_envs` robots; see the vector environment."""
         self.env = env = self.kind(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
         self.render_mode = env.render_mode
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._actions: np.ndarray = np.zeros(env.action_space.shape or ())
 
     def reset(self) -> np.ndarray:
-        """Begin episodes with the seeds and options set before, if any; returns observations (N, n)."""
+        """Begin episodes, with seeds and options if they were set; return observations (N, n)."""
         names = {name for options in self._options for name in options}
         options = {name: [given.get(name) for given in self._options] for name in names}
         observation, info = self.env.reset(seed=list(self._seeds), options=options)
@@ -43,11 +43,11 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return observation
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Set the actions (N, A)."""
+        """Store the actions (N, A) for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Simulate one control period; returns observations (N, n), rewards (N,), episode ends (N,) and infos."""
+        """Simulate one control period; return observations (N, n), rewards (N,), episode ends (N,) and infos."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
         final, observations = info.pop("final_info", None), info.pop("final_obs", None)
@@ -68,41 +68,41 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return self.env.render()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the vector environment, repeated for each robot."""
+        """Return an attribute of the vector environment, once per robot."""
         return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raise InvalidValueError: the robots of a batch have no attributes of their own."""
+        """Raise InvalidValueError, because the robots in a batch have no attributes of their own."""
         raise InvalidValueError("attr_name", attr_name, "set on `env`, for all robots")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment, once for all robots; its result is repeated for each."""
+        """Call a method of the vector environment once for all robots; return its result once per robot."""
         rows = list(self._get_indices(indices))
         require(len(rows) == self.num_envs, "indices", indices, "None: robots of a batch have no own methods")
         return [getattr(self.env, method_name)(*args, **kwargs)] * len(rows)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """False for each robot: none is wrapped."""
+        """False for each robot, as no robot is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
 
 class PathTrackingVecEnv(TaskVecEnv):
-    """PathTrackingVectorEnv with the interface of Stable-Baselines3."""
+    """PathTrackingVectorEnv with Stable-Baselines3's interface."""
 
     kind = PathTrackingVectorEnv
 
 
 class TraverseVecEnv(TaskVecEnv):
-    """TraverseVectorEnv with the interface of Stable-Baselines3."""
+    """TraverseVectorEnv with Stable-Baselines3's interface."""
 
     kind = TraverseVectorEnv
 
 
 class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
-    """Actions are corrections to the reference's twist, observations are a policy's features; see `sim.policy`."""
+    """Wrapper with corrections to the reference's twist as actions and features as observations; see `sim.policy`."""
 
     def __init__(self, robots: PathTrackingVecEnv, authority: tuple[float, float]) -> None:
-        """`authority` is the largest correction to (v, w), in units of the environment's `twist_scale` [-]."""
+        """Limit corrections to (v, w) to `authority`, in units of the environment's `twist_scale` [-]."""
         box: Any = robots.observation_space
         low, high = features(box.low).astype(np.float32), features(box.high).astype(np.float32)
         super().__init__(robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space)
@@ -110,16 +110,16 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
         self._seen: np.ndarray = np.zeros((robots.num_envs, *box.shape))
 
     def reset(self) -> np.ndarray:
-        """Begin episodes; returns features (N, n)."""
+        """Begin episodes; return features (N, n)."""
         self._seen = self._robots.reset()
         return features(self._seen).astype(np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Set the corrections (N, 2) in [-1, 1]."""
+        """Store the corrections (N, 2) in [-1, 1] for `step_wait`."""
         self._robots.step_async(corrected(self._seen, actions, self._authority))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Simulate one control period; returns features (N, n), rewards (N,), episode ends (N,) and infos."""
+        """Simulate one control period; return features (N, n), rewards (N,), episode ends (N,) and infos."""
         self._seen, reward, ended, infos = self._robots.step_wait()
         for row in np.flatnonzero(ended):
             infos[row]["terminal_observation"] = features(infos[row]["terminal_observation"]).astype(np.float32)

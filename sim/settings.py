@@ -1,4 +1,4 @@
-"""Frozen dataclasses from TOML files and options; mistakes are reported in one line with field and allowed values."""
+"""Frozen dataclasses from TOML files and options; one-line errors name the field and its allowed values."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from trackslip.files import read_text, reason
 
 T = TypeVar("T")
 
-_MOST = 1_000_000  # largest size of a settings file [bytes]
-_KINDS: dict[Any, tuple[Any, str]] = {  # by type hint: the class of its values, and their name in messages
+_MOST = 1_000_000  # largest settings file [bytes]
+_KINDS: dict[Any, tuple[Any, str]] = {  # by type hint: class of the values, and name in messages
     str: (str, "a text"),
     bool: (bool, "true or false"),
     float: (Real, "a number"),
@@ -39,7 +39,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         table = tomllib.loads(read_text(path, _MOST))
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # from decoding text or TOML
+    except (ValueError, RecursionError) as error:  # errors from decoding text or TOML
         raise SettingsFileError(f"{path}: not TOML ({reason(error)})") from error
     if not table:
         raise SettingsFileError(f"{path}: no settings in it")
@@ -47,7 +47,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
-    """Read the TOML file `source`; raises InvalidValueError, which lists the `names`, if it isn't a file."""
+    """Read the TOML file `source`; raises InvalidValueError, which lists the known `names`, if it isn't a file."""
     path = Path(source)
     is_file = source and (path.suffix.lower() == ".toml" or os.path.exists(path))  # Path.exists fails for long names
     require(is_file, field, source, f"one of {', '.join(names)}, or a .toml file")
@@ -55,7 +55,7 @@ def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
-    """Build a frozen dataclass from a table of its fields; missing fields are taken from `base` or the defaults.
+    """Build a frozen dataclass from a table of its fields; missing fields are those of `base` or the defaults.
 
     Raises SettingsFileError, which begins with `where`, for unknown or missing fields and values that aren't allowed;
     see `converted`.
@@ -80,10 +80,10 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
 
 
 def from_options(cls: type[T], options: Mapping[str, Any]) -> T:
-    """Build a dataclass from keyword arguments; see `converted`.
+    """Build a dataclass from keyword arguments, whose values are converted by `converted`.
 
     Raises TypeError for unknown names, InvalidValueError for values of the wrong type or that the dataclass refuses,
-    SettingsFileError for tables with such values.
+    SettingsFileError for tables that contain such values.
     """
     hints = _type_hints(cls)  # type: ignore[arg-type]
     for name in options:
@@ -93,7 +93,7 @@ def from_options(cls: type[T], options: Mapping[str, Any]) -> T:
 
 
 def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by name; raises InvalidValueError unless they are a mapping with names and types from `hints`."""
+    """Return options by name; raises InvalidValueError unless they map names in `hints` to values of these types."""
     require(isinstance(options, Mapping), field, options, "a dictionary")
     assert isinstance(options, Mapping)
     for name in options:
@@ -102,10 +102,10 @@ def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[st
 
 
 def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
-    """A value converted to its type hint: lists to tuples, tables to dataclasses, paths to texts and texts to paths.
+    """Convert a value to its type hint: lists to tuples, tables to dataclasses, paths to texts and texts to paths.
 
-    A table, such as a specification from JSON, becomes the dataclass in the hint that has its fields. Raises
-    InvalidValueError for a value of the wrong type, SettingsFileError, with `where`, for a table with such a value.
+    A table, which may come from JSON, becomes the hinted dataclass that has its fields. Raises InvalidValueError for a
+    value of the wrong type, and SettingsFileError, which begins with `where`, for a table that contains such a value.
     """
     if hint is object:
         return value
@@ -131,9 +131,9 @@ def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
 
 
 def _dataclass_of(table: Mapping[str, Any], parts: Iterable[Any]) -> Any:
-    """The dataclass, among types and their subclasses, with all fields of a table and the fewest others, or None.
+    """The dataclass among types and their subclasses that has all fields of a table and the fewest others, or None.
 
-    A single candidate is returned whatever its fields.
+    If there is only one candidate, it is returned whatever its fields.
     """
     kinds = [kind for part in parts for kind in _dataclasses(part)]
     if len(kinds) != 1:
@@ -142,7 +142,7 @@ def _dataclass_of(table: Mapping[str, Any], parts: Iterable[Any]) -> Any:
 
 
 def _dataclasses(kind: Any) -> list[Any]:
-    """The type itself if it is a dataclass, otherwise its subclasses that are."""
+    """The type if it is a dataclass, otherwise its subclasses that are dataclasses."""
     if dataclasses.is_dataclass(kind):
         return [kind]
     return [each for subclass in getattr(kind, "__subclasses__", list)() for each in _dataclasses(subclass)]

@@ -1,4 +1,4 @@
-"""Time spent in the stages of a computation."""
+"""Time measurement for the stages of a computation."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Stopwatch:
-    """Total time spent in each stage."""
+    """A stopwatch for the total time in each stage."""
 
     stages: dict[str, float] = field(default_factory=dict)
-    """Stage -> wall-clock time [s]."""
+    """Wall-clock time by name of the stage [s]."""
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the time spent in the `with` block to the stage `name`."""
+        """Add the duration of the `with` block to the time of stage `name`."""
         began = time.perf_counter()
         try:
             yield
@@ -25,6 +25,6 @@ class Stopwatch:
             self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - began
 
     def add(self, stages: Mapping[str, float]) -> None:
-        """Add times [s] that another stopwatch measured."""
+        """Add times by stage, from another stopwatch [s]."""
         for name, time_spent in stages.items():
             self.stages[name] = self.stages.get(name, 0.0) + time_spent

@@ -1,8 +1,8 @@
-"""Learning tasks as environments use them: their interface, their spaces, and the user's own terms.
+"""Learning tasks: their interface for environments, the elements of their spaces, and the user's own terms.
 
-Own terms of rewards and observations are functions of a task, given as "MODULE:NAME", with weights or scales. They take
-the task (`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossing`) after a step and return an array
-(N,) with one value for each robot:
+The user's own rewards and observations are functions of a task, given as "MODULE:NAME" with a weight or scale. After a
+step, such a function gets the task (`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossing`) and
+returns an array (N,) with one value per robot:
 
     def effort(task):
         return np.abs(task.fleet.drive.torque).sum(axis=1)
@@ -25,35 +25,35 @@ from trackslip.kinematics import Array
 
 Floats = NDArray[np.float32]
 MAX_WEIGHT = 1e6
-"""Largest weight in a reward."""
+"""Largest weight in a reward [-]."""
 BOUND = 10.0
-"""Largest magnitude of a user's own element of an observation, in units of its scale."""
+"""Largest magnitude of a user's own observation element, in units of its scale [-]."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """An element of observations or actions: a quantity divided by its scale, and clipped."""
+    """An element of observations or actions: a quantity divided by its scale and clipped."""
 
     name: str
-    """The quantity."""
+    """Name of the quantity."""
     unit: str
-    """Unit of the quantity, "-" for none."""
+    """Unit of the quantity, "-" if none."""
     scale: float
-    """Value of the quantity for which the element is 1, in `unit`."""
+    """Value of the quantity, in `unit`, at which the element is 1."""
     bound: float = 1.0
-    """Largest magnitude of the element."""
+    """Largest magnitude of the element [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OwnTerms(Checked):
-    """Options of a task for the user's own terms."""
+    """A task's options for the user's own terms."""
 
     own_rewards: dict[str, float] = field(default_factory=dict)
     """Weights of the user's own reward terms, by function MODULE:NAME; see `sim.task`."""
     own_observations: dict[str, float] = field(default_factory=dict)
-    """Scales of the user's own elements at the end of the observation, by function."""
+    """Scales of the user's own elements, which end the observation, by function."""
     privileged: dict[str, float] = field(default_factory=dict)
-    """Scales of elements that only a critic sees, by function; they are in info["privileged"]."""
+    """Scales of elements that only a critic sees, by function; their values are in info["privileged"]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,20 +67,20 @@ class OwnTerms(Checked):
 
 
 def function(name: str) -> Callable[[Any], Any]:
-    """The function MODULE:NAME; raises InvalidValueError if it doesn't exist."""
+    """Import the function MODULE:NAME; raises InvalidValueError if it doesn't exist."""
     module, _, attribute = name.partition(":")
     try:
         chosen = getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # whatever a user's module raises
+    except Exception as error:  # any error from a user's module
         raise InvalidValueError("function", name, f"MODULE:NAME ({type(error).__name__}: {error})") from error
     require(callable(chosen), "function", name, "MODULE:NAME of a function of a task")
     return chosen
 
 
 class Task(Restorable, ABC):
-    """A task for N robots, one row each, independent of the environment's interface. Rows are bitwise independent.
+    """A task for N robots, one row each, without an environment's interface. Rows are bitwise independent.
 
-    Users step the task, and episodes end one by one, so that a task can't run in `sim.loop`.
+    Users step a task, and its episodes end one by one, so `sim.loop` can't run it.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")
@@ -88,13 +88,13 @@ class Task(Restorable, ABC):
     def __init__(
         self, config: Any, size: int, period: float, observed: tuple[Element, ...], commanded: tuple[Element, ...]
     ) -> None:
-        """Set up a task that observes the elements `observed` and the user's own; see the attributes."""
+        """Set up a task with observed elements `observed`, followed by the user's own; see the attributes."""
         self.config = config  # the options, with `reward` and `OwnTerms`
         self.size = size  # number of robots
         self.period = period  # control period [s]
         own = (Element(name, "", scale, BOUND) for name, scale in config.own_observations.items())
-        self.observed = (*observed, *own)  # elements (n) of an observation
-        self.commanded = commanded  # elements (A) of an action, each in [-1, 1]
+        self.observed = (*observed, *own)  # the n elements of an observation
+        self.commanded = commanded  # the A elements of an action, each in [-1, 1]
         names = (*config.own_rewards, *config.own_observations, *config.privileged)
         self._functions = {name: function(name) for name in names}
         self._rewards = tuple(f"reward_{term}" for term in (*config.reward.TERMS, *config.own_rewards))
@@ -102,48 +102,48 @@ class Task(Restorable, ABC):
         self._action: Array = np.zeros((size, len(commanded)))
         self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
         self.terminated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have terminated
-        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have been cut off
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have been truncated
 
     @abstractmethod
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
-        """Draw a robot's episode from its own generator; `options` replace drawn values."""
+        """Draw an episode for a robot from the robot's own generator; `options` replace drawn values."""
 
     @abstractmethod
     def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each."""
+        """Begin an episode with each of the robots `rows` (R,)."""
 
     @abstractmethod
     def step(self, actions: ArrayLike) -> None:
         """Simulate one control period with actions (N, A), clipped to [-1, 1].
 
-        Raises InvalidValueError for actions that aren't finite or have another shape.
+        Raises InvalidValueError for actions that aren't finite or have a wrong shape.
         """
 
     @abstractmethod
     def _observed(self) -> Floats:
-        """Observations without the user's own elements."""
+        """Observations (N, n') without the user's own elements."""
 
     @abstractmethod
     def _quantities(self) -> dict[str, NDArray[Any]]:
-        """The quantities in `info` other than rewards and privileged elements."""
+        """Quantities for `info`, without rewards and privileged elements."""
 
     def observation(self) -> Floats:
         """Observations (N, n), float32."""
         return np.concatenate([self._observed(), self._scaled(self.config.own_observations)], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities (N, ...) by name, which may be the task's own arrays; the keys are always the same."""
+        """Further quantities (N, ...) by name, some of them the task's own arrays; the names are always the same."""
         privileged = self.config.privileged
         rewards = dict(zip(self._rewards, self._terms, strict=True))
         return self._quantities() | rewards | ({"privileged": self._scaled(privileged)} if privileged else {})
 
     def _clear(self, rows: NDArray[np.int_], *states: NDArray[Any]) -> None:
-        """Set to zero the state of the robots `rows` (R,), including their rows in further `states` (N, ...)."""
+        """Zero the state of the robots `rows` (R,), and their rows in additional `states` (N, ...)."""
         for state in (self._action, self.reward, self.terminated, self.truncated, *self._terms, *states):
             state[rows] = 0
 
     def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
-        """Actions (N, A) clipped to [-1, 1], which are stored as the last actions, and their change."""
+        """Clip actions (N, A) to [-1, 1] and store them; return them and their change since the last actions."""
         shape = self._action.shape
         try:
             action = np.asarray(actions, float)
@@ -157,10 +157,10 @@ class Task(Restorable, ABC):
         return self._action, self._action - before
 
     def _earn(self, terms: Iterable[Array], running: NDArray[np.bool_] | bool = True) -> None:
-        """Set the reward from `terms` (N,) and the user's own terms, which are 0 for robots that aren't `running`."""
+        """Set rewards from `terms` (N,) and the user's own terms, which are 0 for robots that aren't `running`."""
         own = [np.where(running, weight * self._values(name), 0.0) for name, weight in self.config.own_rewards.items()]
         self._terms = np.array([*terms, *own])
-        self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
+        self.reward = np.add.accumulate(self._terms)[-1]  # added in order: bitwise identical for any number of robots
 
     def _scaled(self, scales: Mapping[str, float]) -> Floats:
         """The user's own elements (N, k), scaled and clipped."""
@@ -168,7 +168,7 @@ class Task(Restorable, ABC):
         return np.column_stack([np.empty((self.size, 0)), *columns]).astype(np.float32)
 
     def _values(self, name: str) -> Array:
-        """Values (N,) from a function; raises InvalidValueError unless it returns one finite number for each robot."""
+        """Values (N,) of a function; raises InvalidValueError unless it returns one finite number per robot."""
         given = np.asarray(self._functions[name](self), float)
         require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
         require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")

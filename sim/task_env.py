@@ -1,4 +1,4 @@
-"""Learning tasks as gymnasium environments: for one robot, and for N robots in one batch."""
+"""Learning tasks as gymnasium environments, for one robot or for N robots in a batch."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _MOST, _MOST_THREADS = 100_000, 1024
 
 
 class TaskInterface(Restorable):
-    """An environment that describes its task, and that can return to earlier states."""
+    """An environment that describes its task and can return to earlier states."""
 
     configuration: Any
-    """Dataclass of the task's options."""
+    """Dataclass for the task's options."""
     kind: Any
-    """The task's class, which takes the options and the numbers of robots and threads."""
+    """Class of the task, whose arguments are options, number of robots and number of threads."""
     drawing: Any
-    """The class that draws the task."""
+    """Class of the task's renderer."""
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"]}  # noqa: RUF012
-    """See gymnasium; the frames per second are added once the control period is known."""
+    """Metadata for gymnasium, to which the frame rate is added once the control period is known."""
     task: Any
     observed: tuple[Element, ...]
-    """Names, units, scales and bounds of the elements (n) of an observation."""
+    """The n elements of an observation: names, units, scales and bounds."""
     commanded: tuple[Element, ...]
-    """Names, units, scales and bounds of the elements (A) of an action."""
+    """The A elements of an action: names, units, scales and bounds."""
     render_mode: str | None
     _renderer: TaskRenderer | None = None
 
@@ -49,13 +49,13 @@ class TaskInterface(Restorable):
         self._renderer = self.drawing(self.task) if render_mode is not None else None
 
     def get_state(self) -> dict[str, Any]:
-        """A copy of the state, which can be pickled: robots, their episodes and the generators for later episodes."""
+        """Return a copy of the state, which can be pickled: robots, episodes, and the generators for later episodes."""
         return {"of": self._of} | super().get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of this environment, or of another environment made with the same options.
+        """Return to a state of this environment or of another environment with the same options.
 
-        Raises InvalidValueError for a state from an environment that differs in task, size, observation or action.
+        Raises InvalidValueError for the state of an environment with another task, size, observation or action.
         """
         of = state.get("of")
         require(of == self._of, "state", f"that of {of}", f"that of {self._of}")
@@ -75,9 +75,9 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
     STATE = ("task", "np_random")
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are the configuration's fields.
+        """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are fields of `configuration`.
 
-        Raises InvalidValueError for options that are unknown or out of range.
+        Raises InvalidValueError for unknown options and values out of range.
         """
         allowed = 'None, "rgb_array" or "human"'
         require(render_mode in (None, "rgb_array", "human"), "render_mode", render_mode, allowed)
@@ -85,7 +85,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         self.observation_space, self.action_space = _box(self.observed), _box(self.commanded)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """Begin an episode, drawn from a generator with this seed, or from the present generator if `seed` is None.
+        """Begin an episode, drawn from a new generator with this seed, or from the existing one if `seed` is None.
 
         `options` replace drawn values; see the task's `draw`. Raises InvalidValueError for unknown options and values
         out of range.
@@ -108,7 +108,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         return task.observation()[0], float(task.reward[0]), *ends, _only(task.info())
 
     def render(self) -> Any:
-        """Image (480, 640, 3), or None for "human", which updates the window; raises TrackslipError if that fails."""
+        """Return an image (480, 640, 3), or update the window for "human"; raises TrackslipError if drawing fails."""
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make, to render")
         return self._renderer.picture(0) if self.render_mode == "rgb_array" else self._show()
@@ -126,8 +126,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
 class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
     """A task for N robots.
 
-    Row i is bitwise identical to row i of gymnasium's SyncVectorEnv with single environments and the same seeds; the
-    spaces, autoreset modes and infos are the same, too.
+    Row i is bitwise identical to row i of gymnasium's SyncVectorEnv with single environments and the same seeds;
+    spaces, autoreset modes and infos are identical as well.
     """
 
     STATE = ("task", "_generators", "_seeds_used", "_ended", "_begun", "_steps")
@@ -143,9 +143,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
     ) -> None:
         """Build the simulator for `num_envs` robots on `threads` worker threads, 0 for one per processor.
 
-        `render_mode` is None or "rgb_array", `autoreset_mode` one of gymnasium's; `max_episode_steps` truncates longer
-        episodes; `options` are the configuration's fields. Raises InvalidValueError for options that are unknown or out
-        of range.
+        `render_mode` is None or "rgb_array", `autoreset_mode` a mode of gymnasium. Episodes are truncated after
+        `max_episode_steps`; `options` are fields of `configuration`. Raises InvalidValueError for unknown options and
+        values out of range.
         """
         require(render_mode in (None, "rgb_array"), "render_mode", render_mode, 'None or "rgb_array", for many robots')
         require_whole("num_envs", num_envs, 1, _MOST)
@@ -156,7 +156,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         if max_episode_steps is not None:
             require_whole("max_episode_steps", max_episode_steps, 1)
         self._longest = np.inf if max_episode_steps is None else max_episode_steps
-        self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # in each robot's episode
+        self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # steps (N,) in each robot's episode
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(mode)
         self._make(options, num_envs, threads, render_mode)
@@ -175,10 +175,10 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         """Begin episodes; raises InvalidValueError for unknown options and values out of range.
 
         Args:
-            seed: an integer s, which seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with
-                one seed per robot, None to keep a robot's generator.
-            options: `reset_mask`, (N,) bool, resets some robots only; other options are those of the single
-                environment, each a value for all robots or a list with one per robot, None to draw a robot's value.
+            seed: an integer s, which seeds row i like a single environment's reset(seed=s + i); or a sequence of seeds,
+                one per robot, or None for a robot that keeps its generator.
+            options: `reset_mask`, (N,) bool, resets only some robots; other options are those of the single
+                environment, each a value for all robots or a list with one per robot, or None to draw a robot's value.
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})
@@ -198,12 +198,12 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
-        """Generators (N) from which the robots' episodes are drawn, as in SyncVectorEnv; None before a first reset."""
+        """Generators (N) for the robots' episodes, as in SyncVectorEnv; None before the first reset."""
         return tuple(self._generators)
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
-        """Seeds (N) of the robots' generators."""
+        """Seeds (N) of the generators for the robots' episodes."""
         return tuple(self._seeds_used)
 
     def _seeds(self, seed: Any) -> list[int | None]:
@@ -220,7 +220,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
 
         Raises:
             InvalidValueError: for actions that aren't finite.
-            TrackslipError: before the first reset; without autoreset, while a robot needs a new episode.
+            TrackslipError: before the first reset; without autoreset, if a robot needs a new episode.
         """
         if not self._begun:
             raise TrackslipError("step: reset() comes first")
@@ -231,7 +231,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         task.step(actions)
         self._steps += 1
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            # robots that ended in the previous step are reset instead of stepped
+            # robots whose episodes ended in the previous step are reset instead of stepped
             self._begin(np.flatnonzero(self._ended), {})
         if self._renderer is not None:
             self._renderer.follow()
@@ -246,7 +246,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         return task.observation(), reward, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...]:
-        """Images (480, 640, 3), one per robot; raises TrackslipError if nothing can be drawn."""
+        """Images (480, 640, 3), one per robot; raises TrackslipError if drawing fails."""
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make_vec, to render")
         return tuple(self._renderer.picture(row) for row in range(self.num_envs))
@@ -273,7 +273,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             self._renderer.begin(rows.tolist())
 
     def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
-        """`final_obs` and `final_info` of the robots whose episodes have `ended` (N,)."""
+        """Entries `final_obs` and `final_info` for the robots whose episodes have `ended` (N,)."""
         observation = np.full(self.num_envs, None, dtype=object)
         for row, values in zip(np.flatnonzero(ended), self.task.observation()[ended], strict=True):
             observation[row] = values
@@ -281,7 +281,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
 
     def _infos(self, whose: NDArray[np.bool_]) -> dict[str, Any]:
-        """Infos of the robots in the mask `whose` (N,), with this mask; zero, or None, for the other robots."""
+        """Infos for the robots in the mask `whose` (N,), with this mask; zero, or None, for other robots."""
         infos: dict[str, Any] = {}
         others = ~whose
         for name, values in self.task.info().items():
@@ -297,5 +297,5 @@ def _box(elements: Sequence[Element]) -> Any:
 
 
 def _only(info: dict[str, Any]) -> dict[str, Any]:
-    """Entries of `info` for the only robot: numbers, texts and arrays."""
+    """Entries of `info` for a single robot: numbers, texts and arrays."""
     return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}

@@ -1,4 +1,4 @@
-"""Worlds: N simulations of one model in a batch, and the states of their robots."""
+"""Worlds, each with N simulations of a model in a batch, and the states of their robots."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trackslip.kinematics import Array
 
 
 class _Silence:
-    """The settings of the engine's log, for the whole process, from before the first thread silenced it."""
+    """The settings of the process's engine log, from before the first thread silenced it."""
 
     lock = threading.Lock()
     threads = 0
@@ -29,7 +29,7 @@ class _Silence:
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; the caller reads their counters."""
+    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; callers read the engine's counters."""
     with _Silence.lock:
         if _Silence.threads == 0:
             _Silence.before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
@@ -47,11 +47,11 @@ def quietly() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class States:
-    """States of robots with leading axes (...): of N robots now, or of N robots at T moments."""
+    """States of robots with leading axes (...): N robots at one time, or N robots at T times."""
 
     qpos: Array  # (..., nq) positions of all joints
-    qvel: Array  # (..., nv) their velocities
-    free: tuple[int, int] = (0, 0)  # where the chassis' pose begins in qpos, and its velocity in qvel
+    qvel: Array  # (..., nv) velocities of all joints
+    free: tuple[int, int] = (0, 0)  # indices at which the chassis' pose begins in qpos, and its velocity in qvel
 
     @property
     def position(self) -> Array:
@@ -60,7 +60,7 @@ class States:
 
     @property
     def quaternion(self) -> Array:
-        """Attitudes (..., 4) of the chassis: w, x, y, z."""
+        """Attitudes (..., 4) of the chassis as quaternions w, x, y, z."""
         return self.qpos[..., self.free[0] + 3 : self.free[0] + 7]
 
     @property
@@ -75,7 +75,7 @@ class States:
 
     @property
     def rotation(self) -> Array:
-        """Axes of the chassis in the world: forwards, to the left and up are the columns of matrices (..., 3, 3)."""
+        """Matrices (..., 3, 3) whose columns are the chassis' axes in the world: forwards, to the left, up."""
         w, x, y, z = np.moveaxis(self.quaternion, -1, 0)
         rows = (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -92,7 +92,7 @@ class States:
 
     @property
     def upright(self) -> Array:
-        """Cosines (...) of the angles between the vertical of the chassis and that of the world."""
+        """Cosines (...) of the angles between the chassis' vertical and the world's."""
         _, x, y, _ = np.moveaxis(self.quaternion, -1, 0)
         return np.asarray(1 - 2 * (x * x + y * y))
 
@@ -121,10 +121,10 @@ class States:
 
 
 class World(Restorable):
-    """N simulations of one robot, each in its own world; rows are bitwise independent."""
+    """N simulations of a robot, each in its own world; rows are bitwise independent."""
 
     def __init__(self, model: mujoco.MjModel, size: int, threads: int, free: tuple[int, int] = (0, 0)) -> None:
-        """Make `size` simulations of a model on `threads` worker threads, 0 for one per processor; `free` as in States.
+        """Create `size` simulations of a model on `threads` worker threads (0: one per processor); `free` as in States.
 
         Raises InvalidValueError for fewer than one simulation or a negative number of threads.
         """
@@ -134,14 +134,14 @@ class World(Restorable):
         self.batch = batch.Batch(model, size, nthread=threads)
         if model.nkey:
             self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
-        self._fresh = self.batch.state[0].copy()  # state of a robot that has not moved yet
-        self.state = States(self.batch.qpos, self.batch.qvel, free)  # the robots' states (N, ...), live
+        self._fresh = self.batch.state[0].copy()  # state of a robot before it moves
+        self.state = States(self.batch.qpos, self.batch.qvel, free)  # states (N, ...) of the robots, views of the batch
 
     def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> None:
-        """Scale a body's mass and inertia by `mass` (R,), and shift its centre of mass by `com` (R, 2) [m].
+        """Scale the mass and inertia of a body by `mass` (R,), and shift its centre of mass by `com` (R, 2) [m].
 
-        The shift is forward and to the left. The belts must be moving meanwhile, or the engine concludes that they
-        never do.
+        The shift is forwards and to the left. The belts must be moving during the call, otherwise the engine concludes
+        that they never move.
         """
         model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
         if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
@@ -153,14 +153,14 @@ class World(Restorable):
         self.batch.set_const(ids=rows)
 
     def get_state(self) -> dict[str, Any]:
-        """See Restorable; with the engine's state, and the fields of its model that differ between simulations."""
+        """Return a copy of the state, with the engine's state and the model fields that differ between simulations."""
         expanded = {name: self.batch.expanded(name) for name in batch.MODEL_FIELDS}
         model = {name: values.copy() for name, values in expanded.items() if values is not None}
         engine = {"state": self.batch.state.copy(), "warning": self.batch.warning.copy(), "model": model}
         return super().get_state() | {"engine": engine}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See Restorable; what the engine derives from a state is up to date after the next step."""
+        """Restore a state; quantities that the engine derives from it are up to date after the next step."""
         super().set_state(state)
         of, engine = self.batch, state["engine"]
         of.state[:], of.warning[:] = engine["state"], engine["warning"]
@@ -172,7 +172,7 @@ class World(Restorable):
                 of.expand(name)[...] = getattr(plain, name.split(".")[-1])
 
     def _place_at(self, rows: np.ndarray, poses: Array, height: Array | float = 0.0) -> None:
-        """Reset the robots `rows` (R,), upright at poses (R, 3) [m, m, rad], their frames at heights (R,) [m]."""
+        """Reset the robots `rows` (R,) to upright poses (R, 3) [m, m, rad], with frames at heights (R,) [m]."""
         self.batch.state[rows] = self._fresh
         half, zero = poses[:, 2] / 2, np.zeros(len(rows))
         place = [*poses[:, :2].T, np.broadcast_to(height, zero.shape), np.cos(half), zero, zero, np.sin(half)]
@@ -181,7 +181,7 @@ class World(Restorable):
 
 
 def steps_in(name: str, period: float, of: str, step: float) -> int:
-    """Number of steps in a period [s]; raises InvalidValueError unless it is a multiple of `step` [s], called `of`."""
+    """Number of steps in a period [s]; raises InvalidValueError unless it is a multiple of `step` [s], named `of`."""
     require_positive(name, period)
     count = round(period / step)
     require(count >= 1 and abs(count * step - period) < 1e-9, name, period, f"a multiple of {of}, {step:g} s")

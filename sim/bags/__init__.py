@@ -1,1 +1,1 @@
-"""ROS 2 bags with simulated runs, or with commands to a robot."""
+"""ROS 2 bags with simulated runs or with commands for a robot."""

@@ -1,4 +1,4 @@
-"""The topics that a robot, its localization and a stationary scanner publish during a run, as messages for ROS 2.
+"""The topics that a robot, its localization and a stationary scanner publish during a run, as ROS 2 messages.
 
 Messages are built from columns of numbers, one topic at a time. They describe motion in the plane: poses (M, 3) are x,
 y [m] and yaw [rad]; twists (M, 3) are forward speed, lateral speed to the left [m/s] and yaw rate [rad/s].
@@ -24,27 +24,27 @@ from trackslip.logs.runlog import RunLog
 Stamps = NDArray[np.int64]
 """Times (M,) since 1970 [ns]."""
 Fields = Mapping[str, Any]
-"""Values of fields by name: an array with a row for each message, a value that all messages share, or nested fields.
+"""Values of fields by name: an array with a row per message, a value for all messages, or nested fields.
 
-Fields without a value are zero or empty; an array of messages has a single message, whose fields are given.
+Omitted fields are zero or empty; a field that is an array of messages gets one message, with the given fields.
 """
-_ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
+_ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # indices of x, y, yaw in x, y, z, roll, pitch, yaw
 JOINTS = ["left_sprocket", "right_sprocket"]
-"""Names of the sprockets in /joint_states."""
+"""Names of the sprocket joints in /joint_states."""
 FIELD = (52.0, 10.0, 0.0)
-"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: an arbitrary field."""
+"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions, an arbitrary field."""
 START = 1_767_225_600
-"""Stamp of t = 0, 2026-01-01, because a stamp of zero means that there is none [s]."""
-_SINCE_1970 = 1e9  # logs that begin later than this have times since 1970 [s]
-_LAST = 2**31 - 1  # largest number of seconds in a stamp
-# Covariance of x, y [m^2] and yaw [rad^2], and of their rates, as common in configurations of diff_drive_controller.
+"""Stamp for t = 0, 2026-01-01; a stamp of zero would mean that there is no stamp [s]."""
+_SINCE_1970 = 1e9  # a log that begins later than this has times since 1970 [s]
+_LAST = 2**31 - 1  # largest number of seconds that a stamp can hold
+# covariance of x, y [m^2] and yaw [rad^2], and of their rates, common in configurations of diff_drive_controller
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
 _EXACT = np.zeros((3, 3))
 
 
 @functools.cache
 def definitions() -> Any:
-    """The message types of ROS 2 Jazzy; all releases since Foxy define the types written here identically."""
+    """Message types of ROS 2 Jazzy; all releases since Foxy define the types written here identically."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -52,24 +52,24 @@ def definitions() -> Any:
 
 @dataclass(frozen=True)
 class Publication:
-    """A topic to write, with messages that are all of one type."""
+    """A topic to write, with messages of a single type."""
 
     name: str
     kind: str  # type of the messages, such as `sensor_msgs/msg/LaserScan`
-    stamps: Stamps  # (M,) stamps of the messages' headers, ascending [ns]
+    stamps: Stamps  # (M,) stamps in the messages' headers, ascending [ns]
     fields: Fields
-    latched: bool = False  # late subscribers receive the last message, too
+    latched: bool = False  # whether late subscribers receive the last message
 
 
 def messages(kind: str, fields: Fields) -> Iterator[Any]:
-    """Messages of a type with these fields."""
+    """Messages of the type `kind` with these fields."""
     known = definitions()
     columns = (_column(node, detail, fields.get(name)) for name, (node, detail) in known.fielddefs[kind][1])
     return map(known.types[kind], *columns)
 
 
 def _column(node: int, detail: Any, value: Any) -> Iterator[Any]:
-    """The values of a field, message by message."""
+    """The values of a field for each message in turn."""
     from rosbags.interfaces import Nodetype
 
     if node == Nodetype.NAME:
@@ -85,25 +85,25 @@ def _column(node: int, detail: Any, value: Any) -> Iterator[Any]:
 
 
 def header(stamps: Stamps, frame: str = "") -> Fields:
-    """Fields of a std_msgs/Header."""
+    """Fields of a std_msgs/Header, with stamps (M,) and a frame."""
     seconds, rest = np.divmod(stamps, 10**9)
     return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
 
 
 def pose(of: Array, covariance: Array | None = None) -> Fields:
-    """Fields of a geometry_msgs/Pose, or of a PoseWithCovariance if a covariance (3, 3) or (M, 3, 3) is given."""
+    """Fields of a geometry_msgs/Pose, or of a PoseWithCovariance with a covariance (3, 3) or (M, 3, 3)."""
     fields = {"position": {"x": of[:, 0], "y": of[:, 1]}, "orientation": _quaternion(of[:, 2])}
     return fields if covariance is None else {"pose": fields, "covariance": _in_space(covariance, len(of))}
 
 
 def twist(of: Array, covariance: Array | None = None) -> Fields:
-    """Fields of a geometry_msgs/Twist, or of a TwistWithCovariance if a covariance (3, 3) or (M, 3, 3) is given."""
+    """Fields of a geometry_msgs/Twist, or of a TwistWithCovariance with a covariance (3, 3) or (M, 3, 3)."""
     fields = {"linear": {"x": of[:, 0], "y": of[:, 1]}, "angular": {"z": of[:, 2]}}
     return fields if covariance is None else {"twist": fields, "covariance": _in_space(covariance, len(of))}
 
 
 def transforms(name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False) -> Publication:
-    """A topic of tf2_msgs/TFMessage with one transform per message: the pose of `frames[1]` in `frames[0]`."""
+    """A topic of tf2_msgs/TFMessage with one transform per message, the pose of `frames[1]` in `frames[0]`."""
     moved = {"translation": {"x": of[:, 0], "y": of[:, 1]}, "rotation": _quaternion(of[:, 2])}
     moved_frame = {"header": header(stamps, frames[0]), "child_frame_id": frames[1], "transform": moved}
     return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": moved_frame}, latched)
@@ -121,10 +121,10 @@ def _in_space(covariance: Array, count: int) -> Array:
 
 
 class RunTopics:
-    """The topics of a log in groups; a group is empty if the log doesn't have its data."""
+    """Topics for a log, in groups; a group is empty if the log doesn't have its data."""
 
     def __init__(self, log: RunLog, geometry: RobotGeometry | None, readings: np.ndarray | None) -> None:
-        """`readings` (T,) marks the rows with encoder readings; None for all."""
+        """Prepare the topics; `readings` (T,) is the mask of rows with encoder readings, None for all rows."""
         self._log, self._geometry = log, geometry
         self._start = 0 if log.time[0] > _SINCE_1970 else START
         self._read = np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
@@ -134,7 +134,7 @@ class RunTopics:
             self._odom = se2.chain(np.zeros(3), se2.advance(np.zeros(3), driven, np.diff(log.time)))
 
     def encoders(self) -> Iterator[Publication]:
-        """The sprockets' motion."""
+        """Topics on the motion of the sprockets."""
         log, read = self._log, self._read
         stamps = self._stamps(log.time[read])
         turned = log.omega[1:] * np.diff(log.time)[:, None]
@@ -148,7 +148,7 @@ class RunTopics:
             yield transforms("/tf", stamps, frames, odom)
 
     def commands(self) -> Iterator[Publication]:
-        """The body twists commanded by a controller; otherwise those of the commanded sprocket speeds without slip."""
+        """Topic of the body twists from a controller, or from the commanded sprocket speeds without slip."""
         log, commanded = self._log, self._log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
             commanded = body_twist(log.command, 0.0, self._geometry)
@@ -157,7 +157,7 @@ class RunTopics:
             yield command_topic("/cmd_vel", self._stamps(log.time[given]), commanded[given])
 
     def poses(self, covariance: Array | None) -> Iterator[Publication]:
-        """The measured poses, and the transforms that localization publishes with them."""
+        """Topics of the measured poses, and of the transforms that localization publishes with them."""
         log = self._log
         errors = np.broadcast_to(_EXACT if covariance is None else covariance, (len(log.time), 3, 3))
         if log.covariance is not None:
@@ -175,7 +175,7 @@ class RunTopics:
             yield _fixes("/fix", self._stamps(log.time[rest]), log.pose[rest, :2], errors[rest])
 
     def truth(self) -> Iterator[Publication]:
-        """The true motion."""
+        """Topic of the true motion."""
         log, read = self._log, self._read
         if log.truth is not None:
             stamps, frames = self._stamps(log.time[read]), ("map", "base_link")
@@ -184,7 +184,7 @@ class RunTopics:
             )
 
     def scans(self, scans: tuple[Array, Scan] | None) -> Iterator[Publication]:
-        """Scans, and the pose of the scanner; by default the log's own scans, if the log has all of their ranges."""
+        """Topics of scans and the scanner's pose; by default the scans in the log, if it has all of their ranges."""
         log = self._log
         if scans is None and log.scans is not None and log.scans.full is not None:
             scans = log.time, replace(log.scans.scan, ranges=log.scans.full)
@@ -207,7 +207,7 @@ class RunTopics:
         yield transforms("/tf_static", begin, ("map", "laser"), mount, latched=True)
 
     def _stamps(self, time: Array) -> Stamps:
-        """Stamps (M,) [ns] of times (M,) [s]."""
+        """Stamps (M,) [ns] for times (M,) [s]."""
         whole = np.floor(time)
         within = ((whole + self._start >= 0) & (whole + self._start < _LAST)).all()
         require(within, "times of the run", time.tolist()[:1], f"stamps from 0 to {_LAST} s")

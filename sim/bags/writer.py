@@ -1,4 +1,4 @@
-"""Writing runs, and commands to a robot, as ROS 2 bags."""
+"""Writing of runs, and of commands for a robot, to ROS 2 bags."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
 
 MCAP = ".mcap"
-"""Suffix of the file in a bag."""
+"""Suffix of the data file in a bag."""
 _TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -42,23 +42,23 @@ def write_bag(
 ) -> None:
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
 
-    Topics, if the log has their data: /joint_states, /odom (dead reckoning without slip), /cmd_vel (TwistStamped),
-    /pose (PoseWithCovarianceStamped) or, for poses without headings, /fix (NavSatFix); /scan; /ground_truth; /tf with
-    odom -> base_link and, if there are headings, map -> odom; /tf_static with map -> laser. Positions in /joint_states
-    are the sprocket angles since the first row.
+    The bag has these topics if the log has their data: /joint_states, with sprocket angles since the first row; /odom
+    (dead reckoning without slip); /cmd_vel (TwistStamped); /pose (PoseWithCovarianceStamped) or, for poses without
+    headings, /fix (NavSatFix); /scan; /ground_truth; /tf with odom -> base_link and, with headings, map -> odom;
+    /tf_static with map -> laser.
 
     Args:
-        log: the run; the rows' times become stamps, counted from 2026 unless they are already times since 1970.
-        path: folder of the bag, for `metadata.yaml` and the .mcap file; or, if the path ends in .mcap, that file
-            alone. The path must not exist.
-        geometry: the robot's geometry, for /odom and /cmd_vel; by default that in the log's metadata. If there is none
-            in either place, these topics are left out.
-        covariance: covariance (3, 3) of the poses for which the log has none [m, m, rad].
+        log: the run; its times become stamps, counted from 2026 unless they are already times since 1970.
+        path: folder of the bag, for `metadata.yaml` and the .mcap file; or only that file if the path ends in .mcap.
+            The path must not exist.
+        geometry: the robot's geometry, for /odom and /cmd_vel; by default that in the log's metadata. Without
+            geometry, these topics are omitted.
+        covariance: covariance (3, 3) for poses without covariances in the log [m, m, rad].
         readings: mask (T,) of the rows with encoder readings; by default all.
-        scans: times (S,) [s] and scans with ranges (S, B), if they aren't those in the log's rows.
+        scans: times (S,) [s] and scans with ranges (S, B), unless they are those in the log's rows.
 
     Raises:
-        OutputError: if the path exists, or can't be written.
+        OutputError: if the path exists or can't be written.
         InvalidValueError: for times that no stamp can represent.
         TrackslipError: if rosbags is missing.
     """
@@ -80,8 +80,8 @@ def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/c
     """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
 
     The stamps in the headers are 0, which the diff_drive_controller of ros2_control replaces with the time of arrival;
-    it ignores commands whose stamps are older than its `cmd_vel_timeout`. `path` is as for `write_bag`. Raises
-    InvalidValueError if `topic` isn't a valid name in ROS, OutputError and TrackslipError like `write_bag`.
+    it ignores commands with stamps older than its `cmd_vel_timeout`. `path` is that of `write_bag`. Raises
+    InvalidValueError if `topic` isn't a valid name in ROS, and OutputError and TrackslipError like `write_bag`.
     """
     require_topic(topic)
     stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
@@ -89,13 +89,13 @@ def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/c
 
 
 def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
-    """Write the bag, complete or not at all."""
+    """Write the bag completely or not at all."""
     if path.exists():
         raise OutputError(f"{path}: exists already")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=path.parent) as staging:
-            draft = Path(staging) / path.name.removesuffix(MCAP)  # the folder's name is also that of the file in it
+            draft = Path(staging) / path.name.removesuffix(MCAP)  # the folder's name is also the file's
             _fill(draft, topics, about)
             os.replace(draft / f"{draft.name}{MCAP}" if path.suffix == MCAP else draft, path)
     except OSError as error:
@@ -124,7 +124,7 @@ def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str])
 
 
 def _latched() -> Any:
-    """The quality of service with which late subscribers receive a topic's last message."""
+    """The quality of service that sends a topic's last message to late subscribers."""
     from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
     never = QosTime(0, 0)

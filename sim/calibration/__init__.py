@@ -1,1 +1,1 @@
-"""Calibration: parameters of the simulated robot fitted to what a robot did."""
+"""Calibration: parameters of the simulated robot, fitted to data from a robot."""

@@ -1,7 +1,7 @@
-"""Calibration: parameters of the simulated robot fitted to what a robot did, with priors and a robust loss.
+"""Calibration: parameters of the simulated robot, fitted with priors and a robust loss to data from a robot.
 
-MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to trajectories of its sensors. Here, candidates also differ in
-ground, drive and clock, errors refer to motions over a few seconds, and single errors may be large.
+MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to sensor trajectories. In this module, candidates also differ in
+ground, drive and clock, errors refer to motions over a few seconds, and some errors may be very large.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from trackslip.identification.comparison import newton_steps
 from trackslip.kinematics import Array
 
 _STEP = 0.05  # step for finite differences [standard deviations of the prior]
-_ITERATIONS, _CONVERGED = 15, 0.05  # most iterations; gain in log-likelihood below which they stop
-_ROUNDS, _SAME = 10, 0.01  # most fits in succession; relative change in the errors' sizes below which they stop
-_KEPT = 64  # number of candidates whose errors are cached
+_ITERATIONS, _CONVERGED = 15, 0.05  # largest number of iterations; gain in log-likelihood at which they stop
+_ROUNDS, _SAME = 10, 0.01  # largest number of successive fits; relative change in the errors' sizes at which they stop
+_KEPT = 64  # number of candidates with cached errors
 _VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over the prior's standard deviation; value over its standard error
-_ALIKE = 0.95  # cosine between the error slopes of parameters above which the target can't distinguish them
-_MAD = 1.4826  # standard deviation of normal errors over the median of their magnitudes
-_CAUCHY = 2.385  # scale of the loss [standard deviations]: 95 % as efficient as least squares for normal errors
-_LEAST_CURVED = 0.1  # smallest curvature of the loss over the weights
+_ALIKE = 0.95  # cosine between error slopes of parameters above which the target can't distinguish the parameters
+_MAD = 1.4826  # ratio of standard deviation to median magnitude for normal errors
+_CAUCHY = 2.385  # scale of the loss [standard deviations], at 95 % of least squares' efficiency for normal errors
+_LEAST_CURVED = 0.1  # smallest curvature of the loss, relative to the weights
 
 
 @dataclass(frozen=True)
@@ -38,24 +38,24 @@ class Estimate:
 
     value: float
     unit: str
-    stderr: float  # standard error
-    low: float  # lower end of the 95 % interval
-    high: float  # its upper end
-    vague: str = ""  # why the target doesn't determine the parameter, so that the prior does
+    stderr: float  # standard error of the value
+    low: float  # lower end of the 95 % confidence interval
+    high: float  # upper end of that interval
+    vague: str = ""  # reason why the prior, not the target, determines the parameter
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The best candidate for a target."""
+    """The candidate that fits a target best, with its errors."""
 
     candidate: Candidate
     estimates: dict[str, Estimate]  # estimates of the free parameters, by name
-    correlation: dict[str, dict[str, float]]  # correlation of each parameter's error with those of the others [-]
+    correlation: dict[str, dict[str, float]]  # correlations between the errors of the parameters [-]
     cost: float  # half the minimised loss plus the logarithms of the errors' sizes
-    metrics: dict[str, float]  # errors of the candidate
+    metrics: dict[str, float]  # errors of the fitted candidate
     before: dict[str, float]  # errors of the base candidate
-    folds: tuple[Candidate, ...] = ()  # candidates, each fitted without one of the folds
-    held_out: dict[str, float] | None = None  # errors of these candidates in the folds that they were not fitted to
+    folds: tuple[Candidate, ...] = ()  # candidates that were each fitted without one fold
+    held_out: dict[str, float] | None = None  # errors of `folds`, each in the fold left out
     held_out_before: dict[str, float] | None = None  # errors of the base candidate in the same folds
 
 
@@ -69,17 +69,17 @@ def calibrate(
     """Fit parameters of a candidate to a target.
 
     This is a least-squares fit, with Cauchy's loss if the target is robust, and with normal priors around the values of
-    `base`. Parameters that the target doesn't determine stay near their priors, and as uncertain. Standard errors come
-    from fits without each cluster (the jackknife) if the target is robust, otherwise from the residuals.
+    `base`. Parameters that the target doesn't determine stay close to their priors and keep the priors' uncertainty.
+    Standard errors are from fits without each cluster (jackknife) if the target is robust, otherwise from residuals.
 
     Args:
-        target: what the robot did.
-        base: the candidate to start from, with the values of the parameters that aren't free.
+        target: data on the robot's motion.
+        base: candidate at which the fit starts; it also has the values of parameters that aren't free.
         free: names of the parameters to fit, from `PARAMETERS`; raises InvalidValueError for names that are unknown,
             repeated or redundant, and for more parameters than the target allows.
-        folds: label (n,) of the fold to which each error belongs; a candidate fitted to the other folds predicts it.
+        folds: label (n,) of each error's fold; a candidate fitted to the other folds predicts the errors in a fold.
             Errors with negative labels are never predicted.
-        progress: called with 1 after the fit, and after each fold.
+        progress: called with 1 after the fit and after each fold.
     """
     problem = _Problem(target, base, _checked(free, target))
     best = problem.minimum()
@@ -103,7 +103,7 @@ def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _End:
-    """The end of a fit."""
+    """The result of a minimisation."""
 
     scaled: Array  # (p,) parameters
     errors: Array  # (n,) errors at these parameters
@@ -113,30 +113,30 @@ class _End:
 
 
 class _Problem:
-    """The loss as a function of p parameters, in standard deviations of their priors."""
+    """The loss as a function of p parameters, each scaled by the standard deviation of its prior."""
 
     def __init__(self, target: Target, base: Candidate, names: tuple[str, ...]) -> None:
         self.target, self._base, self.names = target, base, names
         self._layout = target.layout
         limits = [PARAMETERS[name].limits(base) for name in names]
         self.low, self.high = np.array(limits).T
-        # where the prior is centred on a bound, the errors may have no slope
+        # the errors may have no slope at a prior's centre that is on a bound
         self.first = np.where(self.low == 0, min(0.5, *self.high), 0.0)
-        # sensor parameters first, because they reuse the motion that was simulated for the last errors
+        # sensor parameters first: they reuse the motion that was simulated for the last errors
         self._order = sorted(range(len(names)), key=lambda k: names[k] not in OF_SENSOR)
         self._known = lru_cache(_KEPT)(lambda *scaled: target.errors(self.candidate(scaled)))
 
     def candidate(self, scaled: Iterable[float]) -> Candidate:
-        """The candidate with scaled parameters (p,)."""
+        """The candidate with the scaled parameters (p,)."""
         values = {n: PARAMETERS[n].unscaled(self._base, float(z)) for n, z in zip(self.names, scaled, strict=True) if z}
         return self._base.with_values(values)
 
     def errors(self, scaled: Array) -> Array:
-        """Errors (n,) of the candidate with scaled parameters (p,)."""
+        """Errors (n,) of the candidate with the scaled parameters (p,)."""
         return self._known(*scaled.tolist())
 
     def slope(self, scaled: Array) -> Array:
-        """Derivatives (n, p) of the errors with respect to scaled parameters (p,), from finite differences."""
+        """Derivatives (n, p) of the errors with respect to the scaled parameters (p,), from finite differences."""
         errors = self.errors(scaled)
         slope = np.empty((len(errors), len(scaled)))
         for k in self._order:
@@ -146,7 +146,7 @@ class _Problem:
         return slope
 
     def sizes(self, errors: Array) -> Array:
-        """Standard deviation (kinds,) of the errors of each kind, with all parameters fitted."""
+        """Standard deviations (kinds,) of the errors by kind, allowing for the fitted parameters."""
         layout, sizes = self._layout, self._layout.floor.copy()
         for kind in range(len(sizes)):
             rows = layout.kind == kind
@@ -161,14 +161,14 @@ class _Problem:
         return sizes
 
     def loss(self, square: Array, share: Array) -> Array:
-        """Loss, and its first and second derivatives, (3, n), for squared errors over their variances (n,)."""
+        """Loss and its first and second derivatives, (3, n), for squared errors over their variances (n,)."""
         if not self._layout.robust:
             return share * np.stack([square, np.ones_like(square), np.zeros_like(square)])
         fall = 1 / (1 + square / _CAUCHY**2)
         return share * np.stack([-(_CAUCHY**2) * np.log(fall), fall, -(fall**2) / _CAUCHY**2])
 
     def cost(self, scaled: Array) -> tuple[float, Array]:
-        """Minus the log-likelihood, up to a constant, and the standard deviations (kinds,) of the errors."""
+        """Negative log-likelihood, up to a constant, and standard deviations (kinds,) of the errors."""
         errors, share = self.errors(scaled), self._layout.share
         sigma = self.sizes(errors)
         size = sigma[self._layout.kind]
@@ -176,9 +176,9 @@ class _Problem:
         return float(share @ np.log(size) + loss / 2), sigma
 
     def minimum(self) -> _End:
-        """The minimum, found with models in which the errors are linear in the parameters.
+        """Find the minimum with successive models of the errors that are linear in the parameters.
 
-        A model costs a simulation for each parameter. A least-squares fit to simulated errors takes four times as many.
+        A model needs one simulation per parameter. Least squares on simulated errors would need four times as many.
         """
         scaled, (cost, sigma) = self.first, self.cost(self.first)
         for _ in range(_ITERATIONS):
@@ -195,7 +195,7 @@ class _Problem:
         return _End(scaled, self.errors(scaled), slope, sigma, cost)
 
     def _linear_minimum(self, start: Array, slope: Array, sigma: Array) -> Array:
-        """Parameters (p,) with the least loss if the errors have this slope; fitted in turns with the errors' sizes."""
+        """Parameters (p,) with the least loss for errors with this slope, fitted in turns with the errors' sizes."""
         first, scaled, count = self.errors(start), start, len(start)
         prior = np.ones(count)
 
@@ -220,9 +220,9 @@ class _Problem:
         return np.asarray(scaled)
 
     def without(self, end: _End, label: np.ndarray) -> Array:
-        """Changes (G, p) in the parameters if the errors with one label, 0 to G - 1, are left out.
+        """Changes (G, p) in the parameters if the errors with each label, 0 to G - 1, are left out.
 
-        The changes come from one step of Newton's method. Errors with negative labels (n,) are never left out.
+        The changes are from one step of Newton's method. Errors with negative labels (n,) are never left out.
         """
         hessian, gradient, rows = *self._normal(end), label >= 0
         own = np.zeros((label.max() + 1, *hessian.shape[1:]))
@@ -232,7 +232,7 @@ class _Problem:
         return newton_steps(hessian.sum(axis=0) + np.eye(len(self.names)) - own, push)
 
     def _normal(self, end: _End) -> tuple[Array, Array]:
-        """Each error's contribution to the normal equations (n, p, p) and to the gradient of the loss (n, p)."""
+        """Contributions of each error to the normal equations (n, p, p) and to the loss gradient (n, p)."""
         layout = self._layout
         size = end.sigma[layout.kind]
         unit, slope = end.errors / size, end.slope / size[:, None]
@@ -247,10 +247,10 @@ class _Problem:
         if not self._layout.robust:
             return inverse
         apart = self.without(end, self._layout.cluster)
-        return np.asarray(apart.T @ apart + inverse @ inverse)  # from the clusters, and from the priors
+        return np.asarray(apart.T @ apart + inverse @ inverse)  # parts from clusters and priors
 
     def vague(self, end: _End, spread: Array) -> dict[str, str]:
-        """Why the target doesn't determine parameters, by name; `spread` (p,): their standard errors."""
+        """Reasons why the target doesn't determine some parameters, by name; `spread` (p,): their standard errors."""
         slope = end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
         strength = np.linalg.norm(slope, axis=0)
         alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
@@ -263,7 +263,7 @@ class _Problem:
         return reasons
 
     def described(self, end: _End) -> Calibration:
-        """The result of a fit."""
+        """The calibration that results from a minimum."""
         target, base = self.target, self._base
         covariance = self.covariance(end)
         spread = np.sqrt(np.diag(covariance))
@@ -289,7 +289,7 @@ class _Problem:
 
 
 def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress) -> Calibration:
-    """The result, with predictions for each fold from a candidate fitted to the other folds."""
+    """The calibration with predictions for each fold, from a candidate fitted to the other folds."""
     target = problem.target
     errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
     first, candidates = problem.errors(np.zeros(len(problem.names))), []

@@ -1,4 +1,4 @@
-"""Candidates of a calibration, and the parameters in which they can differ."""
+"""Candidates in a calibration, and the parameters that can differ between them."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
-_FARTHEST = 3.0  # from the base value [standard deviations of the prior]
+_FARTHEST = 3.0  # largest distance from the base value [standard deviations of the prior]
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A robot with its drive on level ground, and its pose sensor."""
+    """A robot with its drive and pose sensor, on level ground."""
 
     robot: RobotParameters = field(default_factory=RobotParameters)
     ground: Ground = field(default_factory=Ground)
-    sensor: Mounting = field(default_factory=Mounting)  # position and yaw of the pose sensor
+    sensor: Mounting = field(default_factory=Mounting)  # position and yaw of the pose sensor on the robot
     clock: float = 0.0  # encoder clock minus pose clock [s]
 
     @property
     def geometry(self) -> RobotGeometry:
-        """Geometry for the kinematics."""
+        """Half gauge and nominal sprocket radius, for the kinematics."""
         return self.robot.geometry
 
     def value(self, name: str) -> float:
-        """Value of a parameter, by name."""
+        """Value of the parameter `name`."""
         return PARAMETERS[name].read(self)
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
-        """A copy of the candidate with other values of some parameters, by name."""
+        """A copy of the candidate with new `values` for some parameters, by name."""
         candidate = self
         for name, value in values.items():
             candidate = PARAMETERS[name].write(candidate, value)
@@ -44,42 +44,42 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that can be fitted. Its prior is a normal distribution around the value of the base candidate."""
+    """A number that can be fitted, with a normal prior around the base candidate's value."""
 
     read: Callable[[Candidate], float]  # returns a candidate's value
-    write: Callable[[Candidate, float], Candidate]  # returns a copy of a candidate with another value
-    spread: float  # standard deviation of the prior in units of `size`, or of the value's logarithm if `relative`
+    write: Callable[[Candidate, float], Candidate]  # returns a copy of a candidate with a new value
+    spread: float  # standard deviation of the prior, in units of `size`; if `relative`, of the value's logarithm
     unit: str = ""
     relative: bool = False
-    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of the standard deviation, given the base candidate
+    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of `spread` for a base candidate
     low: float = -math.inf  # smallest value
     high: float = math.inf  # largest value
 
     def scaled(self, base: Candidate, value: float) -> float:
-        """Signed distance of a value from the base candidate's, in standard deviations of the prior."""
+        """Signed distance of a value from the base candidate's value, in standard deviations of the prior."""
         centre = self.read(base)
         if self.relative:
             return math.log(value / centre) / self.spread
         return (value - centre) / (self.spread * self.size(base))
 
     def unscaled(self, base: Candidate, scaled: float) -> float:
-        """The inverse of `scaled`."""
+        """Value at a scaled distance; the inverse of `scaled`."""
         centre = self.read(base)
         if self.relative:
             value = centre * math.exp(scaled * self.spread)
         else:
             value = centre + scaled * self.spread * self.size(base)
-        return min(max(value, self.low), self.high)  # despite rounding
+        return min(max(value, self.low), self.high)  # in spite of rounding
 
     def limits(self, base: Candidate) -> tuple[float, float]:
-        """Limits on the scaled value: three standard deviations, or less at the smallest and the largest value."""
+        """Limits on the scaled value: three standard deviations, or less if the smallest or largest value is closer."""
         positive = self.relative and self.low < 0
         low = -_FARTHEST if positive else max(-_FARTHEST, self.scaled(base, self.low))
         return low, min(_FARTHEST, self.scaled(base, self.high))
 
 
 def _field(path: str, spread: float, unit: str = "", **options: Any) -> Parameter:
-    """A parameter that is a field of the candidate or of one of its parts, at a dotted path."""
+    """The parameter at a dotted path of fields in the candidate."""
     functions: dict[str, Any] = {
         "read": lambda candidate: float(attrgetter(path)(candidate)),
         "write": lambda candidate, value: _with(candidate, path, value),
@@ -88,7 +88,7 @@ def _field(path: str, spread: float, unit: str = "", **options: Any) -> Paramete
 
 
 def _with(owner: Any, path: str, value: float) -> Any:
-    """A copy of a dataclass with another value at a dotted path."""
+    """A copy of a dataclass with a new value at a dotted path of fields."""
     name, _, rest = path.partition(".")
     return replace(owner, **{name: _with(getattr(owner, name), rest, value) if rest else value})
 
@@ -139,8 +139,8 @@ PARAMETERS = {
     "clock": _field("clock", 0.3, "s", low=-0.5, high=0.5),
     "lag": _field("robot.drive.lag", 1.0, "s", relative=True, high=1.0),
 }
-"""Parameters that can be fitted, by name; those of radii are relative errors."""
+"""Parameters that can be fitted, by name; radii are fitted as relative errors."""
 OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})
-"""Parameters that don't change how the robot moves."""
+"""Parameters without an effect on the robot's motion."""
 OF_DRIVE = frozenset({"lag"})
-"""Parameters that matter only if commands drive the robot."""
+"""Parameters that only matter when commands drive the robot."""

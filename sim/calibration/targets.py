@@ -1,4 +1,4 @@
-"""Calibration targets: what a robot did, and the errors of a candidate that does the same in simulation."""
+"""Calibration targets: data on a robot's motion, and the errors of a candidate that repeats it in simulation."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 
 SLIP_SCALE = 0.007
-"""Scale of the slip errors in a table of turns [-]: about the residual of the best fit to the published slips."""
-_RADIUS_SCALE = 0.07  # scale of the relative radius errors [-]: the best fit leaves 0.05; radii count half as much
-_TOP_SPEED = 0.3  # of the paper's robot, which scales faster commands by the same factor for both tracks [m/s]
-_STEADY = 2.0  # time until the motion is steady [s]
-_PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: extra travel of the slowest belt [contact lengths]; limit [s]
-_NUMERICAL_ERROR = 2e-5  # relative error of simulated motion
+"""Scale of slip errors in a table of turns, about the residual of the best fit to the published slips [-]."""
+_RADIUS_SCALE = 0.07  # scale of relative radius errors [-]: the best fit leaves 0.05; radii have half the weight
+_TOP_SPEED = 0.3  # of the paper's robot; faster commands are scaled down, both tracks alike [m/s]
+_STEADY = 2.0  # time after which the motion is steady [s]
+_PASSES, _LONGEST = 2.0, 12.0  # on shearing ground: extra travel of the slowest belt [contact lengths]; limit [s]
+_NUMERICAL_ERROR = 2e-5  # relative error of the simulated motion [-]
 HORIZONS = (0.5, 1.0, 1.8, 5.0)
-"""Times ahead at which a drive is compared with its simulation [s]."""
-_PAIRS = 4.0  # approximate number of pairs of poses that begin within a horizon
-_MIN_DRIVEN = 0.1  # belt travel above which a robot counts as moving [half gauges]
-_WINDOW = 6.5  # duration of the windows into which drives are cut [s]
+"""Horizons over which a drive is compared with its simulation [s]."""
+_PAIRS = 4.0  # approximate number of pose pairs that begin within a horizon
+_MIN_DRIVEN = 0.1  # belt travel above which a robot is moving [half gauges]
+_WINDOW = 6.5  # duration of the windows that are cut from drives [s]
 _LEAD = 3.0  # time replayed before a window, if the drive is long enough, to forget the initial state, even on ice [s]
 _MAX_WINDOWS = 200
 _KEPT = 3  # number of cached motions
-_FEW = 20  # number of steady rows from which single wrong rows stand out
+_FEW = 20  # number of steady rows at which single wrong rows are evident
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Structure of n errors."""
+    """Structure of a target's n errors."""
 
-    kind: np.ndarray  # kind of each error (n,), from 0; errors of one kind have one standard deviation
-    share: Array  # weight of each error (n,): errors with the same information share a weight of 1
-    cluster: np.ndarray  # cluster of each error (n,), from 0; errors in different clusters are independent
-    floor: Array  # smallest standard deviation for each kind (kinds,): the numerical error of the simulation
-    robust: bool  # true if single errors may be large
+    kind: np.ndarray  # index of each error's kind (n,), from 0; all errors of a kind have one standard deviation
+    share: Array  # weight of each error (n,); errors with the same information share a weight of 1
+    cluster: np.ndarray  # index of each error's cluster (n,), from 0; different clusters are independent
+    floor: Array  # smallest standard deviation per kind (kinds,), the numerical error of the simulation
+    robust: bool  # whether some errors may be very large
 
     @property
     def clusters(self) -> int:
@@ -61,39 +61,39 @@ class Layout:
 
 
 class Target(Protocol):
-    """What a robot did: n measured numbers."""
+    """Data on a robot's motion: n measured numbers."""
 
     @property
     def layout(self) -> Layout:
         """Structure of the errors."""
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,), simulated minus measured."""
+        """Errors (n,) of a candidate, simulated minus measured."""
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """Summary of errors (n,); those that are NaN don't count."""
+        """Summary of errors (n,), without those that are NaN."""
 
 
 _COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T  # radii [m] and speeds [m/s] (2, M)
 _OBSERVED = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
 Turns = Callable[..., Array]
-"""A function that returns steady twists of a robot on a ground, such as `steady_turns`."""
+"""Function that returns steady twists of a robot on a ground, such as `steady_turns`."""
 
 
 @dataclass(frozen=True)
 class PublishedTurns:
-    """The paper's 25 left turns, commanded by radius and speed without slip compensation.
+    """The paper's 25 left turns, whose commands are radii and speeds without slip compensation.
 
-    Their slips, from Eq. 11 at the observed radii, refer to the nominal geometry of the robot being calibrated. The
-    slips don't depend on speed, so that the turns carry the weight of only five, one for each radius.
+    Their slips, from Eq. 11 at the observed radii, refer to the nominal geometry of the robot being calibrated. Slips
+    don't depend on speed, so the turns have the weight of only five, one for each radius.
     """
 
     threads: int = 0
-    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, which simulates them
+    turns: Turns | None = None  # motion of candidates; by default simulated by `steady_turns`
 
     @cached_property
     def layout(self) -> Layout:
-        """Structure of the errors: those of the slips, left and right, then those of the radii."""
+        """Structure of the errors: left and right slips, then radii."""
         turn = np.arange(len(_OBSERVED))
         cluster = np.concatenate([np.repeat(turn, 2), turn])
         share = np.full(len(cluster), 3 * len(COMMANDED_RADII) / len(cluster))
@@ -101,7 +101,7 @@ class PublishedTurns:
         return Layout(np.zeros(len(cluster), int), share, cluster, floor, robust=False)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,) of the slips and of the logarithms of the radii, each over its scale."""
+        """Errors (n,) in the slips and in the logarithms of the radii, each divided by its scale."""
         (radius, speed), geometry = _COMMANDED, candidate.geometry
         wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
         omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
@@ -112,38 +112,38 @@ class PublishedTurns:
         return np.concatenate([slip.ravel(), radius])
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """RMS errors of the slips, and RMS relative errors of the radii [-]."""
+        """RMS errors in the slips, and RMS relative errors in the radii [-]."""
         slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(_OBSERVED)]))
         return {"slip_rms": rms(slip * SLIP_SCALE), "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE))}
 
 
 @dataclass(frozen=True)
 class SteadyRows:
-    """Steady samples from a real or simulated robot: sprocket speeds, and twists at the sensor."""
+    """Steady samples of a real or simulated robot: sprocket speeds, and twists at the sensor."""
 
     samples: SlipSamples
-    geometry: RobotGeometry  # geometry that defines the slips, whatever that of the candidate
-    of_plate: bool = False  # true if the twists are the plate's, as the scanner sees them, rather than the tracks'
+    geometry: RobotGeometry  # geometry that defines the slips, for any candidate
+    of_plate: bool = False  # whether the twists are those of the plate, as the scanner sees it, or of the tracks
     threads: int = 0
-    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, which simulates them
+    turns: Turns | None = None  # motion of candidates; by default simulated by `steady_turns`
 
     @cached_property
     def _measured(self) -> Array:
-        """Speeds v and w and, if any are measured, lateral speeds (2 or 3, M), NaN where not measured."""
+        """Measured speeds v and w, and lateral speeds if there are any (2 or 3, M); NaN where not measured."""
         lateral = self.samples.lateral
         known = lateral is not None and bool(np.isfinite(lateral).any())
         return np.array([*self.samples.twist.T] + ([lateral] if known else []))
 
     @cached_property
     def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
-        """Steady twists (M, 3), cached for candidates that differ in the sensor only."""
+        """Steady twists (M, 3), cached for candidates that differ only in the sensor."""
 
         turns: Turns = partial(self.turns or steady_turns, of_plate=self.of_plate, threads=self.threads)
         return lru_cache(_KEPT)(lambda robot, ground: turns(robot, ground, self.samples.omega))
 
     @cached_property
     def layout(self) -> Layout:
-        """Structure of the errors: those of v, w and the known lateral speeds, with one cluster per row."""
+        """Structure of the errors: v, w and the known lateral speeds, with one cluster per row."""
         kinds, rows = self._measured.shape
         known = np.isfinite(self._measured).ravel()
         fastest = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
@@ -152,7 +152,7 @@ class SteadyRows:
         return Layout(kind[known], np.ones(known.sum()), cluster[known], floor, robust=rows >= _FEW)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,) of v [m/s], w [rad/s] and lateral speeds [m/s]."""
+        """Errors (n,) in v [m/s], w [rad/s] and lateral speeds [m/s]."""
         errors = self.predicted(candidate)[: len(self._measured)] - self._measured
         return errors[np.isfinite(self._measured)]
 
@@ -164,7 +164,7 @@ class SteadyRows:
         return np.stack([moved[:, 0], w, moved[:, 1]])
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """RMS errors of the speeds [m/s, rad/s], and of the slips except those of sprockets at rest."""
+        """RMS errors in the speeds [m/s, rad/s], and in the slips, except those of sprockets at rest [-]."""
         parts = np.full(self._measured.shape, np.nan)
         parts[np.isfinite(self._measured)] = errors
         rows = np.isfinite(parts[:2]).all(axis=0)
@@ -180,14 +180,14 @@ def steady_turns(
 ) -> Array:
     """Simulated steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the left, yaw rate.
 
-    They are the twists midway between the tracks, or those of the plate on a leaning robot if `of_plate`.
+    The twists are those midway between the tracks or, with `of_plate`, those of the plate on the leaning robot.
     """
     drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius))
     fleet = Fleet(compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads)
     fleet.command(omega)
     fleet.advance(_time_to_be_steady(robot, ground, omega, fleet.period))
     twist = fleet.twist()
-    if of_plate:  # the robot leans to one side, and so does the plate
+    if of_plate:  # the plate leans to one side with the robot
         twist[:, 0] -= twist[:, 2] * se2.between(fleet.pose(), fleet.plate)[:, 1]
     return twist
 
@@ -202,15 +202,15 @@ def _time_to_be_steady(robot: RobotParameters, ground: Ground, omega: Array, per
 
 
 class Drives:
-    """Windows of drives, compared with simulations by how far and in which direction the robot moves in a horizon."""
+    """Windows of drives, compared with simulations by the robot's motion over several horizons."""
 
     def __init__(
         self, logs: Sequence[RunLog], geometry: RobotGeometry, inputs: Inputs = "encoders", threads: int = 0
     ) -> None:
-        """Cut logs into windows of about 6.5 s, which encoders or commands drive in simulation.
+        """Cut logs into windows of about 6.5 s, in which encoders or commands drive the simulated robots.
 
-        Within a window, poses don't jump. At most about 200 windows are used, evenly chosen. Raises LogError for logs
-        that identification refuses, and if no poses have headings.
+        Within a window, poses don't jump. If there are many windows, about 200 of them are used, evenly chosen. Raises
+        LogError for logs that identification refuses, and if no poses have headings.
         """
         windows = [
             (k, window, _with_lead(part, window))
@@ -224,7 +224,7 @@ class Drives:
         self._pairs = _Pairs.of(self.windows, geometry)
         self.horizon, window = self._pairs.horizon, self._pairs.window
         self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
-        self.log = np.repeat(np.array(of_log)[window], 3)  # index of the log that each error (n,) belongs to
+        self.log = np.repeat(np.array(of_log)[window], 3)  # index of each error's log (n,)
         cluster = _same_commands(self.windows)[window]
         cluster = np.unique(cluster, return_inverse=True)[1]
         group = 3 * np.searchsorted(HORIZONS, self.horizon)
@@ -236,11 +236,11 @@ class Drives:
         """Structure of the errors: forwards, to the left and heading for each pair; each horizon has its own kinds."""
 
     def motion(self, candidate: Candidate) -> Replay:
-        """Simulated motion of all windows."""
+        """Simulated motion in all windows."""
         return self._motion(candidate.robot, candidate.ground)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,): forwards, to the left and heading for each pair, in the frame of its first pose [m, m, rad]."""
+        """Errors (n,) for each pair: forwards, to the left and heading in the first pose's frame [m, m, rad]."""
         motion, place, window = self.motion(candidate), candidate.sensor, self._pairs.window
         first, last = (motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T)
         error = se2.between(first, last) - self._measured
@@ -248,7 +248,7 @@ class Drives:
         return np.asarray(error).ravel()
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """Median, 90 % quantile and root mean square of the errors in position [m] and heading [rad], by horizon."""
+        """Median, 90 % quantile and RMS of the errors in position [m] and heading [rad], by horizon."""
         known = np.isfinite(errors[::3])
         each, metrics = errors.reshape(-1, 3)[known], dict[str, float]()
         for horizon in np.unique(self.horizon[known]):
@@ -262,12 +262,12 @@ class Drives:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Pairs of measured poses a horizon apart, between which the robot moves."""
+    """Pairs of measured poses, a horizon apart, between which the robot moves."""
 
     horizon: Array  # (n,) [s]
-    window: np.ndarray  # (n,)
-    time: Array  # (n, 2) pose clock [s]
-    pose: Array  # (n, 2, 3)
+    window: np.ndarray  # (n,) index of the window
+    time: Array  # (n, 2), by the pose clock [s]
+    pose: Array  # (n, 2, 3) measured poses
 
     @classmethod
     def of(cls, windows: Sequence[RunLog], geometry: RobotGeometry) -> _Pairs:
@@ -294,9 +294,9 @@ class _Pairs:
 
 
 def _windows(log: RunLog) -> list[RunLog]:
-    """Cut a log into parts of about 6.5 s, between its first and its last valid pose.
+    """Cut a log, from its first to its last valid pose, into parts of about 6.5 s.
 
-    If these poses are at least 9.5 s apart, the first 3 s are only replayed.
+    If these two poses are at least 9.5 s apart, the first 3 s are replayed without being compared.
     """
     first, last = np.flatnonzero(log.is_valid)[[0, -1]].tolist()
     if log.time[last] - log.time[first] >= _LEAD + _WINDOW:
@@ -310,7 +310,7 @@ def _with_lead(log: RunLog, part: RunLog) -> RunLog:
 
 
 def _same_commands(logs: Sequence[RunLog]) -> np.ndarray:
-    """Labels (N,) of windows, the same for neighbours that are driven by the same constant command."""
+    """Labels (N,) of windows, equal for neighbours with the same constant command."""
     label, last = np.zeros(len(logs), int), None
     for k, log in enumerate(logs):
         command = log.command

@@ -1,1 +1,1 @@
-"""The drives of the tracks: servo, motor and their limits."""
+"""The drives of the tracks: servos, motors and their limits."""

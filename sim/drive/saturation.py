@@ -1,4 +1,4 @@
-"""The speeds that saturated motors can reach."""
+"""The speeds that saturated motors can reach on the ground."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from sim.drive.drive import DriveState, Forecast
 from sim.tracks.motors import Balance
 from trackslip.kinematics import Array
 
-_TOLERANCE = 0.001  # tolerance on a saturated torque, relative to the largest torque
-_ROUGHNESS = 0.0002  # noise in the ground's forces, which the engine finds by iteration, relative to the weight
-_STEP = 0.01  # speed step for the numerical slopes of friction and limits [rad/s]
-# first guesses of torque / (mass * radius^2 * speed) [1/s]: for equal changes on both tracks, which accelerate the
-# robot, and for opposite changes, while friction holds the heading
+_TOLERANCE = 0.001  # tolerance on a saturated torque, relative to the largest torque [-]
+_ROUGHNESS = 0.0002  # numerical noise in the ground's forces, which the engine iterates, relative to the weight
+_STEP = 0.01  # speed step for numerical derivatives of friction and limits [rad/s]
+# initial values for torque / (mass * radius^2 * speed) [1/s]: for equal changes on both tracks, which accelerate the
+# robot, and for opposite changes while friction holds the heading
 _COMMON, _OPPOSITE = 25.0, 12_000.0
 
 
 def advance_within_limits(
     drive: DriveState, mass: float, gravity: float, run: Callable[[np.ndarray, Array], Array]
 ) -> None:
-    """Advance sprockets (N, 2) by one servo period in which the torques respect the motors' limits.
+    """Advance sprockets (N, 2) by one servo period with torques within the motors' limits.
 
-    A robot whose motors are strong enough moves as its servos demand. The belts of any other robot run at their
-    sprockets' final speeds for the whole period, so that nothing oscillates however stiff the grip. `run` simulates the
+    A robot with motors that are strong enough moves as its servos demand. The belts of any other robot run at the
+    final sprocket speeds for the whole period, so that no motion oscillates however stiff the grip. `run` simulates the
     period from its start for robots (A,) at mean sprocket speeds (A, 2) [rad/s], and returns mean tractions (A, 2) [N].
     """
     wanted = drive.forecast(1)
@@ -33,12 +33,12 @@ def advance_within_limits(
     motion = Forecast(np.stack([start, speed]), belt[None], wanted.error)
     asked = drive.torque_for(motion, run(rows, belt)[None])[0]
     torque = np.clip(asked, *drive.drive.torque_range(speed))
-    carrying = mass * gravity * drive.radius  # torque of a track that carries the robot by itself
+    carrying = mass * gravity * drive.radius  # torque of a track that carries the robot alone
     tolerance = _TOLERANCE * np.minimum(drive.drive.torque_limit, carrying) + _ROUGHNESS * carrying
     weak = rows[(np.abs(asked - torque) > tolerance).any(axis=1)]
     if weak.size:
         limited = torque[weak] != asked[weak]
-        # at first past speeds if both motors are too weak, otherwise speeds that turn the robot no faster than before
+        # first try: past speeds if both motors are too weak, otherwise speeds that turn the robot no faster than before
         alone = np.where(limited, start[weak] + (goal - start)[weak, ::-1], goal[weak])
         first = np.where(limited.all(axis=1, keepdims=True), start[weak], alone)
         balance = _balance(drive.of(weak), start[weak], goal[weak], first, mass, tolerance[weak])

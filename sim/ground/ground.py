@@ -1,4 +1,4 @@
-"""The ground under the tracks: friction, shear, their patches and changes, and the slope."""
+"""The ground under the tracks: friction, shear, slope, and patches and changes with other friction."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ MAX_SLOPE = 1.5
 MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
 UNLESS_ZERO = {"stored_unless": 0.0}
-"""Metadata of a field that is left out of files if it is zero, so that older files stay unchanged."""
+"""Metadata for a field that is omitted from files if it is zero, so that older files stay unchanged."""
 _TURN = 2 * math.pi
-_MAX_PATCHES = 10_000  # largest number of a ground's patches, and of its changes
+_MAX_PATCHES = 10_000  # largest number of patches, and of changes, on a ground
 _HARD = 0.778 / 0.70
 
 
 @dataclass(frozen=True)
 class Patch:
-    """An axis-aligned rectangle with its own friction, applied to pads whose centres lie on it."""
+    """An axis-aligned rectangle with its own friction, which acts on pads with their centres inside."""
 
     x: tuple[float, float]
-    """Start and end along the world's x axis [m]; may be infinite."""
+    """Smallest and largest x in the world [m]; may be infinite."""
     y: tuple[float, float]
-    """Start and end along the world's y axis [m]; may be infinite."""
+    """Smallest and largest y in the world [m]; may be infinite."""
     along: float
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
     shear: float | None = field(default=None, metadata={"stored_unless": None})
-    """Shear modulus; None to keep the surrounding ground's [m]."""
+    """Shear modulus; None for that of the surrounding ground [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
@@ -54,7 +54,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the ground at some time, everywhere except on patches."""
+    """A change in the ground at some time, everywhere except on patches."""
 
     time: float
     """Time since the start of the run [s]."""
@@ -63,7 +63,7 @@ class Change:
     across: float
     """Friction coefficient across the track [-]."""
     shear: float | None = field(default=None, metadata={"stored_unless": None})
-    """Shear modulus; None to keep the previous one [m]."""
+    """Shear modulus; None for no change in it [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
@@ -73,13 +73,13 @@ class Change:
 
 @dataclass(frozen=True)
 class Ground(Checked):
-    """Friction, along and across the tracks, on a plane.
+    """A plane with friction along and across the tracks.
 
     Slip depends on the ratio of the two coefficients, not on their magnitude. The default is stone paving under tracks
-    whose treads grip better sideways; its ratio is tuned so that the robot drives the radii observed in the paper.
+    with treads that grip better sideways; its ratio is tuned so that the robot drives the radii observed in the paper.
 
-    Ground with a shear modulus K gives way before it slides: a share 1 - exp(-j / K) of the friction acts on an element
-    of track that has moved by j over the ground since it touched down (Janosi and Hanamoto 1961). Slip then depends on
+    Ground with a shear modulus K gives way before it slides: an element of track that has moved by j over the ground
+    since its touchdown exerts a share 1 - exp(-j / K) of the friction (Janosi and Hanamoto 1961). Slip then depends on
     slope, load and radius as well.
     """
 
@@ -88,13 +88,13 @@ class Ground(Checked):
     across: float = checked(0.778, require_positive, MAX_FRICTION)
     """Friction coefficient across the track [-]."""
     slope: float = checked(0.0, require_non_negative, MAX_SLOPE, "rad")
-    """Angle of the plane to the horizontal [rad]. Poses and scans are measured in the plane."""
+    """Angle between the plane and the horizontal [rad]. Poses and scans are measured in the plane."""
     uphill: float = checked(0.0, require_within, -_TURN, _TURN, "rad")
     """Heading of a robot that drives straight up the slope [rad]."""
     patches: tuple[Patch, ...] = ()
-    """Areas with other ground; where patches overlap, the last one applies."""
+    """Areas with other ground; where patches overlap, the last of them applies."""
     changes: tuple[Change, ...] = ()
-    """Changes of the ground, in order of time."""
+    """Changes in the ground, in order of time."""
     shear: float = checked(0.0, require_non_negative, MAX_SHEAR, "m", **UNLESS_ZERO)
     """Shear modulus K; 0 for Coulomb friction [m]."""
 
@@ -107,12 +107,12 @@ class Ground(Checked):
 
     @property
     def largest_shear(self) -> float:
-        """Largest shear modulus of the ground, its patches and changes [m]."""
+        """Largest shear modulus of the ground, its patches and its changes [m]."""
         of_patches, of_changes = (p.shear or 0.0 for p in self.patches), (c.shear or 0.0 for c in self.changes)
         return max(self.shear, *of_patches, *of_changes, 0.0)
 
     def gravity(self, size: float) -> tuple[float, float, float]:
-        """Gravity of magnitude `size` [m/s^2] in the plane's frame: x and y in the plane, z along its normal."""
+        """Gravity of magnitude `size` in the plane's frame: x and y in the plane, z along its normal [m/s^2]."""
         downhill = size * math.sin(self.slope)
         return -downhill * math.cos(self.uphill), -downhill * math.sin(self.uphill), -size * math.cos(self.slope)
 
@@ -127,23 +127,23 @@ def _hard(along: float) -> Ground:
 
 
 NAMED_GROUNDS: dict[str, Ground] = {
-    "stone": Ground(),  # the paper's paving: along assumed; across tuned to its slips and radii (trackslip calibrate)
+    "stone": Ground(),  # the paper's paving: along assumed; across tuned to slips and radii (trackslip calibrate)
     "concrete": _hard(0.75),  # dry concrete: Noon
     "rubber": _hard(0.90),  # rubber matting: assumed
     "packed_soil": Ground(0.60, 0.75),  # assumed; ratio 1.25
     "gravel": Ground(0.35, 0.455),  # gravel and dirt road: Noon; ratio 1.3
     "wet": _hard(0.60),  # wet concrete: Noon
-    "sticky": Ground(changes=(Change(20.0, 0.70, 1.089),)),  # assumed: stone that grows 40 % stickier across after 20 s
+    "sticky": Ground(changes=(Change(20.0, 0.70, 1.089),)),  # assumed: stone, 40 % stickier across after 20 s
     "firm_sand": Ground(0.60, 0.75, shear=0.010),  # firm sand, 31.1 degrees: Wong; ratio 1.25 and shear assumed
     "loose_sand": Ground(0.53, 0.689, shear=0.025),  # dry sand, 28 degrees: Wong; ratio 1.3 and shear assumed
     "clay": Ground(0.60, 0.75, shear=0.006),  # assumed, firm clay; ratio 1.25 and shear assumed
     "snow": Ground(0.36, 0.468, shear=0.040),  # snow, 19.7 degrees: Wong; ratio 1.3 and shear assumed
-    # for robots on wheels; docs/reality.md has the fits
+    # for robots on wheels; the fits are in docs/reality.md
     "asphalt": Ground(0.80, 0.80),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.76 and 0.99
     "grass": Ground(0.50, 0.50),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.50 and 0.95
     "ice": Ground(0.12, 0.12),  # ice, 0.10 to 0.15: Noon; ratio 1; a Warthog's log fits 0.12 and 1.08
 }
-"""Grounds by name, with the sources of their friction along the track:
+"""Grounds by name, with sources for the friction along the track:
 
 R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), for tyres; J. Y. Wong, Theory of Ground Vehicles (2008),
 for angles of friction, quoted second-hand.
@@ -151,7 +151,7 @@ for angles of friction, quoted second-hand.
 
 
 def load_ground(source: str) -> Ground:
-    """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground that they change.
+    """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground to be changed.
 
     Raises InvalidValueError for any other source, SettingsFileError for an unreadable file or invalid fields.
     """

@@ -1,1 +1,1 @@
-"""Path tracking as a learning task: the parts of the environments in `sim.env`."""
+"""Path tracking as a learning task, on which `sim.env` builds environments."""

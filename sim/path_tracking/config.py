@@ -1,4 +1,4 @@
-"""Options of the environment trackslip/PathTracking-v0, and the layout of its observations."""
+"""Options of the environment trackslip/PathTracking-v0, and the elements of its observations."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ from trackslip.laws.base import SlipLaw
 from trackslip.online.compensation import KNOWN_LAWS
 
 PERIOD = 0.05
-"""Control period: time between actions, and between scans [s]."""
+"""Control period: the time between actions and between scans [s]."""
 _ACTIONS = ("sprockets", "twist")
 _POSE_SOURCES = ("truth", "noisy", "scanner")
 _MAX_PREVIEWS = 100
-_MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m], in a scale's own unit
-_MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
+_MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m]; in the scale's own unit
+_MAX_PREVIEW = 20.0  # longest look-ahead of previews [s]
 _BOUND = 2.0
 _LOAD, _WHERE = 0.5, ("ahead", "to the left")
 
 
 @dataclass(frozen=True)
 class TrackingReward(Checked):
-    """The reward of a step: a sum of terms, which `info` lists by name.
+    """Reward for a step: a sum of terms, which `info` lists by name.
 
         alive               weight_alive
         position            -weight_position s(d / position_scale)
         heading             -weight_heading s(e_phi / heading_scale)
         change              -weight_change mean((a - a_before)^2) / 4
-        termination         -weight_termination, when the robot leaves the path or tips over
+        termination         -weight_termination, if the robot leaves the path or tips over
 
-    with s(z) = z^2 / (1 + z^2), d the distance between the true position and the reference's present position, e_phi
-    the true heading error and a the actions in [-1, 1]. s is quadratic for small errors and never exceeds 1, so the
+    with s(z) = z^2 / (1 + z^2), the distance d between the robot's true position and the reference's current one, the
+    true heading error e_phi and the actions a in [-1, 1]. s is quadratic for small errors and never exceeds 1, so the
     reward lies between weight_alive minus the other weights and weight_alive. By default this range is 0 to 1: no step
     on the path is worse than leaving the path.
     """
@@ -70,15 +70,15 @@ class TrackingReward(Checked):
     weight_termination: float = checked(10.0, require_non_negative, MAX_WEIGHT)
     """One-time penalty for an episode that ends off the path [-]."""
     position_scale: float = checked(0.05, require_within, _MIN_SCALE, MAX_WEIGHT)
-    """Position error that costs half of `weight_position` [m]."""
+    """Position error at which half of `weight_position` is lost [m]."""
     heading_scale: float = checked(0.2, require_within, _MIN_SCALE, MAX_WEIGHT)
-    """Heading error that costs half of `weight_heading` [rad]."""
+    """Heading error at which half of `weight_heading` is lost [rad]."""
 
     def terms(self, distance: Array, heading: Array, change: Array, terminated: np.ndarray) -> Array:
-        """The terms (5, N) in the order of `TERMS`.
+        """Terms (5, N) of the reward, in the order of `TERMS`.
 
-        They depend on position and heading errors (N,) [m, rad], on the change in the actions (N, 2) [-], and on
-        whether episodes have terminated (N,).
+        The terms depend on position and heading errors (N,) [m, rad], changes in the actions (N, 2) [-], and a mask
+        (N,) of terminated episodes.
         """
         left, right = change.T
         terms = np.empty((len(self.TERMS), len(change)))
@@ -97,13 +97,13 @@ def _bounded_square(z: Array) -> Array:
 
 @dataclass(frozen=True)
 class EnvConfig(OwnTerms):
-    """A path-tracking task."""
+    """Options of a path-tracking task."""
 
     reference: str | tuple[str, ...] = "paper"
-    """Name of a reference, or a .csv file of waypoints; if there are several, each episode draws one."""
+    """Name of a reference, or a .csv file of waypoints; each episode draws one if there are several."""
     ground: str | tuple[str, ...] = "stone"
-    """Name of a ground, a .toml file, or "robot" for the ground in the robot's file; if there are several, each episode
-    draws one."""
+    """Name of a ground, a .toml file, or "robot" for the ground in the robot's file; each episode draws one if there
+    are several."""
     action: str = "sprockets"
     """Meaning of the actions in [-1, 1]: "sprockets" for set points (left, right) in units of the top speed, "twist"
     for body twists (v, w) in units of `twist_scale`."""
@@ -111,14 +111,14 @@ class EnvConfig(OwnTerms):
     """Unit of the twists in actions and observations [m/s, rad/s]."""
     compensation: str | SlipLaw = "none"
     """Slip law that converts twists into sprocket speeds, or the name of a compensation: "none"; "published"; a law in
-    `laws`; "online" and "online_load", which start from laws in `laws` and learn while driving, anew in each episode;
-    or "online_cold", which starts from no slip. Laws of slip under load use the load from slope and pull."""
+    `laws`; "online" or "online_load", which start from laws in `laws` and learn while driving, anew in each episode; or
+    "online_cold", which starts without slip. Laws for slip under load use the load from slope and pull."""
     laws: str | None = None
-    """File with the laws that `compensation` names; None for the laws shipped with trackslip."""
+    """File of the laws that `compensation` can name; None for the laws shipped with trackslip."""
     previews: int = checked(5, require_whole, 0, _MAX_PREVIEWS)
     """Number of future reference twists in the observation."""
     preview_spacing: float = checked(0.2, require_positive, _MAX_PREVIEW, "s")
-    """Time between previews, a multiple of the control period [s]."""
+    """Time between previews; a multiple of the control period [s]."""
     pose_source: str = "truth"
     """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; or "scanner", the plate in the
     laser range finder's scans, tracked from the known start."""
@@ -127,19 +127,19 @@ class EnvConfig(OwnTerms):
     heading_noise: float = checked(math.radians(0.25), require_non_negative, 1.0)
     """Standard deviation of noisy headings [rad]."""
     scanner: LaserScanner = field(default_factory=LaserScanner)
-    """The laser range finder, for poses from the scanner; it scans once per control period."""
+    """Laser range finder for poses from the scanner; it scans once per control period."""
     pull: Pull = field(default_factory=Pull)
-    """Load that the robot tows."""
+    """Load towed by the robot."""
     loads: bool = False
-    """Observe the load from slope and pull, which an inclinometer and a load cell at the hitch would measure."""
+    """Whether to observe the load from slope and pull, which an inclinometer and a load cell at the hitch measure."""
     off_path: float = checked(0.5, require_within, _MIN_OFF_PATH, 10.0, "m")
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: TrackingReward = field(default_factory=TrackingReward)
-    """The reward of a step."""
+    """Reward for a step."""
     randomization: Randomization | str | None = None
-    """Properties that vary between episodes; "typical" for Randomization.typical()."""
+    """Properties that vary between episodes; "typical" stands for Randomization.typical()."""
     robot: RobotSource = SHIPPED
-    """Name of a robot, its .toml file, or the robot."""
+    """Name of a robot, its .toml file, or the robot itself."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -194,7 +194,7 @@ class EnvConfig(OwnTerms):
 
     @property
     def shears(self) -> bool:
-        """True if one of the grounds shears."""
+        """Whether any of the grounds shears."""
         drawn = self.drawn.shear
         return any(self.load_ground(name).largest_shear > 0 for name in self.grounds) or (
             drawn is not None and drawn[1] > 0
@@ -218,12 +218,12 @@ def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:
 
 
 class TrackingLayout:
-    """Elements of an observation, (9 + 2K)."""
+    """The 9 + 2K elements of an observation."""
 
     def __init__(self, config: EnvConfig, top_speed: float) -> None:
-        """`top_speed` is that of the sprockets [rad/s]."""
+        """Determine the elements for sprockets with this `top_speed` [rad/s]."""
         self.steps = np.arange(config.previews + 1) * config.stride
-        """Look-ahead of the observed reference twists (K + 1,) [control periods]."""
+        """Look-ahead times of the observed reference twists (K + 1,) [control periods]."""
         speed, rate = config.twist_scale
         twists = ("speed", "m/s", speed), ("yaw rate", "rad/s", rate)
         times = ["now" if step == 0 else f"in {step * PERIOD:g} s" for step in self.steps]
@@ -236,12 +236,12 @@ class TrackingLayout:
             *(Element(f"last action, {which}", "-", 1.0) for which in ("first", "second")),
             *(Element(f"load, {where}", "-", _LOAD, _BOUND) for where in _WHERE if config.loads),
         )
-        """Names, units, scales and bounds."""
+        """Names, units, scales and bounds of the elements."""
         self._scale = np.array([[element.scale for element in self.elements]])  # (1, n)
         self._bound = np.array([element.bound for element in self.elements], np.float32)
 
     def observation(self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None) -> Floats:
-        """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and loads (N, 2)."""
+        """Observations (N, n) for errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and loads (N, 2)."""
         parts = error, twist.reshape(len(error), -1), omega, action, *(() if load is None else (load,))
         whole = np.concatenate(parts, axis=1) / self._scale
         return np.minimum(np.maximum(whole.astype(np.float32), -self._bound), self._bound)

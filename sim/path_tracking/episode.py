@@ -1,4 +1,4 @@
-"""Episodes: their references and properties, drawn at random or given, before they begin."""
+"""Episodes: a reference and properties, drawn at random or given before an episode begins."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ Index = NDArray[np.int_]
 
 @dataclass(frozen=True)
 class Episode:
-    """One robot's task in one episode."""
+    """Reference and properties of one robot's episode."""
 
-    reference: int  # its index in the reference table
+    reference: int  # index in the reference table
     setting: Setting
     latency: int  # delay until an action reaches the servos [control periods]
     noise: int  # seed of the measurement noise
@@ -48,13 +48,13 @@ class Episode:
 def draw(
     config: EnvConfig, table: ReferenceTable, generator: np.random.Generator, options: Mapping[str, Any]
 ) -> Episode:
-    """Draw an episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
+    """Draw an episode; `options` replace drawn values, without an effect on the other draws.
 
-    The options are `reference`, a name that is added to the table if it is new; `ground`, a name or a Ground, which is
-    not randomized; `start_error` (3,), offset from the reference's start: forward, to the left, heading [m, m, rad];
-    `radius_error` [-]; `com` (2,), offset of the centre of mass: forward, to the left [m]; `mass`, a factor on the mass
-    of the chassis [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown options and
-    values out of range.
+    The options are `reference`, a name, which is added to the table if it is new; `ground`, a name or a Ground, which
+    is not randomized; `start_error` (3,), the offset from the reference's start: forwards, to the left, heading
+    [m, m, rad]; `radius_error` [-]; `com` (2,), the offset of the centre of mass: forwards, to the left [m]; `mass`, a
+    factor on the chassis' mass [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown
+    options and values out of range.
     """
     options, drawn = options_of("options", options, _OPTIONS), config.drawn
     chosen = config.references[generator.integers(len(config.references))]
@@ -86,7 +86,7 @@ def draw(
 
 
 def _finite(name: str, values: Any, n: int) -> Any:
-    """Values (n,) as floats; raises InvalidValueError unless they are n finite numbers."""
+    """Return values (n,) as floats; raises InvalidValueError unless they are n finite numbers."""
     try:
         numbers = tuple(float(value) for value in values)
     except (TypeError, ValueError, OverflowError):
@@ -98,15 +98,15 @@ def _finite(name: str, values: Any, n: int) -> Any:
 
 
 class ReferenceTable(Restorable):
-    """Poses and twists of R references, one row each, at multiples of the control period."""
+    """Poses and twists on R references, one row each, at multiples of the control period."""
 
     STATE = ("names", "last", "_pose", "_twists")
 
     def __init__(self, names: Iterable[str], steps: Index) -> None:
-        """Tabulate the references `names`, with the twists `steps` (K,) control periods ahead, ascending from 0."""
+        """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
         self._steps = steps
-        self.names: tuple[str, ...] = ()  # names of the references, in order of their indices
-        self.last: Index = np.empty(0, int)  # control period (R,) in which each reference ends
+        self.names: tuple[str, ...] = ()  # names of the references, in the order of the rows
+        self.last: Index = np.empty(0, int)  # last control period (R,) of each reference
         self._pose: Array = np.empty((0, 1, 3))
         self._twists: Array = np.empty((0, 1, len(steps), 2))
         for name in names:
@@ -117,7 +117,7 @@ class ReferenceTable(Restorable):
         if name not in self.names:
             reference = load_reference(name)
             last = math.ceil(reference.duration / PERIOD - 1e-9)
-            now = np.arange(last + self._steps[-1] + 1)  # beyond its end the reference stands still
+            now = np.arange(last + self._steps[-1] + 1)  # after its end, the reference stands still
             time = now * PERIOD
             self._pose = _stacked(self._pose, reference.pose(time))
             later = np.minimum(now[:, None] + self._steps, now[-1])
@@ -127,20 +127,20 @@ class ReferenceTable(Restorable):
         return self.names.index(name)
 
     def path(self, index: int) -> Array:
-        """Poses (T, 3) of a reference from its start to its end."""
+        """Poses (T, 3) on a reference, from start to end."""
         return self._pose[index, : self.last[index] + 1]
 
     def pose(self, index: Index, k: Index) -> Array:
-        """Poses (..., 3) of references (...) in control periods (...)."""
+        """Poses (..., 3) on references `index` (...) in control periods `k` (...)."""
         return self._pose[index, np.minimum(k, self._pose.shape[1] - 1)]
 
     def twists(self, index: Index, k: Index) -> Array:
-        """Twists (..., K, 2) of references (...), `steps` after control periods (...)."""
+        """Twists (..., K, 2) on references `index` (...), each of `steps` after control periods `k` (...)."""
         return self._twists[index, np.minimum(k, self._twists.shape[1] - 1)]
 
 
 def _stacked(table: Array, row: Array) -> Array:
-    """Append a row (t, ...) to a table (R, T, ...), extending the shorter of them with its last values."""
+    """Append `row` (t, ...) to a table (R, T, ...); the shorter of them is extended with its last values."""
     length = max(table.shape[1], len(row))
     every = [part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1) for part in (table, row[None])]
     return np.concatenate(every)

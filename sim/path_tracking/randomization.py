@@ -1,4 +1,4 @@
-"""Randomization: properties that vary between episodes."""
+"""Randomization of the properties that vary between episodes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from trackslip.errors import Checked, checked, require, require_range
 from trackslip.kinematics import Array
 
 Range = tuple[float, float]
-"""From, to; values are drawn uniformly."""
+"""Smallest and largest value of a uniform distribution."""
 
 MAX_LATENCY = 2
-"""Largest latency of commands [control periods]."""
+"""Largest latency of the actions [control periods]."""
 PARKING = 0.6
-"""Ratio of the steepest slope that is drawn to the smallest friction angle [-]."""
+"""Ratio of the steepest drawn slope to the smallest friction angle [-]."""
 
 
 def _require_drawn(field: str, ends: Range | None, low: float, high: float) -> None:
@@ -32,35 +32,35 @@ def _require_drawn(field: str, ends: Range | None, low: float, high: float) -> N
 
 @dataclass(frozen=True)
 class Randomization(Checked):
-    """Ranges (from, to) from which each episode draws. By default all episodes are the same."""
+    """Ranges (from, to) from which each episode draws. By default, all episodes are equal."""
 
     friction_ratio: Range = checked((1.0, 1.0), require_range, 0.1, 10.0)
-    """Factor on the friction across the tracks, and thus on the ratio across / along [-]."""
+    """Factor on the friction across the tracks, and thus on the ratio of across to along [-]."""
     radius_error: Range | None = checked(None, _require_drawn, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
     """Relative error of the effective sprocket radius; None for the robot's own [-]."""
     mass: Range = checked((1.0, 1.0), require_range, 0.2, 5.0)
-    """Factor on the mass and the inertia of the chassis, for example for a payload [-]."""
+    """Factor on the mass and inertia of the chassis, which may represent a payload [-]."""
     com_x: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
-    """Forward offset of the centre of mass from the robot's own [m]."""
+    """Forward offset of the centre of mass from the robot's nominal one [m]."""
     com_y: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
-    """Offset to the left of the centre of mass from the robot's own [m]."""
+    """Leftward offset of the centre of mass from the robot's nominal one [m]."""
     slope: Range | None = checked(None, _require_drawn, 0.0, MAX_SLOPE)
-    """Slope of the ground [rad], with uphill in any direction; None for the ground's own. It is limited to 0.6 times
-    the smallest friction angle, so that the robot can park."""
+    """Slope of the ground, with uphill in any direction; None for the ground's own slope [rad]. Drawn slopes are
+    limited to 0.6 times the smallest friction angle, so that the robot can park."""
     patches: tuple[int, int] = checked((0, 0), require_range, 0, 10)
-    """Number of square patches on the path with different friction."""
+    """Number of square patches with different friction on the path."""
     patch_size: Range = checked((0.3, 1.0), require_range, 0.01, 100.0)
     """Side length of the patches [m]."""
     patch_friction: Range = checked((0.5, 1.0), require_range, 0.01, MAX_FRICTION / 10)
-    """Ratio of the patches' friction to the ground's; that across is also scaled by a drawn `friction_ratio` [-]."""
+    """Ratio of the patches' friction to the ground's; across the tracks, `friction_ratio` also scales it [-]."""
     shear: Range | None = checked(None, _require_drawn, 0.0, MAX_SHEAR)
-    """Shear modulus of the ground, patches included; None for the ground's own [m]."""
+    """Shear modulus of the ground and its patches; None for the ground's own [m]."""
     lag: Range | None = checked(None, _require_drawn, 0.001, 1.0)
-    """Time constant of the servos; None for the drive's own [s]."""
+    """Time constant of the servos; None for the drive's [s]."""
     latency: tuple[int, int] = checked((0, 0), require_range, 0, MAX_LATENCY)
     """Delay until an action reaches the servos [control periods]."""
     start_distance: Range = checked((0.0, 0.0), require_range, 0.0, 10.0)
-    """Distance from the path's start, in any direction [m]."""
+    """Distance of the robot from the path's start, in any direction [m]."""
     start_heading: Range = checked((0.0, 0.0), require_range, -math.pi, math.pi)
     """Heading error at the start [rad]."""
 
@@ -71,13 +71,13 @@ class Randomization(Checked):
 
     @classmethod
     def limits(cls, name: str) -> Range:
-        """Smallest and largest value that a property may have."""
+        """Smallest and largest value allowed for a property."""
         low, high = cls.__dataclass_fields__[name].metadata["check"][1]
         return low, high
 
     @classmethod
     def typical(cls) -> Randomization:
-        """Typical outdoor conditions."""
+        """Randomization for typical outdoor conditions."""
         return cls(
             friction_ratio=(0.8, 1.5),
             radius_error=(-0.02, 0.03),
@@ -92,14 +92,14 @@ class Randomization(Checked):
         )
 
     def setting(self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array) -> Setting:
-        """Draw the ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m, rad]."""
+        """Draw ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m, rad]."""
         return Setting(
             start=tuple(path[0].tolist()),
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
             weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
             lag=uniform(generator, self.lag, robot.drive.lag),
-            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # keeps the draws of old seeds
+            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # keeps old seeds' draws
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
@@ -123,12 +123,12 @@ class Randomization(Checked):
         return dataclasses.replace(ground, slope=min(slope, PARKING * math.atan(least)), uphill=uphill)
 
     def require_standing(self, robot: RobotParameters) -> None:
-        """Raise InvalidValueError if the robot would tip over with one of these centres of mass."""
+        """Raise InvalidValueError if the robot would tip over with some of the drawn centres of mass."""
         for x, y in itertools.product(self.com_x, self.com_y):
             dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)
 
 
 def uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
-    """A number drawn from a range, or `otherwise` if the range is None; both cases draw once from the generator."""
+    """Draw a number from a range, or return `otherwise` if it is None; both cases draw once from the generator."""
     low, high = (otherwise, otherwise) if ends is None else ends
     return low + (high - low) * float(generator.random())

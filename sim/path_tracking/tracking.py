@@ -1,4 +1,4 @@
-"""Path tracking of N robots, one row each: actions in, observations and rewards out."""
+"""Path tracking as a learning task for N robots, one row each: actions in, observations and rewards out."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from trackslip.metrics import LOST, body_errors
 from trackslip.online.compensation import Compensation, SensesLoad, known_law, named_compensation
 
 _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
-_STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
+_STANDING = 0.05  # sprocket speed below which a track's slip counts as 0 [rad/s]
 
 
 class PathTracking(Task):
-    """The task: robots follow references."""
+    """The task in which robots follow references."""
 
     STATE = (
         *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_angle", "_omega", "_pose"),
@@ -47,34 +47,34 @@ class PathTracking(Task):
         super().__init__(config, size, PERIOD, self.layout.elements, commanded)
         self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
-        self._senses_load = isinstance(self._compensation, SensesLoad)  # the check of a protocol is slow
+        self._senses_load = isinstance(self._compensation, SensesLoad)  # stored because the check of a protocol is slow
         self._compensation.reset(begin)
-        self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2), of actions
+        self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2) units of the actions
         self._reference: Index = np.zeros(size, int)
-        self.last: Index = np.zeros(size, int)  # number of steps (N,) in each robot's episode
-        self._k: Index = np.zeros(size, int)  # control periods since the start of the episode
+        self.last: Index = np.zeros(size, int)  # last step (N,) in each robot's episode
+        self._k: Index = np.zeros(size, int)  # control periods (N,) since each episode began
         self._latency: Index = np.zeros(size, int)
-        self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
+        self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points that the latency delays, newest first [rad/s]
         self._rows = np.arange(size)
-        self._angle: Array = np.zeros((size, 2))  # encoder angles in the last control period [rad]
+        self._angle: Array = np.zeros((size, 2))  # encoder angles (N, 2) at the end of the last control period [rad]
         self._omega: Array = np.zeros((size, 2))
-        self._pose: Array = np.zeros((size, 3))  # true
+        self._pose: Array = np.zeros((size, 3))  # true poses (N, 3)
         self._measured: Array = np.zeros((size, 3))
-        self._error: Array = np.zeros((size, 3))  # true
-        self._seen_error: Array = np.zeros((size, 3))  # as observed
-        self._load: Array = np.zeros((size, 2))  # tractions that the robots need over the load on the tracks [-]
+        self._error: Array = np.zeros((size, 3))  # true errors (N, 3)
+        self._seen_error: Array = np.zeros((size, 3))  # observed errors (N, 3)
+        self._load: Array = np.zeros((size, 2))  # tractions that the robots need per load on the tracks [-]
         self._success = np.ones(size, bool)
 
     def path(self, row: int) -> Array:
-        """Poses (T, 3) of the reference of robot `row`, from its start to its end."""
+        """Poses (T, 3) on the reference of the robot `row`, from start to end."""
         return self.table.path(int(self._reference[row]))
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Episode:
-        """Draw a robot's episode from its own generator; see `episode.draw`."""
+        """Draw a robot's episode from the robot's own generator; see `episode.draw`."""
         return draw(self.config, self.table, generator, options)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each; raises InvalidValueError if a robot can't park."""
+        """Begin an episode with each of the robots `rows` (R,); raises InvalidValueError if a robot can't park."""
         where = np.asarray(rows, int)
         if not where.size:
             return
@@ -92,7 +92,7 @@ class PathTracking(Task):
         self._success[where] = np.hypot(*self._error[where, :2].T) <= LOST
 
     def step(self, actions: ArrayLike) -> None:
-        """See Task."""
+        """Simulate one control period; see Task."""
         action, change = self._clipped(actions)
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._set_points(action)
@@ -108,7 +108,7 @@ class PathTracking(Task):
         self._compensation.observe(self._omega, PERIOD, estimate)
         seen = self._seen_pose()
         self._error = body_errors(self._pose, desired)
-        exact = seen is self._pose  # the truth is observed
+        exact = seen is self._pose  # whether the truth is observed
         self._seen_error = self._error if exact else body_errors(seen, desired)
         ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
@@ -129,7 +129,7 @@ class PathTracking(Task):
         return limit_sprocket_speeds(law.sprocket_speeds(wanted, self.fleet.robot.geometry), self.fleet.drive.limit)
 
     def _seen_pose(self) -> Array:
-        """Observed poses (N, 3), turned by the crab angles that the compensation predicts."""
+        """Observed poses (N, 3), with headings corrected by the crab angles that the compensation predicts."""
         if self.config.loads or self._loaded is not None:
             self._load = self.fleet.needed_traction()
         if self._loaded is None:
@@ -154,21 +154,21 @@ class PathTracking(Task):
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference,  # index in `table.names`
             "true_pose": self._pose,  # (N, 3) [m, m, rad]
-            "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
+            "true_twist": twist,  # (N, 3) forwards, to the left [m/s], yaw rate [rad/s]
             "true_error": self._error,  # (N, 3) in the robot's frame [m, m, rad]
             "true_slip": slip,  # (N, 2); 0 where a sprocket is at rest [-]
             "measured_pose": self._measured,  # (N, 3) [m, m, rad]
             "measured_omega": self._omega,  # (N, 2) [rad/s]
             "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
-            "torque": self.fleet.drive.torque,  # (N, 2) of the motors at the sprockets [N m]
-            "energy": self.fleet.drive.energy,  # (N, 2) drawn by the motors so far [J]
+            "torque": self.fleet.drive.torque,  # (N, 2) motor torques at the sprockets [N m]
+            "energy": self.fleet.drive.energy,  # (N, 2) energy drawn by the motors so far [J]
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
-            "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
+            "success": self._success,  # whether the robot has always stayed within metrics.LOST of the reference
         }
 
 
 def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
-    """Elements of an action; `limit` is the sprockets' top speed [rad/s]."""
+    """The elements of an action; `limit` is the sprockets' top speed [rad/s]."""
     if config.action == "sprockets":
         return Element("left sprocket speed", "rad/s", limit), Element("right sprocket speed", "rad/s", limit)
     speed, rate = config.twist_scale

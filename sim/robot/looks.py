@@ -17,28 +17,28 @@ from sim.robot.wheels import start
 from sim.tracks.drawing import TrackLook, draw
 from trackslip.kinematics import Array
 
-_AZIMUTH, _ELEVATION = 106.0, -21.0  # camera angles: it looks at the robot from the right, a little ahead of it [deg]
-_AWAY = 2.8  # distance of the camera, in robot lengths
+_AZIMUTH, _ELEVATION = 106.0, -21.0  # the camera looks at the robot from the right, slightly ahead of it [deg]
+_AWAY = 2.8  # distance of the camera from the robot, in robot lengths
 _CALM = 0.6  # share of the robot's heave that the camera follows
 
-_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # the shipped robot's: x, z, radius; width [m]
-_TYRE = 0.76  # width of a wheel over its radius [-]
-_ATTACHED = "robot/"  # prefix of the names from a tracked robot's model
+_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # shipped robot: wheels x, z, radius; belt's width [m]
+_TYRE = 0.76  # ratio of a wheel's drawn width to its radius [-]
+_ATTACHED = "robot/"  # prefix of all names that come from a tracked robot's model
 
 
 @dataclass(frozen=True)
 class RobotLooks:
-    """A model to draw, and the looks of its tracks."""
+    """The model of a robot to draw, and the looks of its tracks."""
 
     model: mujoco.MjModel  # without the tracks
     body: int  # the chassis
-    tracks: list[tuple[str, int, TrackLook]]  # name, body and looks of each track: left, right, then the flippers'
-    track_side: np.ndarray  # (T,) 0 left, 1 right: the side with which a track's belt runs
+    tracks: list[tuple[str, int, TrackLook]]  # name, body and look of each track: left, right, then the flippers'
+    track_side: np.ndarray  # (T,) side whose speed each track's belt follows: 0 left, 1 right
     rest: Array  # (nq,) positions of all joints, with the chassis at the origin
 
     @classmethod
     def of(cls, world: TrackedModel) -> RobotLooks:
-        """The looks of a robot on its terrain; `world` must have been built with `looks`."""
+        """The looks of a robot on its terrain; `world` must have been built with `looks=True`."""
         robot, model = world.robot, world.model
         hull, belted = np.array(robot.hull), robot.contact != WHEELS
         sides = [TrackLook(hull, sign * robot.half_gauge, robot.width, belted) for sign in (1.0, -1.0)]
@@ -48,12 +48,12 @@ class RobotLooks:
         return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, travel: Array) -> None:
-        """Append the tracks to a scene, after their belts have driven `travel` (T,) [m] forwards."""
+        """Append the tracks to a scene, for belts that have travelled `travel` (T,) forwards [m]."""
         for (_, body, look), way in zip(self.tracks, travel, strict=True):
             draw(scene, look.pieces(way), data.xpos[body], data.xmat[body].reshape(3, 3))
 
     def camera(self, data: mujoco.MjData, height: float = 0.0) -> mujoco.MjvCamera:
-        """A camera that follows the robot without turning, on ground at a `height` [m]."""
+        """A camera that follows the robot without turning; `height` is that of the ground [m]."""
         x, _, radius = np.array([wheel for _, _, look in self.tracks for wheel in look.hull]).T
         length = float((x + radius).max() - (x - radius).min())
         camera = mujoco.MjvCamera()
@@ -97,13 +97,13 @@ def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
 
 
 def _tracked_looks(spec: Any, source: str) -> RobotLooks:
-    """The looks of a robot, by name or file, on the field's chassis, with flippers clear of the ground."""
+    """The looks of the robot with this name or file, on the field's chassis, with its flippers off the ground."""
     robot = load_tracked(source)
     built, own = build_tracked(robot, looks=True), load_spec(robot, looks=True)
     body = chassis_of(own, robot)
     for joint in list(body.joints):
         own.delete(joint)
-    own.compile()  # so that its keyframe is attached
+    own.compile()  # so that the model's keyframe is attached, too
     body.pos, body.quat, body.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))

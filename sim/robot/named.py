@@ -1,6 +1,6 @@
-"""Robots by name or file: bodies on two rows of pads for flat ground, models with tracks for terrain.
+"""Robots by name or file, for flat ground (bodies on two rows of pads) and for terrain (models with tracks).
 
-A check reports what is read from a robot's files, what is left out, and what is wrong.
+`check` reports what a robot's files contain, what they leave out and what is wrong in them.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ _FILES = {
     **{name: MODELS / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
 }
 ROBOTS = (SHIPPED, *_FILES)
-"""Names of robots."""
-_PLATE_ABOVE = 0.1  # least height of the plate's lower edge above everything else on a robot [m]
+"""Names of the robots that come with the package."""
+_PLATE_ABOVE = 0.1  # least height of the plate's lower edge above the rest of the robot [m]
 _PLATE_HALF_HEIGHT = 0.1  # from models/tracked_robot.xml [m]
 _BELT = 0.01  # thickness of a belt around its sprocket [m]
 
 
 RobotSource = str | RobotParameters | TrackedRobot
-"""A robot, its name or its file."""
+"""A robot, its name or the path of its file."""
 _SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass_fields__.keys()
 _G, _SLOPE = 9.81, np.radians(20)  # [m/s^2, rad]
 
 
 def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParameters, Ground]:
-    """Load a robot for flat ground: its parameters, and the ground that its file's table `ground` describes.
+    """Load a robot for flat ground: its parameters, and the ground in the table `ground` of its file.
 
-    The source is a name in `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
-    tracked robot, see `on_flat_ground`; or a robot. Raises InvalidValueError for an unknown source,
+    The source is a name in `ROBOTS`, a robot, a file of parameters, whose missing fields keep their defaults, or the
+    file of a tracked robot, which `on_flat_ground` converts. Raises InvalidValueError for an unknown source,
     SettingsFileError for an unreadable file or invalid fields, TrackslipError for a model that doesn't compile.
     """
     robot, ground = _load(source)
@@ -60,7 +60,7 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
     """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts parameters.
 
-    `refuse` is called for missing meshes that the search for wheels needs; see `build_tracked`.
+    `refuse` is called for each missing mesh that is needed to find the model's wheels; see `build_tracked`.
     """
     robot, _ = _load(source, refuse)
     if isinstance(robot, TrackedRobot):
@@ -86,12 +86,12 @@ def _load(source: RobotSource | Path, refuse: Refuse = refuse) -> tuple[RobotPar
 
 
 def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
-    """The parameters of a tracked robot that stands on level ground: a rigid body on the longest runs of its tracks.
+    """The parameters of a tracked robot on level ground: a rigid body that stands on the longest runs of its tracks.
 
-    Its joints are held in their starting positions, its flippers as low as possible without touching the ground. Its
-    frame is in the middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above
-    everything else. It is drawn as the robot with the name or file `looks`. Raises InvalidValueError for a robot that
-    doesn't stand on two wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
+    Its joints stay in their starting positions, its flippers as low as possible without touching the ground. Its frame
+    is in the middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above the rest
+    of the robot. It is drawn as the robot with the name or file `looks`. Raises InvalidValueError for a robot out of
+    range or that doesn't stand on two wheels of each track, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
     model, data = built.model, _stand(built)
@@ -129,7 +129,7 @@ def _stand(built: TrackedModel) -> mujoco.MjData:
 
 
 def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
-    """The robot that parameters describe: the shipped robot's body on wheels, or on tracks as long as the contact."""
+    """The robot with these parameters: the shipped robot's body on wheels, or on tracks as long as the contact."""
     radius, half = parameters.sprocket_radius, parameters.contact_length / 2
     ends, radius = (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
     hull, shared = tuple((x, radius, radius) for x in ends), {each: getattr(parameters, each) for each in _SHARED}
@@ -138,18 +138,18 @@ def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
 
 @dataclass(frozen=True)
 class PlainRobot(TrackedRobot):
-    """The shipped robot, or one that differs from it in its parameters, with tracks instead of pads."""
+    """The shipped robot, or a robot that differs from it only in its parameters, on tracks instead of pads."""
 
     parameters: RobotParameters = field(default_factory=RobotParameters)
     """Shape and mass of the robot."""
 
     def spec(self) -> Any:
-        """See TrackedRobot."""
+        """The shipped model with this robot's parameters, without pads; see TrackedRobot."""
         spec = shaped_robot(self.parameters, self.model.name)
         pads = [geom for geom in spec.geoms if "_pad" in geom.name]
         for thing in (*spec.pairs, *spec.sensors, *pads):
             spec.delete(thing)
-        spec.option.timestep = mujoco.MjSpec().option.timestep  # the file's own step is for pads
+        spec.option.timestep = mujoco.MjSpec().option.timestep  # the time step in the file is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
@@ -161,7 +161,7 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
     given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
-    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until the wheels are read
+    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until they are read
     robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path))
     folder = path.parent
     robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
@@ -184,9 +184,9 @@ class RobotCheck:
     facts: tuple[tuple[str, str], ...]
     """Names and values of the robot's properties."""
     warnings: tuple[str, ...]
-    """What is left out or looks wrong, one line each."""
+    """Lines on parts that are left out or look wrong."""
     errors: tuple[str, ...]
-    """What keeps the robot from driving, one line each."""
+    """Lines on faults that keep the robot from driving."""
 
     def __str__(self) -> str:
         lines = [f"{name}: {value}" for name, value in self.facts]
@@ -195,7 +195,7 @@ class RobotCheck:
 
 
 def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
-    """Check a robot, by name or file, for everything that is wrong with it, instead of one error per run."""
+    """Check a robot, by name or file, and collect all of its faults instead of stopping at the first error."""
     facts: list[tuple[str, str]] = []
     errors: list[str] = []
     with warnings.catch_warnings(record=True) as said:
@@ -222,7 +222,7 @@ def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
 
 
 def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
-    """Mass, inertia, joints, flippers and motors of a compiled robot."""
+    """Names and values of a compiled robot's properties: mass, inertia, joints, flippers and motors."""
     robot, model, own = tracked.robot, tracked.model, np.flatnonzero(tracked.model.body_rootid == tracked.body)
     mass, (x, y, z), inertia = composite(model, _stand(tracked), own)
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]

@@ -27,7 +27,7 @@ _OFFSET = require_within, -10.0, 10.0, "m"  # allowed coordinates of the centre 
 _PLATE_HEIGHT = 0.5  # from models/tracked_robot.xml [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # largest mean of the axles' positions [m]
-_FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
+_FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel [-]
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class RobotParameters(Checked):
     com_height: float = checked(0.12, *_SIZE)
     """Centre of mass above the ground [m]."""
     inertia: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
-    """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty to scale the shipped robot's with mass and shape
-    [kg m^2]."""
+    """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty for the shipped robot's inertia, scaled with mass
+    and shape [kg m^2]."""
     plate_height: float = checked(_PLATE_HEIGHT, *_SIZE, stored_unless=_PLATE_HEIGHT)
     """Height of the plate's centre, and of the scanner, above the ground [m]."""
     looks: str = field(default="", metadata={"stored_unless": ""})
@@ -60,13 +60,13 @@ class RobotParameters(Checked):
     contact: str = field(default=TRACKS, metadata={"stored_unless": TRACKS})
     """What touches the ground: "tracks", or "wheels" that turn at one speed per side."""
     axles: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
-    """Positions of the axles, ahead of their mean [m]. The contact then extends from the first patch to the last."""
+    """Positions of the axles ahead of their mean [m]. The contact extends from the rearmost patch to the foremost."""
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
     radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
-    """Half the difference between the right sprocket's radius error and the left one's [-]."""
+    """Half the difference between the sprockets' radius errors, right minus left [-]."""
 
     def __post_init__(self) -> None:
         self._lay_axles()
@@ -86,7 +86,7 @@ class RobotParameters(Checked):
         return self.com_x, self.com_y, self.com_height
 
     def with_contact_length(self, length: float) -> RobotParameters:
-        """The same robot with another contact length [m]; wheels move apart or together, their patches stay as long."""
+        """The same robot with another contact length [m]; wheels keep their patch length and move apart or together."""
         if not self.axles:
             return dataclasses.replace(self, contact_length=length)
         growth = (length - self.patch_length) / (self.contact_length - self.patch_length)
@@ -95,14 +95,14 @@ class RobotParameters(Checked):
         return dataclasses.replace(self, contact_length=RobotParameters.contact_length, axles=axles)
 
     def contact_theory(self, along: float, across: float, points: int = 200) -> Contact:
-        """The contact with ground of these friction coefficients, for `skid_theory`; `points` per side or more."""
+        """The robot's contact, for `skid_theory`, with ground of this friction [-]; at least `points` per side."""
         rest = (along, across, self.centre_of_mass)
         if not self.axles:
             return line_contact(self.half_gauge, self.contact_length / 2, *rest, points)
         return wheel_contact(self.half_gauge, self.axles, self.patch_length, *rest, -(-points // len(self.axles)))
 
     def _lay_axles(self) -> None:
-        """Check the kind of contact; sort the axles, and take the contact length from them."""
+        """Check the kind of contact; sort the axles and derive the contact length from them."""
         require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
         if self.contact == TRACKS:
             for name, default in (("axles", ()), ("patch_length", PATCH_LENGTH)):
@@ -125,8 +125,8 @@ class RobotParameters(Checked):
         object.__setattr__(self, "contact_length", span)
 
     def _require_standing(self) -> None:
-        """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""
-        # mean squares of the coordinates of the ground's springs, which yield by SINK, so that a high robot leans more
+        """Raise InvalidValueError if the centre of mass is too high or too far off centre to load every contact."""
+        # mean squares of the coordinates of the ground's springs; they yield by SINK, so a high robot leans further
         spread_x, end, spread_y = self.contact_length**2 / 12, self.contact_length / 2, self.half_gauge**2
         if self.axles:
             spread_x = float(np.mean(np.square(self.axles))) + self.patch_length**2 / 12
@@ -144,7 +144,7 @@ class RobotParameters(Checked):
 
 
 def require_inertia(inertia: Sequence[float]) -> None:
-    """Raise InvalidValueError unless six numbers xx, yy, zz, xy, xz, yz are a rigid body's inertia [kg m^2]."""
+    """Raise InvalidValueError unless the six numbers xx, yy, zz, xy, xz, yz are a rigid body's inertia [kg m^2]."""
     allowed = "six finite numbers xx, yy, zz, xy, xz, yz, as a rigid body has them [kg m^2]"
     require(len(inertia) == 6 and bool(np.isfinite(inertia).all()), "inertia", list(inertia), allowed)
     xx, yy, zz, xy, xz, yz = inertia
@@ -153,7 +153,7 @@ def require_inertia(inertia: Sequence[float]) -> None:
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
-    """Text of a robot file; `ground` must be level, without patches or changes."""
+    """The text of a robot file; `ground` must be level, without patches or changes."""
     shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
     values = {f.name: (f, getattr(parameters, f.name)) for f in dataclasses.fields(parameters)}
     given = {name: value for name, (f, value) in values.items() if f.metadata.get("stored_unless", ...) != value}
@@ -169,7 +169,7 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
 
 
 def ground_file_text(ground: Ground, comment: str) -> str:
-    """Text of a ground file; `ground` must be level, without patches or changes."""
+    """The text of a ground file; `ground` must be level, without patches or changes."""
     return f"# {comment}\n{_lines({name: getattr(ground, name) for name in ('along', 'across', 'shear')})}"
 
 

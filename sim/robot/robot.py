@@ -1,4 +1,4 @@
-"""MJCF to compiled model, the numbers the simulator needs from it, and the inertia of bodies that move as one."""
+"""Compiled robots for the paper's field, the numbers that the simulator reads from them, and rigid-body inertia."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from trackslip.localization.scan import Plate
 MODELS = Path(models.__file__).parent
 """Folder of the shipped models."""
 BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
-"""Geoms that only show the body."""
+"""Geoms that only show the body's shape."""
 _TRACK_LOOKS = ("track0", "track1")
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
@@ -34,19 +34,19 @@ VISUAL_GROUP = 1
 CONTACT_POINTS = 2
 """Default number of contact points per pad."""
 CONTACT_WIDTH = 9
-"""Numbers that a contact sensor reports per point, in this order: force, position in the world, velocity; force and
-velocity have components normal to the ground, along the pad and across it."""
+"""Number of values from a contact sensor per point, in this order: force, position in the world, velocity. Force
+and velocity have components normal to the ground, along the pad and across it."""
 _Bit = mujoco.mjtDisableBit
-_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # no use for one body; off for speed
+_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # off: useless for a single body
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
-_TILT = np.radians(45.0)  # tilt of a pad with one point: its lower end touches, and its axis still sets directions
-_LENGTH = 0.02  # distance between the ends of such a pad [m]
-_SHEARING = 4  # points in a wheel's patch on shearing ground
-_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # points on other ground, spread like a uniform patch [-]
+_TILT = np.radians(45.0)  # tilt of a pad with one point: only its lower end touches; its axis still sets directions
+_LENGTH = 0.02  # distance between the ends of a tilted pad [m]
+_SHEARING = 4  # number of points in a wheel's patch on shearing ground
+_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # points in a patch on other ground, with a uniform patch's spread [-]
 
 
 def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
-    """The spec of a shipped model whose body has these parameters, without the looks of its tracks."""
+    """The spec of a shipped model with the body that these parameters describe, without the looks of its tracks."""
     spec = mujoco.MjSpec.from_file(str(MODELS / file))
     for name in _TRACK_LOOKS:
         spec.delete(spec.body(name))
@@ -61,17 +61,17 @@ def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
     mast, plate = spec.geom("mast"), spec.geom("plate")
     mast.pos, plate.pos = mast.pos + raised / 2, plate.pos + raised
     mast.size[1] += max(raised[2] / 2, -0.1)
-    if lrf := spec.body("lrf"):  # in the field's model
+    if lrf := spec.body("lrf"):  # only the field's model has it
         lrf.pos = lrf.pos + raised
     for site in (site for site in chassis.sites if "_footprint" in site.name):
         site.pos[1] = np.copysign(parameters.half_gauge, site.pos[1])
-        site.size[0] = parameters.contact_length  # on either side of the middle: enough for any points
+        site.size[0] = parameters.contact_length  # to either side of the middle: covers any contact points
     _set_mass(chassis, parameters, np.array([size[0], size[1], parameters.com_height / shipped.com_height]))
     return spec
 
 
 def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> None:
-    """Set mass, its centre and inertia; its distribution scales with the shape, by `growth` (3,) along x, y, z."""
+    """Set the chassis' mass, its centre and its inertia; the shape grows by factors `growth` (3,) along x, y, z."""
     second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
     second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
     inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
@@ -80,29 +80,29 @@ def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> 
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
-    """Contact points (n,) along one side of a robot, from rear to front [m], and their recipe.
+    """Contact points (n,) along one side of a robot, from rear to front [m], and their contact recipe.
 
-    A track has one in the middle of each segment; a wheel has two, or four on shearing ground, where pads are `single`.
+    A track has one point in the middle of each segment; a wheel has two, or on shearing ground four `single` pads.
     """
     if not parameters.axles:
         n = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
         return parameters.contact_length * _middles(n), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
     warn_if_unverified(parameters.half_gauge, parameters.contact_length)
     points = _middles(_SHEARING) if single else np.array(_GAUSS)
-    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # that the engine allows, on any ground
+    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # least that the engine allows, for any ground
     preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))
     return np.add.outer(parameters.axles, parameters.patch_length * points).ravel(), preset
 
 
 def _middles(count: int) -> Array:
-    """Middles (n,) of equal segments with a total length of 1 [-]."""
+    """Middles (n,) of `count` equal segments that are 1 long together, from -1/2 to 1/2 [-]."""
     return (np.arange(count) + 0.5) / count - 0.5
 
 
 def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Array:
-    """Replace a model's pads with those that a robot needs, and return the points (n,) of one side [m].
+    """Replace a model's pads with those that a robot needs, and return the contact points (n,) along one side [m].
 
-    A pad has two points, unless it is `single`. The robot's sinkage and creep do not depend on the number of points.
+    A pad has two points, or one if `single`. The robot's sinkage and creep don't depend on the number of points.
     """
     chassis = spec.body("chassis")
     pads, plain = [geom for geom in chassis.geoms if "_pad" in geom.name], spec.pairs[0]
@@ -134,28 +134,28 @@ class Robot:
     mass: float  # [kg]
     plate: Plate  # the plate that the laser range finder sees
     plate_radius: float  # radius of the sphere around the plate [m]
-    pads: slice  # slice of the geoms: the contact capsules, each along its own z axis
+    pads: slice  # the geoms that are contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where backward; smaller where it is tilted
-    pad_slant: Array  # (P,) x over z component of the robot's forward direction, in the pad's frame
+    pad_sign: Array  # (P,) 1 where a pad's z axis points forwards, -1 where backwards; less in magnitude if tilted
+    pad_slant: Array  # (P,) ratio of the x and z components of the robot's forward direction in the pad's frame
     pad_position: Array  # (P, 2) middle of each pad's contact, in the chassis' frame [m]
-    pad_pairs: slice  # slice of the contact pairs, in the order of the pads
+    pad_pairs: slice  # the contact pairs, in the order of the pads
     contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
     lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
     lrf_height: float  # height of the scan plane above the ground [m]
     digest: str  # SHA-256 of the model, without visuals and contact sensors
     parameters: RobotParameters
     contact_sensors: bool
-    """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
+    """True if every pad has a sensor; runs are then recorded with the pads' forces and complete scans."""
     points_per_pad: int  # number of points at which a pad touches the ground
 
     def pad_speeds(self, belts: Array) -> Array:
-        """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""
+        """Speeds (..., P) of the pads' surfaces, each along the pad's own axis, for belt speeds (..., 2) [m/s]."""
         # the lower side of a belt moves backwards when the robot drives forwards
         return (-belts).take(self.pad_side, axis=-1) * self.pad_sign
 
     def with_single_contacts(self) -> Robot:
-        """The same robot and options, with pads that touch the ground at one point each, as shearing ground needs."""
+        """The same robot and options, with one contact point per pad, as shearing ground needs."""
         if self.points_per_pad == 1:
             return self
         robot = load_robot(self.parameters, self.contact_sensors, single_contacts=True)
@@ -166,7 +166,7 @@ class Robot:
 def load_robot(
     parameters: RobotParameters | None = None, contact_sensors: bool = False, single_contacts: bool = False
 ) -> Robot:
-    """Compile a robot on the paper's field, by default the shipped robot, and read its numbers.
+    """Compile a robot, by default the shipped one, on the paper's field, and read its numbers.
 
     With `contact_sensors`, every pad has a sensor, which `sim.run_recorder` reads and runs record; with
     `single_contacts`, a pad touches the ground at one point instead of two, and there are more pads.
@@ -183,12 +183,12 @@ def load_robot(
     if contact_sensors:
         _add_contact_sensors(spec, count)
     model = spec.compile()
-    model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
+    model.flg_surfacevel = 1  # else the engine would ignore later writes, as tracks are compiled at rest
     half_gauge = parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    forwards = data.geom_xmat[pads, :3]  # in the pads' frames
+    forwards = data.geom_xmat[pads, :3]  # the robot's forward direction in each pad's frame
     middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
     plate, lrf = model.geom("plate"), model.body("lrf")
     heading = data.body("lrf").xmat[::3]
@@ -216,7 +216,7 @@ def load_robot(
 
 @lru_cache(maxsize=16)
 def compiled(parameters: RobotParameters) -> Robot:
-    """The robot on the paper's field with these parameters, compiled once."""
+    """The robot with these parameters on the paper's field, compiled once."""
     return load_robot(parameters)
 
 
@@ -235,7 +235,7 @@ def _add_contact_sensors(spec: Any, points: int) -> None:
 
 
 def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> tuple[float, Array, Array]:
-    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies as they are posed, in world axes."""
+    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies in their current poses; world axes."""
     own = np.asarray(bodies, int)
     mass = model.body_mass[own]
     centre = mass @ data.xipos[own] / mass.sum()
@@ -246,10 +246,10 @@ def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> 
 
 
 def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
-    """Issue a RobotWarning for an inertia whose radius of gyration exceeds the reach of all the body's shapes.
+    """Issue a RobotWarning for a body with a radius of gyration beyond the reach of its shapes.
 
     Links under the body `robot` that are fixed to each other count as one body; a body without shapes is compared with
-    the whole robot's shapes. The model comes from the file `path`.
+    the shapes of the whole robot. `path` is the model's file.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -17,7 +17,7 @@ from trackslip.errors import Checked, checked, require, require_non_negative, re
 
 Wheels = tuple[tuple[float, float, float], ...]
 
-_LEVEL = -0.9998  # largest upward component of the normal of a run that stands on level ground: 1.1 degrees off [-]
+_LEVEL = -0.9998  # largest upward component of the normal of a level run: 1.1 degrees off level [-]
 _SAME_HEIGHT = 0.005  # largest height difference between wheels that stand on level ground [m]
 
 
@@ -29,12 +29,12 @@ def _width(width: float, lines: int) -> float:
 
 @dataclass(frozen=True)
 class Flipper(Checked):
-    """A hinged body with one track, which is driven together with the chassis' track on its side."""
+    """A hinged body with one track, which runs together with the chassis' track on the same side."""
 
     body: str
     """Name of the body."""
     side: str
-    """Side of the chassis' track that drives its belt, left or right."""
+    """Side of the chassis, left or right, whose track drives the flipper's belt."""
     hull: Wheels
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     y: float = 0.0
@@ -42,13 +42,13 @@ class Flipper(Checked):
     width: float = checked(0.05, require_positive)
     """Width of the belt [m]."""
     stiffness: float = checked(250.0, require_positive)
-    """Stiffness of the motor added to a hinge without one [N m/rad]."""
+    """Stiffness of the motor that a hinge without a motor gets [N m/rad]."""
     damping: float = checked(15.0, require_non_negative)
-    """Damping of that motor [N m s/rad]."""
+    """Damping of the added motor [N m s/rad]."""
     torque: float = checked(90.0, require_positive)
-    """Largest torque of that motor, unless the model limits the hinge's torque [N m]."""
+    """Largest torque of the added motor, unless the model limits the hinge's torque [N m]."""
     lines: int = 1
-    """Lines of contact across the belt's width, 1 or 3; with one, the width is only drawn."""
+    """Lines of contact across the belt's width, 1 or 3; with 1 line, the width is only drawn."""
 
     def __post_init__(self) -> None:
         Hull.from_wheels(self.hull)
@@ -57,17 +57,17 @@ class Flipper(Checked):
         super().__post_init__()
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
-        """The flipper's track."""
+        """The flipper's track, with this contact preset and friction along and across it [-]."""
         name, width = f"{self.body}_track", _width(self.width, self.lines)
         return Track(self.y, self.hull, preset, friction, name, side="left", width=width)
 
 
 @dataclass(frozen=True)
 class TrackedRobot:
-    """A model and its tracks or wheels; a robot file has these fields, and one table `flippers` per flipper."""
+    """A model and its tracks or wheels; a robot file has these fields, and a table `flippers` for each flipper."""
 
     model: Path
-    """MJCF or URDF file; in a robot file relative to that file."""
+    """MJCF or URDF file; in a robot file, its path is relative to the robot file."""
     half_gauge: float
     """Half the distance between the chassis' tracks [m]."""
     hull: Wheels
@@ -81,20 +81,20 @@ class TrackedRobot:
     width: float = 0.08
     """Width of the chassis' belts or tyres [m]."""
     lines: int = 1
-    """Lines of contact across that width: 1, if the width is only drawn, or 3, which resist tipping over its edges."""
+    """Lines of contact across that width: 1 if the width is only drawn, or 3 to resist tipping over the edges."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
     wheels: tuple[str, ...] = ()
-    """Links that tracks replace: they no longer collide, and their joints are locked, unless they are flippers. In a
-    robot file, "replace" stands for all round links that turn endlessly about y, and flippers. Unless given,
-    `half_gauge` and `hull` are read from the wheels."""
+    """Links that tracks replace: they don't collide, and their joints are locked, except those of flippers. In a robot
+    file, "replace" stands for the flippers and all round links that turn endlessly about y. `half_gauge` and `hull` are
+    read from these wheels unless they are given."""
     packages: tuple[Path, ...] = ()
-    """Folders of the packages in package://NAME/FILE, or their parent folders, in addition to the folders above the
-    model; in a robot file relative to that file."""
+    """Folders of the packages in package://NAME/FILE, or their parent folders, searched before the folders above the
+    model; in a robot file, their paths are relative to the robot file."""
     key: str = field(default="", metadata={"stored_unless": ""})
     """MJCF keyframe from which joints and motors start; by default they start at 0."""
     name: str = "robot"
-    """Name of the robot; by default its robot file's name without .toml."""
+    """Name of the robot; by default the robot file's name without .toml."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
 
@@ -106,7 +106,7 @@ class TrackedRobot:
         require(len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different")
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
-        """The chassis' pair of tracks, or wheels."""
+        """The chassis' pair of tracks or rows of wheels, with this contact preset and friction along and across [-]."""
         width, contact, patch = _width(self.width, self.lines), self.contact, self.patch_length
         return Track(self.half_gauge, self._level, preset, friction, width=width, contact=contact, patch_length=patch)
 
@@ -117,7 +117,7 @@ class TrackedRobot:
 
     @property
     def contact_length(self) -> float:
-        """Length of the contact with level ground, from the first end to the last [m]."""
+        """Length of the contact with level ground, from rear to front [m]."""
         patch = self.patch_length if self.contact == WHEELS else 0.0
         return max(self.standing) - min(self.standing) + patch
 
@@ -137,7 +137,7 @@ class TrackedRobot:
 
     @property
     def _level(self) -> Wheels:
-        """`hull` with its lowest wheels at the same height, as tyres and springs would have them."""
+        """`hull` with its lowest wheels at the same height, to which tyres and springs would bring them."""
         highest = self.lowest + _SAME_HEIGHT
         return tuple((x, self.lowest + r if z - r < highest else z, r) for x, z, r in self.hull)
 
@@ -148,9 +148,9 @@ class TrackedRobot:
 
     @property
     def lowest(self) -> float:
-        """Height of the lowest point of the chassis' tracks in its frame [m]."""
+        """Height of the lowest point of the chassis' tracks in the chassis' frame [m]."""
         return min(z - r for _, z, r in self.hull)
 
     def spec(self) -> Any:
-        """The model as a `mujoco.MjSpec`; see `read_model` for what it raises."""
+        """The model as a `mujoco.MjSpec`; raises what `read_model` raises."""
         return read_model(self.model, self.wheels)

@@ -21,12 +21,12 @@ from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
 _PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground, in place of terrain
-_CLEAR = 1e-3  # least height of everything else on the chassis above the tracks' lowest point [m]
-_ACROSS = 0.99  # least cosine between the chassis' y and a flipper's y, or its hinge [-]
+_CLEAR = 1e-3  # least height of the rest of the chassis above the tracks' lowest point [m]
+_ACROSS = 0.99  # least cosine between the chassis' y axis and a flipper's y axis or hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _Bit = mujoco.mjtDisableBit
 _NEEDED = _Bit.mjDSBL_GRAVITY | _Bit.mjDSBL_CONTACT | _Bit.mjDSBL_CONSTRAINT
-_STEPS = 61  # number of flipper angles tried
+_STEPS = 61  # number of flipper angles that `clear_angles` tries
 
 
 class Terrain(Protocol):
@@ -34,7 +34,7 @@ class Terrain(Protocol):
 
     @property
     def friction(self) -> float:
-        """Coefficient of friction [-]."""
+        """Coefficient of friction of the terrain [-]."""
 
     def add_to(self, spec: Any) -> list[str]:
         """Add the terrain to a `mujoco.MjSpec` and return the names of its geoms."""
@@ -42,7 +42,7 @@ class Terrain(Protocol):
 
 @dataclass(frozen=True)
 class FlipperGeometry:
-    """Shape of F flippers."""
+    """The shape of F flippers."""
 
     hinge: Array  # (F, 3) in the chassis' frame [m]
     length: Array  # (F,) from the hinge to the wheel at the tip [m]
@@ -53,26 +53,26 @@ class FlipperGeometry:
 
 @dataclass(frozen=True)
 class TrackedModel:
-    """A compiled model with T tracks and F flippers; the chassis' tracks come first, then the flippers' in order."""
+    """A compiled model with T tracks: those of the chassis, then those of its F flippers in order."""
 
     model: mujoco.MjModel
     robot: TrackedRobot
-    belts: Belts  # the chassis' pair, then one per flipper
+    belts: Belts  # of the chassis' pair of tracks, then one per flipper
     body: int  # the chassis
-    free: tuple[int, int]  # where the chassis' pose begins in qpos, and its velocity in qvel
+    free: tuple[int, int]  # indices at which the chassis' pose begins in qpos, and its velocity in qvel
     track_side: NDArray[np.int_]  # (T,) 0 left, 1 right: the side whose command a belt follows
     flipper_qpos: NDArray[np.int_]  # (F,) indices of the hinges in qpos
-    flipper_motor: NDArray[np.int_]  # (F,) indices of their motors in ctrl
+    flipper_motor: NDArray[np.int_]  # (F,) indices of the flippers' motors in ctrl
     flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, otherwise -1
-    flipper_range: Array  # (F, 2) lowest and highest angle, positive is up [rad]
+    flipper_range: Array  # (F, 2) lowest and highest angle, positive upwards [rad]
     flippers: FlipperGeometry
 
     def flipper_angles(self, qpos: Array) -> Array:
-        """Angles (..., F) of flippers in states qpos (..., nq), positive is up [rad]."""
+        """Flipper angles (..., F) in states qpos (..., nq), positive upwards [rad]."""
         return np.asarray(self.flipper_sign * np.asarray(qpos)[..., self.flipper_qpos])
 
     def flipper_control(self, angles: Array) -> Array:
-        """Control signals (..., F) for set points (..., F) of the flippers' angles, kept within their range [rad]."""
+        """Control signals (..., F) for set points (..., F) of the flipper angles, clipped to their range [rad]."""
         return np.asarray(self.flipper_sign * np.clip(angles, *self.flipper_range.T))
 
 
@@ -85,11 +85,11 @@ def build_tracked(
     looks: bool = False,
     refuse: Refuse = refuse,
 ) -> TrackedModel:
-    """Compile a robot on its terrain, or on a plane, with tracks of a contact preset.
+    """Compile a robot with tracks of a contact preset, on its terrain or on a plane.
 
-    Friction along and across the tracks is by default the terrain's, or a plane's 0.7. `looks` keeps purely visual
-    geoms, which slow the physics down. `refuse` gets a line on each part that is missing or wrong, and by default
-    raises it. Raises TrackslipError for a model that can't be compiled or has no part that the robot names.
+    Friction along and across the tracks is by default the terrain's, or 0.7 on a plane. `looks` keeps purely visual
+    geoms, which slow the physics down. `refuse` is called with a line on each part that is missing or wrong, and raises
+    it by default. Raises TrackslipError for a model that can't be compiled or doesn't contain a part of `robot`.
     """
     with engine_errors(robot.model):
         spec = load_spec(robot, looks, refuse)
@@ -111,7 +111,7 @@ def build_tracked(
     if (held := float(model.body_mass @ model.body_gravcomp)) > 0:
         what = f"{robot.model}: its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
         warnings.warn(what, RobotWarning, stacklevel=2)
-    if looks:  # then all shapes that show the body's reach are there
+    if looks:  # only then are all shapes that show the body's reach in the model
         warn_of_inertia(model, model.body(name).id, robot.model)
     elif model.nu == len(robot.flippers):
         _warn_of_loose_joints(model, robot)
@@ -119,18 +119,18 @@ def build_tracked(
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
-    """Load the robot's model without its scene, and of its keyframes only the robot's.
+    """Load the robot's model without its scene; the robot's keyframe is the only one that stays.
 
-    Its mesh files are located and its own wheels switched off; purely visual geoms remain only with `looks`.
+    Mesh files are located and the model's own wheels switched off; purely visual geoms stay only with `looks`.
     """
     spec = robot.spec()
-    spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
+    spec.compiler.fusestatic = False  # the base link of a URDF is to stay a body
     for kind, things in (("body", spec.bodies), ("key", spec.keys)):
         for k, thing in enumerate(things):
             thing.name = thing.name or f"unnamed_{kind}{k}"
     for k, joint in enumerate(spec.joints):
         joint.name = joint.name or f"{joint.parent.name}_joint{k}"
-    new = spec.default.geom  # default of geoms that are added
+    new = spec.default.geom  # default for geoms that are added later
     new.pos, new.quat, new.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
     forget_geoms(spec, spec.worldbody.geoms)
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights):
@@ -142,13 +142,13 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
     find_meshes(spec, robot.model, robot.packages, refuse)
     choose_start(spec, robot)
     if spec.keys:
-        spec.compile()  # from here on, keyframes follow changes of the joints
+        spec.compile()  # from here on, keyframes follow changes in the joints
     lock(spec, robot)
     return spec
 
 
 def _light(spec: Any) -> None:
-    """Add light and sky, and allow larger pictures than MuJoCo's default."""
+    """Add light and a sky, and allow larger pictures than MuJoCo's default."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     quality = spec.visual.quality  # low enough to draw without a GPU
     quality.shadowsize, quality.offsamples, quality.numslices, quality.numstacks, quality.numquads = 2048, 4, 16, 8, 1
@@ -163,7 +163,7 @@ def _light(spec: Any) -> None:
 
 
 def chassis_of(spec: Any, robot: TrackedRobot) -> Any:
-    """The chassis in the robot's spec; raises TrackslipError if it isn't there or has a joint that isn't free."""
+    """The chassis in the robot's spec; raises TrackslipError if it is missing or has a joint that isn't free."""
     roots = [body.name for body in spec.worldbody.bodies]
     if not robot.body and len(roots) != 1:
         raise TrackslipError(f"{robot.model}: {some(roots)} lie in the world; `body` must name the chassis")
@@ -188,7 +188,7 @@ def _motor_of(spec: Any, robot: TrackedRobot, flipper: Flipper) -> tuple[str, st
         motor = spec.add_actuator(name=f"{flipper.body}_motor", target=hinge.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_position(kp=flipper.stiffness)
         damping = np.array(hinge.damping)
-        damping[0] += flipper.damping  # the joint's is integrated implicitly; a motor's may be unstable
+        damping[0] += flipper.damping  # the joint's damping is integrated implicitly; a motor's may be unstable
         hinge.damping = damping
         motor.forcerange, motor.forcelimited = [-flipper.torque, flipper.torque], True
         motors = [motor]
@@ -209,7 +209,7 @@ def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
 def _read(
     model: mujoco.MjModel, robot: TrackedRobot, chassis: str, hinges: Sequence[tuple[str, str]], refuse: Refuse
 ) -> TrackedModel:
-    """Read the numbers of a compiled robot; `hinges` names each flipper's hinge and motor."""
+    """Read the indices and numbers of a compiled robot; `hinges` names each flipper's hinge and motor."""
     body = model.body(chassis).id
     free = model.body_jntadr[body]
     place = slice(model.jnt_qposadr[free], model.jnt_qposadr[free] + 7)
@@ -254,7 +254,7 @@ def _read(
 
 
 def _check_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
-    """Refuse flippers whose hinge isn't lateral, whose y doesn't point left, or that lie on the wrong side."""
+    """Call `refuse` for flippers whose hinge isn't lateral, whose y axis isn't to the left, or on the wrong side."""
     lateral = data.xmat[body].reshape(3, 3)[:, 1]
     for flipper in robot.flippers:
         name, own = flipper.body, data.body(flipper.body)
@@ -268,7 +268,7 @@ def _check_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobo
 
 
 def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
-    """Refuse geoms of the chassis, other than tracks, that would touch level ground."""
+    """Call `refuse` for geoms of the chassis that reach as low as its tracks, and so would touch level ground."""
     own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & colliding(model)
     for geom in np.flatnonzero(own).tolist():
         low = outline(model, data, data.body(body), geom)[:, 2].min()
@@ -281,7 +281,7 @@ def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot
 
 
 def _named(model: mujoco.MjModel, geom: int) -> str:
-    """Describe a geom so that its author recognises it: by its link, and its own name or its mesh's."""
+    """Describe a geom in its author's terms: by its link, and its own name or that of its mesh."""
     link, name, mesh = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name, int(model.geom_dataid[geom])
     if not name and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return f"mesh {model.mesh(mesh).name} of link {link}"
@@ -289,14 +289,14 @@ def _named(model: mujoco.MjModel, geom: int) -> str:
 
 
 def clear_angles(tracked: TrackedModel) -> Array:
-    """Lowest angles (F,) from 0 up at which flippers clear the lowest point of the chassis' tracks [rad].
+    """Lowest angles (F,), from 0 upwards, at which no flipper reaches below the chassis' tracks [rad].
 
-    Flippers that reach below this point at every angle up to their highest stay at 0, or as near to 0 as they get.
+    A flipper that is below the tracks at every angle from 0 to its highest stays at 0, or at the nearest allowed angle.
     """
     model, flippers = tracked.model, tracked.robot.flippers
     data, low, high = mujoco.MjData(model), *tracked.flipper_range.T
-    data.qpos[tracked.free[0] + 3 : tracked.free[0] + 7] = [1.0, 0.0, 0.0, 0.0]  # level, however its file turns it
-    tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F)
+    data.qpos[tracked.free[0] + 3 : tracked.free[0] + 7] = [1.0, 0.0, 0.0, 0.0]  # level, whatever the file's pose
+    tried = np.linspace(np.clip(0.0, low, high), high, _STEPS)  # (K, F) angles to try
     clear = np.zeros(tried.shape, bool)
     for angles, above in zip(tried, clear, strict=True):
         data.qpos[tracked.flipper_qpos] = tracked.flipper_control(angles)
@@ -308,7 +308,7 @@ def clear_angles(tracked: TrackedModel) -> Array:
 
 
 def _wheels_of(data: mujoco.MjData, flipper: Flipper) -> tuple[Array, Array]:
-    """Positions (W, 3) in the world and radii (W,) of a flipper's wheels [m]."""
+    """Positions (W, 3) in the world, and radii (W,), of a flipper's wheels [m]."""
     x, z, radius = np.array(flipper.hull).T
     body, own = data.body(flipper.body), np.column_stack([x, np.full_like(x, flipper.y), z])
     return own @ body.xmat.reshape(3, 3).T + body.xpos, radius

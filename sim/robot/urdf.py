@@ -1,4 +1,4 @@
-"""Models as their authors publish them: URDFs in ROS packages, and meshes that MuJoCo can't read."""
+"""Reading of published models: URDFs in ROS packages, and meshes that MuJoCo can't read."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from trackslip.errors import RobotWarning, TrackslipError, counted
 
 _READABLE = (".stl", ".obj", ".msh")
 _COMPILER = '<compiler strippath="false" discardvisual="false" '
-_MAX_FACES = 200_000  # MuJoCo's limit for an .stl
-_SHOWN = 3  # most names in a message
+_MAX_FACES = 200_000  # MuJoCo's limit for an .stl file
+_SHOWN = 3  # most names listed in a message
 _POINTER = b"version https://git-lfs"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
 
 Refuse = Callable[[str], None]
-"""Handler of a line that says what is wrong with a robot, and what to do about it."""
+"""Handler for a line on what is wrong with a robot and how to mend it."""
 
 
 def refuse(line: str) -> None:
-    """Raise a TrackslipError."""
+    """Raise a TrackslipError with this line as its message."""
     raise TrackslipError(line)
 
 
 def read_model(path: Path, locked: Collection[str] = ()) -> Any:
-    """Read an MJCF or URDF as a `mujoco.MjSpec`; the meshes of a URDF keep their folders.
+    """Read an MJCF or URDF file as a `mujoco.MjSpec`; the meshes of a URDF keep their folders.
 
-    A URDF's links need <inertial> to have mass; moving links without it weigh as water does and give a RobotWarning,
-    unless they will be `locked`. Raises TrackslipError for a missing file, for xacro, and for files of other kinds.
+    In a URDF, links without <inertial> have no mass if they are fixed or will be `locked`; moving ones weigh as much as
+    water, with a RobotWarning. Raises TrackslipError for a missing file, for xacro, and for files of other kinds.
     """
     if not os.path.isfile(path):  # Path.is_file fails for long names
         raise TrackslipError(f"{path}: no such file; `model` must name the robot's MJCF or URDF file")
@@ -59,9 +59,9 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
     for geom in list(spec.geoms):
         link = geom.parent
         if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE and not geom.size[0]:
-            spec.delete(geom)  # a mere point
+            spec.delete(geom)  # only marks a point
         elif stated and not link.explicitinertial and (not link.joints or link.name in locked):
-            geom.mass = 0  # as in the URDF standard; MuJoCo would give it the density of water
+            geom.mass = 0  # the URDF standard's rule; MuJoCo would use the density of water
         elif not link.explicitinertial and geom.contype:
             water.append(link.name)
     if water:
@@ -71,13 +71,13 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
 
 
 def _text(path: Path) -> str:
-    """The XML of a file, with comments blanked out."""
+    """The XML text of a file, with its comments blanked out."""
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     return re.sub(r"<!--.*?(?:-->|\Z)", lambda comment: "\n" * comment[0].count("\n"), text, flags=re.DOTALL)
 
 
 def _unstripped(text: str) -> str:
-    """The URDF, changed so that MuJoCo keeps its visuals and the folders of its meshes."""
+    """The text of a URDF, changed so that MuJoCo keeps its visuals and the folders of its meshes."""
     text = re.sub(r"\b(?:strippath|discardvisual)\s*=\s*(?:\"[^\"]*\"|'[^']*')", "", text)
     text = re.sub(r"<mujoco\s*/>", "", text)
     for tag, place in (("<compiler", "<compiler"), ("</mujoco>", "<compiler/></mujoco>")):
@@ -87,16 +87,16 @@ def _unstripped(text: str) -> str:
 
 
 def weightless(spec: Any, geom: Any) -> bool:
-    """True for a geom that neither collides nor has mass."""
+    """Whether a geom neither collides nor has mass."""
     measured = spec.compiler.inertiafromgeom == _FROM_GEOMS
     massless = geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
     return bool(geom.contype == geom.conaffinity == 0 and massless)
 
 
 def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse = refuse) -> None:
-    """Point meshes to files that MuJoCo reads; drop purely visual meshes that have no such file.
+    """Point meshes to files that MuJoCo can read; drop purely visual meshes without such a file.
 
-    Refuses a mesh that has no such file, but collides or has mass.
+    Calls `refuse` for a mesh without such a file that collides or has mass.
     """
     folder = model.absolute().parent
     kinds = (("texture", spec.textures, spec.texturedir), ("height field", spec.hfields, spec.meshdir))
@@ -127,7 +127,7 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
 
 
 def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -> tuple[Path | None, str]:
-    """A mesh file that MuJoCo reads, or None and what is wrong; a .dae may have an .stl or .obj beside it."""
+    """A mesh file that MuJoCo can read, such as an .stl or .obj beside a .dae, and ""; or None and the reason."""
     folder = model.absolute().parent
     scheme, _, rest = file.rpartition("://")
     if scheme in ("package", "model"):
@@ -160,7 +160,7 @@ def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -
 
 
 def _is_pointer(path: Path) -> bool:
-    """True for a pointer, which Git LFS leaves in place of a file that it hasn't fetched."""
+    """Whether a file is a pointer, which Git LFS leaves in place of a file that it hasn't fetched."""
     if not os.path.isfile(path):
         return False
     with path.open("rb") as file:
@@ -168,7 +168,7 @@ def _is_pointer(path: Path) -> bool:
 
 
 def _unit(path: Path) -> str:
-    """The unit [m] of a COLLADA file, which converted meshes don't keep; "1" for other files."""
+    """The unit of length in a COLLADA file [m], which converted meshes lose; "1" for other files."""
     if path.suffix.lower() != ".dae" or not os.path.isfile(path):
         return "1"
     unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _text(path))
@@ -176,7 +176,7 @@ def _unit(path: Path) -> str:
 
 
 def _is_readable(path: Path) -> bool:
-    """True for a file that MuJoCo reads; an .stl must be binary and have at most 200,000 faces."""
+    """Whether MuJoCo can read a mesh file; an .stl must be binary and have at most 200,000 faces."""
     if path.suffix.lower() != ".stl":
         return path.suffix.lower() in _READABLE and not _is_pointer(path)
     with path.open("rb") as file:
@@ -184,21 +184,21 @@ def _is_readable(path: Path) -> bool:
 
 
 def _package_name(folder: Path) -> str:
-    """The name that a folder's package.xml states, or an empty one."""
+    """The package name in a folder's package.xml, or "" if there is none."""
     file = folder / "package.xml"
     name = re.search(r"<name>\s*([^<\s]+)\s*</name>", _text(file)) if file.is_file() else None
     return name[1] if name else ""
 
 
 def some(names: Sequence[str]) -> str:
-    """The first few names, and how many more there are."""
+    """The first few names, and the number of those left out."""
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN]) + more
 
 
 @contextmanager
 def engine_errors(path: Path) -> Iterator[None]:
-    """Turn MuJoCo's errors into TrackslipErrors with one line that names the file."""
+    """Turn MuJoCo's errors into a TrackslipError with a one-line message that names the file."""
     try:
         yield
     except TrackslipError:

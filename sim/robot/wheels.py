@@ -1,4 +1,4 @@
-"""A robot's own wheels, which its tracks replace, and the keyframe from which its runs start."""
+"""A model's own wheels, which the robot's tracks replace, and the keyframe from which runs start."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from sim.robot.urdf import some
 from trackslip.errors import RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
-_AXIS = 0.95  # least cosine between the axis of a wheel and the chassis' y [-]
-_ROUND = 0.1  # largest difference between the extents of a wheel along x and z, relative to their mean [-]
-_MIRRORED = 0.1  # largest difference between wheels on the left and right, relative to their radius [-]
-_MIDDLE = 0.25  # part of the largest |y|: a wheel nearer to the middle is a caster [-]
-_TREAD = 0.1  # part of a wheel's height, from below, that counts as its tread [-]
-_LIGHT = 1e-9  # least mass and inertia of links, which may weigh nothing when they are locked [kg, kg m^2]
+_AXIS = 0.95  # least cosine between a wheel's axis and the chassis' y axis [-]
+_ROUND = 0.1  # largest difference between a wheel's extents along x and z, relative to their mean [-]
+_MIRRORED = 0.1  # largest difference between wheels on the left and right, relative to the radius [-]
+_MIDDLE = 0.25  # smallest |y| of a wheel, relative to the largest of all; those nearer to the middle are casters [-]
+_TREAD = 0.1  # height of a wheel's tread from below, relative to the wheel's height [-]
+_LIGHT = 1e-9  # least mass and inertia of links, as locked links may weigh nothing [kg, kg m^2]
 _FREE, _HINGE, _GEOM = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtObj.mjOBJ_GEOM
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
-    """Keep links in `robot.wheels` from colliding; raises TrackslipError for links that aren't in the model."""
+    """Keep links in `robot.wheels` from colliding; raises TrackslipError for links that are missing in the model."""
     for name in robot.wheels:
         rigid = [link_of(spec, robot, name)]
-        for body in rigid:  # the list grows
+        for body in rigid:  # the list grows during the loop
             rigid += [child for child in body.bodies if not child.joints]
             forget_geoms(spec, body.geoms)
             for geom in (geom for geom in body.geoms if geom.contype or geom.conaffinity):
@@ -38,7 +38,7 @@ def switch_off(spec: Any, robot: TrackedRobot) -> None:
 
 
 def lock(spec: Any, robot: TrackedRobot) -> None:
-    """Lock the joints of links in `robot.wheels`, except flippers; raises TrackslipError for links on moving parts."""
+    """Lock the joints of links in `robot.wheels`, except flippers; raises TrackslipError if moving parts carry any."""
     for name in robot.wheels:
         for joint in [joint for joint in spec.body(name).joints if joint.type != _FREE]:
             if name not in robot.flipper_bodies:
@@ -52,7 +52,7 @@ def lock(spec: Any, robot: TrackedRobot) -> None:
 
 
 def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
-    """Names of the bodies with joints from a link up to, but excluding, the chassis or its flipper."""
+    """Names of the bodies with joints, from a link up to, but without, the chassis or the flipper that carries it."""
     moving = []
     for each in (link, *_carriers(link)):
         if each.parent.name == "world" or each.name in robot.flipper_bodies:
@@ -63,7 +63,7 @@ def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
 
 
 def link_of(spec: Any, robot: TrackedRobot, name: str, field: str = "wheels") -> Any:
-    """The link that a field of the robot file names; raises TrackslipError if it isn't in the model."""
+    """The link that a field of the robot file names; raises TrackslipError if the model doesn't have it."""
     if spec.body(name) in (None, spec.worldbody):
         known = some([body.name for body in spec.bodies if body.name != "world"])
         raise TrackslipError(f"{robot.model}: {field} = {name!r}: must be links of the model, such as {known}")
@@ -91,10 +91,10 @@ def _delete_joint(spec: Any, joint: Any) -> None:
 
 
 def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[str]) -> dict[str, Any]:
-    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, from the model's own wheels.
+    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, read from the model's own wheels.
 
-    These are the wheels in `robot.wheels`, or otherwise all that turn endlessly, and flippers; wheels on flippers don't
-    count. Raises TrackslipError unless gauge and hull are `given`, or left and right have wheels that are alike.
+    The wheels are the links in `robot.wheels`, or by default all links that turn endlessly, and the flippers; wheels on
+    flippers don't count. Raises TrackslipError if the left and right wheels differ, unless gauge and hull are `given`.
     """
     listed = [link_of(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies]
     found = _wheels(spec, chassis, robot, listed)
@@ -120,11 +120,11 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[s
 
 
 def _wheels(spec: Any, chassis: str, robot: TrackedRobot, listed: Sequence[str]) -> dict[str, Array]:
-    """Extents (2, 3) of wheels in the chassis' frame by name [m].
+    """Extents (2, 3) of the wheels in the chassis' frame, by name [m].
 
-    Wheels are round and turn endlessly about the chassis' y; `listed` ones may have limits or be fixed. Parts of wheels
-    don't count as wheels, nor do links that carry wheels, such as rockers and knuckles. Raises TrackslipError for
-    listed links that turn endlessly about y but aren't round.
+    Wheels are round and turn endlessly about the chassis' y; `listed` wheels may have limits or be fixed. Parts of
+    wheels, and links that carry wheels, such as rockers and knuckles, don't count. Raises TrackslipError for `listed`
+    links that turn endlessly about y but aren't round.
     """
     spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHT
     model = spec.compile()
@@ -159,7 +159,7 @@ def _carriers(link: Any) -> list[Any]:
 
 
 def _mirrored(left: Array, right: Array) -> Array:
-    """Pairs (P, 2, 4) of wheels on the left and right, (P, 4) each: x, z, radius and |y| [m]; none if sides differ."""
+    """Pairs (P, 2, 4) of left and right wheels, each x, z, radius and |y| [m]; none if the sides (P, 4) differ."""
     if left.shape != right.shape:
         return np.empty((0, 2, 4))
     apart = np.abs(left[:, None] - right).max(axis=-1)
@@ -170,19 +170,19 @@ def _mirrored(left: Array, right: Array) -> Array:
 
 
 def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """For each joint, True if it can turn by more than a full turn."""
+    """For each joint, whether it can turn by more than a full turn."""
     return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
 
 
 def colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """For each geom, True if it collides with others, for which one of its two masks is enough."""
+    """For each geom, whether it collides with other geoms, for which one of its two masks is enough."""
     return np.asarray((model.geom_contype | model.geom_conaffinity) > 0)
 
 
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
-    """Least and largest coordinates (2, 3) of a link's geoms in the chassis' frame [m].
+    """Smallest and largest coordinates (2, 3) of a link's geoms in the chassis' frame [m].
 
-    Only colliding geoms count if there are any, and along y only the tread, because a hub reaches further in.
+    If some geoms collide, only these count; along y, only the tread counts, because a hub reaches further inwards.
     """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
     collide = own & colliding(model)
@@ -195,7 +195,7 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int)
 
 
 def outline(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, geom: int) -> Array:
-    """Points (P, 3) in the chassis' frame that reach as far along each of its axes as a geom does [m]."""
+    """Points (P, 3) in the chassis' frame that reach as far along each axis as a geom does [m]."""
     turn = chassis.xmat.reshape(3, 3).T @ data.geom_xmat[geom].reshape(3, 3)
     centre = chassis.xmat.reshape(3, 3).T @ (data.geom_xpos[geom] - chassis.xpos)
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
@@ -215,7 +215,7 @@ def outline(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, geom: int)
 
 
 def choose_start(spec: Any, robot: TrackedRobot) -> None:
-    """Delete all keyframes but the robot's, with a RobotWarning if none is chosen though they would move joints.
+    """Delete all keyframes except the robot's; issue a RobotWarning if none is chosen but they would move joints.
 
     Raises TrackslipError for a keyframe that the model doesn't have.
     """
@@ -234,7 +234,7 @@ def choose_start(spec: Any, robot: TrackedRobot) -> None:
 
 
 def start(model: mujoco.MjModel) -> mujoco.MjData:
-    """Data of a model at its keyframe, or without one in its reference position."""
+    """Data of a model at its keyframe or, if it has none, in its reference position."""
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)

@@ -1,1 +1,1 @@
-"""The laser range finder: its beams and errors, obstacles in its field, and scans of a fleet."""
+"""The laser range finder: its beams and errors, the obstacles around it, and scans of a fleet."""

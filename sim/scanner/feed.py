@@ -1,4 +1,4 @@
-"""Scans of a fleet: from the rays, noise and limits of the laser range finder to a Scan."""
+"""Scans of a fleet, from the rays, noise and limits of the laser range finder."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
 
-_SLACK = 0.2  # margin around the plate, so that beams need not be selected again for every scan [m]
+_SLACK = 0.2  # margin around the plate, within which beams are not selected again [m]
 
 
 @dataclass(frozen=True)
 class _Aim:
-    """The beams that can hit plates near `centre`, whatever their headings; the same number W for every robot."""
+    """The beams that can hit plates close to `centre` at any heading; their number W is the same for all robots."""
 
-    centre: Array  # (N, 3) centres of the plates when the beams were selected [m]
-    beams: np.ndarray  # (N, W) indices into all B beams
+    centre: Array  # (N, 3) centres of the plates at the time of selection [m]
+    beams: np.ndarray  # (N, W) indices of the selected beams among all B beams
 
     @classmethod
     def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array) -> _Aim:
-        """Select the beams to cast at plates around `centre` (N, 3) [m].
+        """Select the beams that can hit plates around `centre` (N, 3) [m].
 
-        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) relative to the world
-        direction `heading` [rad]. No point of a plate is farther than `radius` from its centre [m].
+        The beams start at `origin` (3,) [m]; their `bearings` (B,) relative to the world direction `heading` ascend in
+        equal steps [rad]. All points of a plate are within `radius` from its centre [m].
         """
         radius += _SLACK
         x, y = (centre - origin)[:, :2].T
@@ -42,14 +42,14 @@ class _Aim:
         last = len(bearings) - 1
         step = (bearings[-1] - bearings[0]) / last
         low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
-        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where bearings wrap
         low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
         first = np.floor(low).astype(int)
         count = min(int((np.ceil(high) - first).max()), last) + 1
         return cls(centre, np.minimum(first, last + 1 - count)[:, None] + np.arange(count))
 
     def holds(self, centre: Array) -> bool:
-        """True if the selection is still valid for plates around `centre` (N, 3)."""
+        """Whether the selection is still valid for plates around `centre` (N, 3) [m]."""
         return bool(np.abs(centre - self.centre).max() <= _SLACK / 2)
 
 
@@ -67,19 +67,19 @@ class ScannerFeed(Restorable):
         kept: bool = False,
         noise: ArrayLike | None = None,
     ) -> None:
-        """Set up the scanner.
+        """Set up the scanners.
 
         Args:
-            scanner: the scanner's properties.
+            scanner: properties of all scanners.
             fleet: N robots.
-            generators: one per robot, so that its noise doesn't depend on what else is simulated; or a seed for them.
-            obstacles: obstacles in the field, the same for all robots; by default there are none.
-            kept: whether logs have all ranges, not only those of the plate; always true for robots with contact
+            generators: one per robot, so that a robot's noise doesn't depend on the other robots; or a seed for them.
+            obstacles: obstacles around every robot; by default none.
+            kept: whether logs have all ranges, not only those on the plate; always true for robots with contact
                 sensors.
-            noise: standard deviation of ranges for each robot's scanner (N,); by default that of `scanner` [m].
+            noise: standard deviation of ranges for each robot's scanner (N,); by default the noise of `scanner` [m].
 
         Raises:
-            InvalidValueError: for a wrong number of generators, negative noise, and an obstacle on the scanner.
+            InvalidValueError: for a wrong number of generators, negative noise, and an obstacle at the scanner.
         """
         if isinstance(generators, int):
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
@@ -92,7 +92,7 @@ class ScannerFeed(Restorable):
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
         self.kept = kept or robot.contact_sensors
-        """True if logs have all ranges."""
+        """Whether logs have all ranges."""
         self.period = scanner.period
         """Time between scans [s]."""
         self.bearings = scanner.bearings
@@ -109,12 +109,12 @@ class ScannerFeed(Restorable):
         self._lrf = robot.model.body("lrf").id
 
     def restart(self, robots: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
-        """Restart the noise of some robots (R,), with one generator each."""
+        """Restart the noise of the robots with indices `robots` (R,), with one generator each."""
         for robot, g in zip(robots, generators, strict=True):
             (self._random[robot],) = g.spawn(1)
 
     def true_ranges(self) -> Array:
-        """Ranges (N, B) without measurement errors, NaN for beams that hit nothing [m]."""
+        """Ranges (N, B) without measurement errors, NaN for beams without an echo [m]."""
         aim = self._aimed()
         distance, *_ = self._fleet.batch.ray(
             self._aimed_origins, self._aimed_rays, geomgroup=self._groups, bodyexclude=self._lrf
@@ -134,9 +134,9 @@ class ScannerFeed(Restorable):
         return self._aim
 
     def measure(self, true_ranges: Array) -> Array:
-        """Measured ranges (N, ..., B) for true ranges (N, ..., B) [m]; each robot's scanner has its own generator."""
+        """Measured ranges (N, ..., B) for true ranges (N, ..., B) [m]; each robot has its own generator."""
         return self._scanner.measure(true_ranges, self._random, self._noise)
 
     def scan(self, ranges: Array) -> Scan:
-        """A Scan by this LRF with ranges (..., B) [m]."""
+        """A Scan from this LRF with ranges (..., B) [m]."""
         return self._scanner.scan(ranges, self._fleet.robot.lrf_mount)

@@ -20,14 +20,14 @@ from trackslip.errors import (
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
-_MAX_BEAMS = 20_000  # largest number of beams in a scan
+_MAX_BEAMS = 20_000  # largest number of beams per scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
-_MAX_ERROR = 0.5  # largest error in a range from a single cause [m]
-_MIN_STEP = 1e-6  # finest quantisation of ranges [m]
+_MAX_ERROR = 0.5  # largest range error from a single cause [m]
+_MIN_STEP = 1e-6  # smallest step to which ranges are rounded [m]
 _COORDINATE = require_within, -1000.0, 1000.0, "m"  # check for coordinates
 _MAX_RADIUS = 10.0  # largest radius of a post [m]
-_MAX_NUMBER = 10_000  # largest number of posts, and of walls
-_MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
+_MAX_NUMBER = 10_000  # largest number of posts and of walls
+_MIN_DISTANCE = 0.01  # smallest distance between an obstacle and the scanner [m]
 
 
 def require_share(name: str, value: float) -> None:
@@ -37,24 +37,24 @@ def require_share(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class LaserScanner(Checked):
-    """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
+    """A line scanner like the SICK LMS 200; the paper doesn't name its scanner."""
 
     field_of_view: float = checked(float(np.pi), require_positive)
     """Angle between the first and the last beam [rad]."""
     resolution: float = checked(float(np.radians(0.25)), require_positive)
-    """Angle between neighbouring beams [rad]."""
+    """Angle between adjacent beams [rad]."""
     rate: float = checked(20.0, require_positive)
     """Scans per second [Hz]."""
     noise: float = checked(0.005, require_non_negative, _MAX_ERROR, "m")
-    """Standard deviation of the noise in a range [m]."""
+    """Standard deviation of the noise in each range [m]."""
     max_range: float = checked(20.0, require_positive, 1000.0, "m")
-    """Surfaces farther away return no echo [m]."""
+    """Largest distance from which surfaces return an echo [m]."""
     dropout: float = checked(0.0, require_share)
-    """Probability that there is no echo although a beam hits a surface [-]."""
+    """Probability that a beam that hits a surface returns no echo [-]."""
     quantisation: float = checked(0.0, require_non_negative, _MAX_ERROR, "m")
-    """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
+    """Step to whose multiples noisy ranges are rounded; 0 for no rounding [m]."""
     range_bias: float = checked(0.0, require_within, -_MAX_ERROR, _MAX_ERROR, "m")
-    """Constant error that all ranges share [m]."""
+    """Constant error in all ranges [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -71,8 +71,8 @@ class LaserScanner(Checked):
     def measure(self, true_ranges: Array, random: Sequence[np.random.Generator], noise: Array | None = None) -> Array:
         """Measured ranges (N, ..., B) for true ranges (N, ..., B), NaN for no echo [m].
 
-        Each of the N rows has its own generator in `random` and, if `noise` (N,) is given, its own standard deviation
-        [m]. Noise, bias, rounding, dropout and the largest range are applied here and nowhere else.
+        Each of the N rows has its own generator in `random` and, with `noise` (N,), its own standard deviation [m].
+        Noise, bias, rounding, dropout and the largest range are applied only in this method.
         """
         shape = true_ranges.shape[1:]
         ranges = np.stack([generator.standard_normal(shape) for generator in random])
@@ -87,7 +87,7 @@ class LaserScanner(Checked):
         return ranges
 
     def scan(self, ranges: Array, mount: Array) -> Scan:
-        """Scans with measured ranges (..., B) [m] by this scanner at `mount` (3,) [m, m, rad]."""
+        """Scans with measured ranges (..., B) [m] from this scanner at `mount` (3,) [m, m, rad]."""
         return Scan(self.bearings, ranges, self.range_std, mount, self.max_range, self.dropout)
 
     @property
@@ -103,7 +103,7 @@ class LaserScanner(Checked):
 
     @property
     def range_std(self) -> float:
-        """Standard deviation of a range from noise and rounding [m]."""
+        """Standard deviation of a range due to noise and rounding [m]."""
         return float(np.hypot(self.noise, self.quantisation / np.sqrt(12)))
 
 
@@ -112,14 +112,14 @@ class Post(Checked):
     """An upright cylinder."""
 
     x: float = checked(MISSING, *_COORDINATE)
-    """Centre, in the world [m]."""
+    """x of the centre in the world [m]."""
     y: float = checked(MISSING, *_COORDINATE)
-    """Centre, in the world [m]."""
+    """y of the centre in the world [m]."""
     radius: float = checked(0.05, require_positive, _MAX_RADIUS, "m")
-    """Radius [m]."""
+    """Radius of the cylinder [m]."""
 
     def ranges(self, origin: Array, direction: Array) -> Array:
-        """See `Obstacles.ranges`."""
+        """Distances (...) to the post along beams; see `Obstacles.ranges`."""
         centre = np.array([self.x, self.y]) - origin
         along, across = np.sum(centre * direction, axis=-1), _cross(direction, centre)
         half_chord = np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
@@ -132,13 +132,13 @@ class Wall(Checked):
     """A thin straight wall."""
 
     x0: float = checked(MISSING, *_COORDINATE)
-    """One end, in the world [m]."""
+    """x of the first end in the world [m]."""
     y0: float = checked(MISSING, *_COORDINATE)
-    """One end, in the world [m]."""
+    """y of the first end in the world [m]."""
     x1: float = checked(MISSING, *_COORDINATE)
-    """Other end, in the world [m]."""
+    """x of the second end in the world [m]."""
     y1: float = checked(MISSING, *_COORDINATE)
-    """Other end, in the world [m]."""
+    """y of the second end in the world [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,7 +146,7 @@ class Wall(Checked):
         require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
 
     def ranges(self, origin: Array, direction: Array) -> Array:
-        """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
+        """Distances (...) to the wall along beams, see `Obstacles.ranges`; a beam parallel to the wall misses it."""
         start = np.array([self.x0, self.y0]) - origin
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
         # range * direction = start + share * side
@@ -159,7 +159,7 @@ class Wall(Checked):
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Everything in the field that beams may hit, apart from the plate."""
+    """All objects in the field, other than the plate, that beams may hit."""
 
     posts: tuple[Post, ...] = ()
     walls: tuple[Wall, ...] = ()
@@ -169,9 +169,9 @@ class Obstacles:
             require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_NUMBER)
 
     def ranges(self, origin: Array, direction: Array) -> Array:
-        """Distances (...) to the nearest obstacle, NaN where there is none [m].
+        """Distances (...) to the nearest obstacle, NaN if a beam hits none [m].
 
-        The beams start at `origin` (2,) [m]; `direction` (..., 2) are unit vectors. The distance is 0 inside a post.
+        The beams start at `origin` (2,) [m] along unit vectors `direction` (..., 2). Inside a post, the distance is 0.
         """
         nearest = np.full(direction.shape[:-1], np.nan)
         obstacles: tuple[Post | Wall, ...] = (*self.posts, *self.walls)
@@ -180,7 +180,7 @@ class Obstacles:
         return nearest
 
     def require_clear(self, scanner: Array) -> None:
-        """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]."""
+        """Raise InvalidValueError if an obstacle covers the position `scanner` (2,) of the scanner [m]."""
         angle = np.linspace(0.0, 2 * np.pi, 360)
         around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         x, y = np.round(scanner, 3) + 0.0
@@ -196,7 +196,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {
-    # posts beside and behind the circles, two of them closer to the largest circle than the length of a plate
+    # posts beside and behind the circles, two of them within the length of a plate from the largest circle
     "posts": Obstacles(
         posts=(Post(2.3, 2.0), Post(-5.3, 4.0), Post(1.6, 6.0), Post(-1.5, 7.2, 0.15), Post(-3.5, -0.8))
     ),
@@ -211,10 +211,10 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
     # a post that hides a part of every circle
     "occluded": Obstacles(posts=(Post(-1.61, -0.71),)),
 }
-"""Obstacles by name, around the circles on which the robots of a grid drive in front of the scanner.
+"""Obstacles by name, around the circles in front of the scanner that the robots of a grid drive.
 
-The scanner stands at (-1.5, -1.5) and looks along +y. The circles touch each other at (-1.5, 0) and lie beyond this
-point; the largest reaches from x = -4.7 to 1.7 and up to y = 6.3. No obstacle blocks a robot of the grid.
+The scanner is at (-1.5, -1.5), with its forward axis along +y. The circles touch each other at (-1.5, 0) and lie beyond
+this point; the largest extends from x = -4.7 to 1.7 and up to y = 6.3. No obstacle is in the way of a robot.
 """
 
 

@@ -33,13 +33,13 @@ from trackslip.errors import (
 from trackslip.kinematics import Array
 
 _MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # number of solids and length of a course [m]
-_CLEARANCE = 0.3  # from the floor up to the lowest point of the course [m]
-_CELL = 0.02  # cell size in the table for `look_up`, for courses of moderate size [m]
+_CLEARANCE = 0.3  # distance from the floor to the lowest point of the course [m]
+_CELL = 0.02  # cell size of the table for `look_up` on courses of moderate size [m]
 _MAX_CELLS = 2_000_000
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
-_FLOOR_SIZE = 50.0  # half of the drawn size of the floor, which is infinite [m]
+_FLOOR_SIZE = 50.0  # half size of the floor when drawn; it is infinite [m]
 _START_BEFORE = 1.0  # distance from the start to the first piece [m]
-_NAME = "course/"  # prefix of the names of a course's geoms
+_NAME = "course/"  # prefix in the names of a course's geoms
 _COURSES = Path(models.__file__).parent / "courses"
 _KINDS: dict[str, type[Any]] = {
     "flat": Flat,
@@ -57,19 +57,19 @@ _KINDS: dict[str, type[Any]] = {
 
 @dataclass(frozen=True)
 class Course(Checked):
-    """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
+    """Pieces in a row between a start and a goal platform; the first piece begins at x = 0 and height 0.
 
-    The course stands on a level floor, 0.3 m below the lowest of its parts.
+    The course stands on a level floor, 0.3 m below its lowest point.
     """
 
     pieces: tuple[Piece, ...]
-    """The pieces, in the order in which they are crossed."""
+    """Pieces of the course, in the order in which robots cross them."""
     width: float = checked(3.0, *LENGTH)
-    """Width [m]."""
+    """Width of the course [m]."""
     friction: float = checked(0.7, require_positive, 10.0)
-    """Coefficient of friction."""
+    """Coefficient of friction of all surfaces [-]."""
     seed: int = checked(0, require_whole, 0)
-    """Root seed of everything random, such as rough ground."""
+    """Root seed for random properties, such as rough ground."""
     start_length: float = checked(2.0, *LENGTH)
     """Length of the level platform before the first piece [m]."""
     goal_length: float = checked(2.0, *LENGTH)
@@ -77,9 +77,9 @@ class Course(Checked):
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], where: str) -> Course:
-        """A course from its fields by name, each piece a table of its own; raises SettingsFileError, citing `where`.
+        """A course from a table of its fields, with a table per piece; raises SettingsFileError, citing `where`.
 
-        A piece has a `kind`; without one, it is of the kind that has exactly the given fields.
+        A piece without a `kind` is of the only kind that has exactly the given fields.
         """
         rows = table.get("pieces", [])
         if not isinstance(rows, list | tuple):
@@ -101,12 +101,12 @@ class Course(Checked):
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
-        """Start platform, pieces and goal platform, put on the course."""
+        """Start platform, pieces and goal platform, placed on the course."""
         placed = [Placed((), -self.start_length, 0.0)]
         kinds: Counter[str] = Counter()
         for piece in (Flat(self.start_length), *self.pieces, Flat(self.goal_length)):
             kind = type(piece).__name__
-            rng = generator(self.seed, f"{kind} {kinds[kind]}")  # the same whatever else is on the course
+            rng = generator(self.seed, f"{kind} {kinds[kind]}")  # independent of other pieces on the course
             placed.append(piece.place(Site(placed[-1].x, placed[-1].z, self.width, rng)))
             kinds[kind] += 1
             require_at_most("solids of the course", sum(len(p.solids) for p in placed), _MAX_SOLIDS)
@@ -114,9 +114,9 @@ class Course(Checked):
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
-        """Solids of the course; adjoining level blocks are merged, so that no edge lies between them."""
+        """Solids of the course; adjacent blocks of equal height are merged, so that there is no edge between them."""
         solids: list[Solid] = []
-        last = 0  # index of the last level block
+        last = 0  # index of the last block with a level top
         for solid in (solid for placed in self.placed for solid in placed.solids):
             if isinstance(solid, Level):
                 before = solids[last] if solids else None
@@ -129,7 +129,7 @@ class Course(Checked):
 
     @cached_property
     def bounds(self) -> Array:
-        """Opposite corners (2, 3) of an upright box around the surface, without the floor [m]."""
+        """Opposite corners (2, 3) of an upright box around the course's surface, without the floor [m]."""
         every = np.stack([solid.bounds for solid in self.solids])  # (S, 2, 3)
         return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
 
@@ -140,16 +140,16 @@ class Course(Checked):
 
     @property
     def start(self) -> tuple[float, float, float, float]:
-        """Start pose: x, y, height of the ground [m] and heading [rad]; 1 m before the first piece."""
+        """Start pose, 1 m before the first piece: x, y, height of the ground [m] and heading [rad]."""
         return -min(_START_BEFORE, self.start_length / 2), 0.0, 0.0, 0.0
 
     @property
     def goal(self) -> float:
-        """x beyond which the course is crossed, 1 m behind the last piece [m]."""
+        """Position x beyond which the course is crossed, 1 m behind the last piece [m]."""
         return self.placed[-2].x + min(_START_BEFORE, self.goal_length / 2)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Exact heights (...) of the surface at (x, y), arrays that broadcast to (...) [m]."""
+        """Exact heights (...) of the surface at points x, y, which are broadcast to (...) [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         points, height = np.stack([x.ravel(), y.ravel()]), np.full(x.size, self.floor)
         for solid in self.solids:
@@ -160,14 +160,14 @@ class Course(Checked):
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The course alone, compiled."""
+        """Compiled model of the course alone."""
         spec = mujoco.MjSpec()
         self.add_to(spec, looks=False)
         return spec.compile()
 
     @cached_property
     def table(self) -> Table:
-        """Heights on a grid that extends beyond the course, for `look_up`."""
+        """Heights for `look_up` on a grid that extends beyond the course."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
         x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
@@ -183,10 +183,10 @@ class Course(Checked):
         return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
     def add_to(self, spec: mujoco.MjSpec, *, looks: bool = True) -> list[str]:
-        """Add the course and its infinite floor to the world body of `spec`; returns the names of their geoms.
+        """Add the course and its infinite floor to the world body in `spec`; return the names of their geoms.
 
-        To add a second course, or one elsewhere, attach a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
-        With `looks`, the supports of slopes are drawn as meshes that collide with nothing.
+        To add a second course, or to move one, attach a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
+        With `looks`, the supports of slopes are drawn as meshes, which don't collide.
         """
         taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
         require(not taken, "spec", spec.modelname, "one without a course")
@@ -203,15 +203,15 @@ class Course(Checked):
 class Table(NamedTuple):
     """Heights of a course on a grid."""
 
-    origin: Array  # position of the first height [m]
-    per_metre: float  # cells per metre
-    heights: Array  # heights (rows, columns), rows along x, columns along y [m]
+    origin: Array  # position x, y of the first height [m]
+    per_metre: float  # cells per metre [1/m]
+    heights: Array  # heights (rows, columns) [m]: rows along x, columns along y
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
-    """Heights (N, P) of N courses, each at its own `points` (N, P, 2) [m], bilinear within cells of 2 cm.
+    """Heights (N, P) of N courses, each at its own `points` (N, P, 2), bilinear within cells of 2 cm [m].
 
-    For courses of more than 800 m², the cells are larger. `Course.height` is exact.
+    For courses larger than 800 m², the cells are larger. `Course.height` is exact.
     """
     tables = [course.table for course in courses]
     shape = np.array([table.heights.shape for table in tables])[:, None]  # (N, 1, 2)
@@ -228,7 +228,7 @@ def look_up(courses: Sequence[Course], points: Array) -> Array:
 
 
 def add_lines(spec: mujoco.MjSpec) -> None:
-    """Add the material LINES, which draws lines half a metre apart."""
+    """Add the material LINES, which draws a line every half metre."""
     spec.add_texture(
         name=LINES,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -244,15 +244,15 @@ def add_lines(spec: mujoco.MjSpec) -> None:
 
 
 def course_names() -> list[str]:
-    """Names of the courses that `load_course` knows."""
+    """Names of courses that `load_course` knows."""
     return sorted(path.stem for path in _COURSES.glob("*.toml"))
 
 
 def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ()) -> Course:
     """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`, each with a `kind`.
 
-    `seed` replaces the file's seed; `drawn` are further names that the caller accepts, which the error message lists.
-    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    `seed` replaces the file's seed; `drawn` are further names that the caller accepts, for the error message. Raises
+    InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """
     named = _COURSES / f"{source}.toml"
     table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))

@@ -1,4 +1,4 @@
-"""Obstacles on level ground: beams across the course, pallets, and blocks anywhere."""
+"""Obstacles on level ground: beams across the course, pallets, and blocks at any position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.terrain.solids import STONE, WOOD, Box, Level, Solid
 from trackslip.errors import Checked, checked, require, require_within
 
 _MAX_YAW = 0.8  # [rad]
-# a European pallet, with the blocks and the boards above and below them as three solid bearers [m]
+# a European pallet: its blocks, and the boards above and below them, form three solid bearers [m]
 _WIDTH, _DEPTH, _HEIGHT, _BOARD = 1.2, 0.8, 0.144, 0.022
 _BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))  # x, width
 _BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # y, width
@@ -21,12 +21,12 @@ _BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # y, width
 
 @dataclass(frozen=True)
 class Beams(Checked):
-    """Square beams across the course, on level ground."""
+    """Square beams on level ground, across the course."""
 
     size: float = checked(0.1, *HEIGHT)
-    """Height and thickness of a beam [m]."""
+    """Height and thickness of each beam [m]."""
     spacing: float = checked(0.6, *LENGTH)
-    """Distance between the centres of neighbouring beams [m]."""
+    """Distance between the centres of adjacent beams [m]."""
     number: int = checked(6, *NUMBER)
     """Number of beams."""
     yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
@@ -37,9 +37,9 @@ class Beams(Checked):
         require(self.spacing > self.size, "spacing", self.spacing, f"greater than the beams' size, {self.size:g} m")
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the beams at `site`; see `Piece`."""
         half = self.size / 2
-        margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)  # so that no beam lies on another piece
+        margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)  # keeps beams off other pieces
         end = site.x + 2 * margin + (self.number - 1) * self.spacing
         yaw = site.rng.uniform(-self.yaw, self.yaw, self.number)
         size, x = (half, site.width / 2, half), site.x + margin
@@ -52,11 +52,11 @@ class Beams(Checked):
 
 @dataclass(frozen=True)
 class Blocks(Checked):
-    """Blocks on level ground, such as rails, piles or a kerb under one track."""
+    """Blocks on level ground, such as rails, piles or a kerb under one of the tracks."""
 
     blocks: tuple[tuple[float, float, float, float, float, float], ...]
-    """For each: x of its centre from the piece's start, y to the left of the course's centre line, length and width
-    before turning, height [m], yaw [rad]."""
+    """Numbers for each block: x of its centre from the piece's start, y to the left of the course's centre line,
+    length and width before turning, height [m], yaw [rad]."""
     length: float = checked(MISSING, *LENGTH)
     """Length of the piece [m]."""
 
@@ -74,7 +74,7 @@ class Blocks(Checked):
             require_within("yaw of a block", yaw, -math.pi, math.pi, "rad")
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the blocks at `site`; see `Piece`."""
         end = site.x + self.length
         solids = (
             Box((site.x + x, y, site.z + height / 2), (along / 2, across / 2, height / 2), _turned(yaw), STONE)
@@ -87,13 +87,13 @@ class Blocks(Checked):
 class Pallets(Checked):
     """Pallets of 0.8 x 1.2 m on level ground: five boards across, on three bearers.
 
-    Each row has as many as fit side by side, but an odd number, so that one is in the middle.
+    Each row has the largest odd number of pallets that fit side by side, so that one of them is in the middle.
     """
 
     number: int = checked(3, *NUMBER)
-    """Number of rows of pallets, one behind the other."""
+    """Number of rows of pallets, which follow each other along the course."""
     spacing: float = checked(1.6, *LENGTH)
-    """Distance between the centres of neighbouring rows [m]."""
+    """Distance between the centres of adjacent rows [m]."""
     yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
     """Largest angle by which a pallet is turned to either side, drawn uniformly [rad]."""
 
@@ -109,9 +109,9 @@ class Pallets(Checked):
         return _DEPTH * cos + _WIDTH * sin, _WIDTH * cos + _DEPTH * sin
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the pallets at `site`; see `Piece`."""
         width = self._reach[1]
-        beside = int((site.width / width - 1) / 2)  # on either side of the middle
+        beside = int((site.width / width - 1) / 2)  # to either side of the middle
         y = np.arange(-beside, beside + 1) * width
         x = site.x + (np.arange(self.number) + 0.5) * self.spacing
         yaw = site.rng.uniform(-self.yaw, self.yaw, (self.number, len(y)))

@@ -1,6 +1,6 @@
-"""Ground as pieces of a course: level, ramps, steps, stairs, gaps, side slopes, rough ground and given heights.
+"""Ground pieces of a course: level, ramps, steps, stairs, gaps, side slopes, rough ground and given heights.
 
-A piece runs along x and begins where the piece before it ends, at the same height.
+A piece runs along x, from the point and height at which the piece before it ends.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
 from trackslip.errors import Checked, checked, require, require_at_most, require_finite, require_whole, require_within
 from trackslip.kinematics import Array
 
-_THICKNESS = 0.1  # of the boxes that form slopes [m]
-_BLEND_CELL = 0.1  # largest cell of the twisted ground beside a side slope [m]
+_THICKNESS = 0.1  # thickness of the boxes that form slopes [m]
+_BLEND_CELL = 0.1  # largest cell of the twisted ground next to a side slope [m]
 MAX_LENGTH = 200.0
-"""Largest length and width of anything on a course [m]."""
+"""Largest length and width of any part of a course [m]."""
 MAX_NUMBER = 500
 """Largest number of stairs, beams, blocks or pallets in a piece."""
 LENGTH = require_within, 0.001, MAX_LENGTH, "m"
-"""Check for lengths and widths on a course: a function and its arguments."""
-_MIN_HEIGHT = 1e-4  # of anything on a course [m]
+"""Check for lengths and widths on a course, as a function and its arguments."""
+_MIN_HEIGHT = 1e-4  # of any part of a course [m]
 _MAX_HEIGHT = 10.0  # [m]
 HEIGHT = require_within, _MIN_HEIGHT, _MAX_HEIGHT, "m"
-"""Check for heights above the ground."""
+"""Check for heights above the ground, as a function and its arguments."""
 NUMBER = require_whole, 1, MAX_NUMBER
-"""Check for the number of parts in a piece."""
+"""Check for the number of parts in a piece, as a function and its arguments."""
 _ANGLE = require_within, -1.2, 1.2, "rad (69 degrees)"  # of a ramp or a side slope
 _MAX_EXPONENT = 8.0
-_MAX_SAMPLES = 1_000_000  # of a height field
-_MAX_SIDE = 2000  # samples along a side of rough ground; its spectrum takes four times the square of this
+_MAX_SAMPLES = 1_000_000  # in a height field
+_MAX_SIDE = 2000  # largest side of rough ground [samples]; its spectrum takes four times the square of this
 _MIN_CELL = 0.005  # [m]
 
 
@@ -49,28 +49,28 @@ def _require_change(field: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Site:
-    """Where a piece is put on its course."""
+    """Position on the course for a piece."""
 
-    x: float  # beginning along the course [m]
-    z: float  # height there [m]
+    x: float  # start of the piece along the course [m]
+    z: float  # height at the start [m]
     width: float  # width of the course [m]
-    rng: np.random.Generator  # generator for this piece
+    rng: np.random.Generator  # random generator for this piece
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A piece that has been put on its course."""
+    """A piece at its position on the course."""
 
     solids: tuple[Solid, ...]
-    x: float  # end along the course [m]
-    z: float  # height there [m]
+    x: float  # end of the piece along the course [m]
+    z: float  # height at the end [m]
 
 
 class Piece(Protocol):
-    """A piece of a course."""
+    """A piece of a course, which can be placed at a site."""
 
     def place(self, site: Site) -> Placed:
-        """Put this piece at `site`."""
+        """The solids and the end of this piece if it starts at `site`."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ class Flat(Checked):
     """Level ground."""
 
     length: float = checked(1.0, *LENGTH)
-    """Length [m]."""
+    """Length of the ground [m]."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the ground at `site`; see `Piece`."""
         end = site.x + self.length
         return Placed((Level(site.x, end, site.width / 2, site.z),), end, site.z)
 
@@ -91,31 +91,31 @@ class Ramp(Checked):
     """A slope up or down."""
 
     angle: float = checked(0.35, *_ANGLE)
-    """Angle with the horizontal, negative downhill [rad]."""
+    """Angle from the horizontal, negative downhill [rad]."""
     length: float = checked(2.0, *LENGTH)
     """Length along the slope [m]."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the slope at `site`; see `Piece`."""
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         end, height = site.x + self.length * cos, site.z + self.length * sin
         half = _THICKNESS / 2
         centre = ((site.x + end) / 2 + half * sin, 0.0, (site.z + height) / 2 - half * cos)
-        turned = (math.cos(self.angle / 2), 0.0, -math.sin(self.angle / 2), 0.0)  # nose up about -y
+        turned = (math.cos(self.angle / 2), 0.0, -math.sin(self.angle / 2), 0.0)  # about -y: nose up
         return Placed((Box(centre, (self.length / 2, site.width / 2, half), turned, SLATE),), end, height)
 
 
 @dataclass(frozen=True)
 class Step(Checked):
-    """A single step up or down, and the level ground behind it."""
+    """A single step up or down, with level ground behind it."""
 
     height: float = checked(0.1, _require_change)
-    """Height, negative for a step down [m]."""
+    """Height of the step, negative for a step down [m]."""
     length: float = checked(1.5, *LENGTH)
     """Length of the ground behind the step [m]."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the step at `site`; see `Piece`."""
         end, height = site.x + self.length, site.z + self.height
         return Placed((Level(site.x, end, site.width / 2, height, SLATE),), end, height)
 
@@ -125,16 +125,16 @@ class Stairs(Checked):
     """Stairs up or down; the next piece begins at the height of the last tread."""
 
     rise: float = checked(0.15, _require_change)
-    """Height of a step, negative for stairs down [m]."""
+    """Height of each step, negative for stairs down [m]."""
     run: float = checked(0.28, *LENGTH)
-    """Depth of a tread [m]."""
+    """Depth of each tread [m]."""
     number: int = checked(8, *NUMBER)
     """Number of steps."""
     width: float = checked(math.inf, _require_width)
-    """Width [m]; inf: the course's width."""
+    """Width of the stairs [m]; inf for the course's width."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the stairs at `site`; see `Piece`."""
         half_width = min(self.width, site.width) / 2
         edges = site.x + self.run * np.arange(self.number + 1)
         heights = site.z + self.rise * np.arange(1, self.number + 1)
@@ -150,29 +150,29 @@ class Gap(Checked):
     """A ditch across the course."""
 
     length: float = checked(0.3, *LENGTH)
-    """Length from edge to edge [m]."""
+    """Length of the gap from edge to edge [m]."""
     depth: float = checked(0.5, *HEIGHT)
-    """Depth of the bottom [m]."""
+    """Depth of the gap's bottom below the ground [m]."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the gap at `site`; see `Piece`."""
         end = site.x + self.length
         return Placed((Level(site.x, end, site.width / 2, site.z - self.depth, SLATE),), end, site.z)
 
 
 @dataclass(frozen=True)
 class SideSlope(Checked):
-    """Ground that falls to one side, between two stretches that twist from level to the slope and back."""
+    """Ground that slopes to one side, between two stretches that twist from level ground to the slope and back."""
 
     angle: float = checked(0.3, *_ANGLE)
-    """Angle with the horizontal, negative if the left is lower [rad]."""
+    """Angle from the horizontal, negative if the left is lower [rad]."""
     length: float = checked(3.0, *LENGTH)
     """Length of the slope, without the twisted stretches [m]."""
     blend: float = checked(1.0, *LENGTH)
     """Length of each twisted stretch [m]."""
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`. The centre line of the course stays level."""
+        """Place the slope at `site`, see `Piece`; the course's centre line stays level."""
         begin = site.x + self.blend
         end = begin + self.length
         cos, sin, half = math.cos(self.angle), math.sin(self.angle), _THICKNESS / 2
@@ -188,25 +188,25 @@ class SideSlope(Checked):
 
 
 def smooth_step(share: Array) -> Array:
-    """A smooth rise from 0 to 1 as `share` goes from 0 to 1, with level ends; constant outside this range."""
+    """Smooth rise from 0 to 1 as `share` goes from 0 to 1, with level ends; constant outside this range."""
     share = np.clip(share, 0.0, 1.0)
     return share**2 * (3 - 2 * share)
 
 
 @dataclass(frozen=True)
 class Rough(Checked):
-    """Random rough ground whose power spectrum falls with the wave number; it begins and ends level."""
+    """Random rough ground with a power spectrum that falls with the wave number; its ends are level."""
 
     length: float = checked(4.0, *LENGTH)
-    """Length [m]."""
+    """Length of the ground [m]."""
     amplitude: float = checked(0.1, *HEIGHT)
-    """Height of the highest point above the lowest [m]."""
+    """Height difference between the highest and the lowest point [m]."""
     exponent: float = checked(3.0, require_within, 0.0, _MAX_EXPONENT)
-    """Exponent with which the spectral power per area falls with the wave number; 3 for roads (ISO 8608)."""
+    """Exponent of the fall in spectral power per area with the wave number; 3 for roads (ISO 8608) [-]."""
     cell: float = 0.1
     """Size of a cell of the height field [m]."""
     blend: float = 0.5
-    """Length of the transition to level ground at either end [m]."""
+    """Length of the transition to level ground at each end [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -214,7 +214,7 @@ class Rough(Checked):
         require_within("blend", self.blend, 0.0, self.length / 2, "m, at most half of the length")
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the rough ground at `site`; see `Piece`."""
         columns, rows = (max(2, round(size / self.cell)) + 1 for size in (self.length, site.width))
         require_at_most("cells along a side of rough ground", max(rows, columns), _MAX_SIDE)
         require_at_most("samples of rough ground", rows * columns, _MAX_SAMPLES)
@@ -222,16 +222,16 @@ class Rough(Checked):
         if self.blend > 0:
             x = np.linspace(0.0, self.length, columns)
             waves = waves * smooth_step(np.minimum(x, x[::-1]) / self.blend)
-        waves[:, [0, -1]] = 0.0  # flush with the neighbouring pieces
+        waves[:, [0, -1]] = 0.0  # flush with adjacent pieces
         heights = site.z + waves * (self.amplitude / np.ptp(waves))
         end = site.x + self.length
         return Placed((Grid(site.x, self.length, site.width, heights),), end, site.z)
 
 
 def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -> Array:
-    """Gaussian noise (rows, columns) with mean 0 and power per area of wave numbers ~ wave number ** -exponent.
+    """Gaussian noise (rows, columns) of mean 0, with power per area of wave numbers ~ wave number ** -exponent.
 
-    It is cut from a square of twice the size, because noise from a Fourier sum repeats itself from edge to edge.
+    The noise is cut from a square of twice its size, because noise from a Fourier sum repeats from edge to edge.
     """
     size = 2 * max(rows, columns)
     wave_number = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
@@ -243,19 +243,19 @@ def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -
 
 @dataclass(frozen=True, eq=False)
 class HeightField(Checked):
-    """Given heights; the mean of the first column joins the piece before, that of the last column the next piece."""
+    """Given heights; the mean of the first column joins the previous piece, that of the last column the next piece."""
 
     heights: Array
-    """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the driving direction."""
+    """Heights (rows, columns) [m]: rows along y, to the left; columns along x, the driving direction."""
     length: float = checked(4.0, *LENGTH)
     """Length from the first to the last column [m]."""
     width: float = checked(math.inf, _require_width)
-    """Width from the first to the last row [m]; inf: the course's width."""
+    """Width from the first to the last row [m]; inf for the course's width."""
 
     def __post_init__(self) -> None:
         try:
             values = np.asarray(self.heights, float)
-        except (TypeError, ValueError):  # also raised for rows of different lengths
+        except (TypeError, ValueError):  # also for rows of different lengths
             values = np.array(np.nan)
         fits = values.ndim == 2 and min(values.shape) >= 2 and bool(np.isfinite(values).all())
         require(fits, "heights", f"of shape {values.shape}", "finite numbers in rows and columns, two of each at least")
@@ -264,7 +264,7 @@ class HeightField(Checked):
         super().__post_init__()
 
     def place(self, site: Site) -> Placed:
-        """See `Piece`."""
+        """Place the height field at `site`; see `Piece`."""
         heights = np.asarray(self.heights, float)
         width = site.width if self.width == math.inf else self.width
         heights = heights + (site.z - heights[:, 0].mean())

@@ -1,4 +1,4 @@
-"""Solids that form a course: level blocks, boxes in any attitude and height fields, as geoms and as exact surfaces."""
+"""Solids of a course: level blocks, boxes in any attitude and height fields, as geoms and as exact surfaces."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from trackslip.kinematics import Array
 
 Colour = tuple[float, float, float, float]
 EDGE = 1e-12
-"""Tolerance for points that rounding puts just outside a solid [m]."""
+"""Tolerance for points that are just outside a solid due to rounding [m]."""
 STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
 LINES = "course/lines"
-"""Name of the material of all geoms in a course."""
-_NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, which condim 3 ignores [m]
+"""Name of the material that all geoms of a course have."""
+_NO_TURNING = 0.005, 0.0001  # torsional and rolling friction: MuJoCo's defaults, ignored for condim 3 [m]
 
 
 @dataclass(frozen=True)
 class Base:
-    """Properties shared by the geoms of a course."""
+    """Properties that all geoms of a course share."""
 
-    floor: float  # height of the floor below the course [m]
-    friction: float  # coefficient of sliding friction
-    looks: bool = True  # draw the supports of slopes
+    floor: float  # height of the floor under the course [m]
+    friction: float  # coefficient of sliding friction [-]
+    looks: bool = True  # whether to draw the supports of slopes
 
 
 class Solid(Protocol):
@@ -38,41 +38,41 @@ class Solid(Protocol):
 
     @property
     def bounds(self) -> Array:
-        """Opposite corners (2, 3) of an upright box around the upper surface [m]."""
+        """Opposite corners (2, 3) of an upright box around the solid's upper surface [m]."""
 
     def height(self, x: Array, y: Array) -> Array:
-        """Heights (P,) of the solid's upper surface at points (P,), -inf beside the solid [m]."""
+        """Heights (P,) of the solid's upper surface at points x, y (P,), -inf outside the solid [m]."""
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """Add the solid to the world body as a geom called `name`."""
+        """Add the solid to the world body in `spec` as a geom called `name`."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """A block that stands on the floor, with a level top."""
+    """A block with a level top that stands on the floor."""
 
-    x0: float  # beginning along the course [m]
+    x0: float  # start along the course [m]
     x1: float  # end along the course [m]
-    half_width: float  # half of its width; it is centred on the x axis [m]
-    z: float  # height of its top [m]
+    half_width: float  # half of the width, centred on the x axis [m]
+    z: float  # height of the top [m]
     colour: Colour = STONE
 
     @property
     def bounds(self) -> Array:
-        """See `Solid`."""
+        """Corners (2, 3) of a box around the top; see `Solid`."""
         return np.array([[self.x0, -self.half_width, self.z], [self.x1, self.half_width, self.z]])
 
     def height(self, x: Array, y: Array) -> Array:
-        """See `Solid`."""
+        """Heights (P,) of the top; see `Solid`."""
         inside = (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE) & (np.abs(y) <= self.half_width + EDGE)
         return np.where(inside, self.z, -np.inf)
 
     def continues(self, behind: Level) -> bool:
-        """True if the block `behind` continues this one without an edge."""
+        """Whether the block `behind` continues this block without an edge."""
         return (self.x1, self.z, self.half_width) == (behind.x0, behind.z, behind.half_width)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """See `Solid`."""
+        """Add the block to `spec`; see `Solid`."""
         half_height = (self.z - base.floor) / 2
         spec.worldbody.add_geom(
             name=name,
@@ -87,30 +87,30 @@ class Level:
 class Box:
     """A box in any attitude."""
 
-    centre: tuple[float, float, float]  # [m]
-    half: tuple[float, float, float]  # half of its length, width and height [m]
-    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # its attitude: w, x, y, z
+    centre: tuple[float, float, float]  # position of the box [m]
+    half: tuple[float, float, float]  # half of length, width and height [m]
+    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # attitude w, x, y, z
     colour: Colour = STONE
 
     @cached_property
     def rotation(self) -> Array:
-        """The box's axes, as the columns of a matrix (3, 3)."""
+        """Matrix (3, 3) whose columns are the box's axes."""
         matrix = np.empty(9)
         mujoco.mju_quat2Mat(matrix, np.array(self.quaternion))
         return matrix.reshape(3, 3)
 
     @property
     def bounds(self) -> Array:
-        """See `Solid`."""
+        """Corners (2, 3) of an upright box around this box; see `Solid`."""
         reach = np.abs(self.rotation) @ np.array(self.half)
         return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
 
     def height(self, x: Array, y: Array) -> Array:
-        """See `Solid`: where vertical lines first leave one of the slabs between opposite faces."""
+        """Heights (P,), see `Solid`: where vertical lines first leave any of the slabs between opposite faces."""
         centre, half = np.array(self.centre), np.array(self.half) + EDGE
         start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])  # (3, P), in the box
         enters, leaves = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        for axis, rise in enumerate(self.rotation[2]):  # a slab along each axis
+        for axis, rise in enumerate(self.rotation[2]):  # slab between the faces along each axis
             if rise == 0:
                 leaves[np.abs(start[axis]) > half[axis]] = -np.inf
                 continue
@@ -120,7 +120,7 @@ class Box:
         return np.where(enters <= leaves, centre[2] + leaves, -np.inf)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """See `Solid`."""
+        """Add the box to `spec`; see `Solid`."""
         spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -133,7 +133,7 @@ class Box:
             self._add_skirt(spec, f"{name}/skirt", base)
 
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """Draw the support of a sloping box, from the lower face to the floor; the support doesn't collide."""
+        """Draw the support of a sloping box, from its lower face down to the floor; the support doesn't collide."""
         signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
         lower = self.centre + signs * self.half @ self.rotation.T  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
@@ -144,29 +144,29 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A height field: heights at the corners of rectangles, each of which consists of two triangles."""
+    """A height field: heights at the corners of rectangles, which consist of two triangles each."""
 
-    x0: float  # beginning along the course [m]
-    length: float  # its length along x [m]
-    width: float  # its width; it is centred on the x axis [m]
-    heights: Array  # heights (rows, columns) [m]: rows along y, columns along x, each in ascending order
+    x0: float  # start along the course [m]
+    length: float  # length along x [m]
+    width: float  # width, centred on the x axis [m]
+    heights: Array  # heights (rows, columns) [m]: rows along y, columns along x, both ascending
     colour: Colour = EARTH
 
     @property
     def bounds(self) -> Array:
-        """See `Solid`."""
+        """Corners (2, 3) of a box around the surface; see `Solid`."""
         low = [self.x0, -self.width / 2, self.heights.min()]
         return np.array([low, [self.x0 + self.length, self.width / 2, self.heights.max()]])
 
     @cached_property
     def _stored(self) -> tuple[float, float, NDArray[np.float32]]:
-        """The lowest height and the range of heights [m], and the heights scaled to 0 to 1, as MuJoCo stores them."""
+        """Lowest height, range of the heights [m], and heights scaled to 0 to 1, in the form that MuJoCo stores."""
         low, high = float(self.heights.min()), float(self.heights.max())
         span = (high - low) or 1.0
         return low, span, ((self.heights - low) / span).astype(np.float32)
 
     def height(self, x: Array, y: Array) -> Array:
-        """See `Solid`: each rectangle is cut from its first to its last corner, as in MuJoCo's ray casting."""
+        """Heights (P,), see `Solid`; rectangles are cut from the first to the last corner, as in MuJoCo's ray casts."""
         low, span, shares = self._stored
         heights, (rows, columns) = low + span * shares.astype(float), shares.shape
         dx, dy = self.length / (columns - 1), self.width / (rows - 1)
@@ -174,7 +174,7 @@ class Grid:
         column, row = (np.clip(at.astype(int), 0, most - 2) for at, most in ((u, columns), (v, rows)))
         u, v = u - column, v - row
         first, last = heights[row, column], heights[row + 1, column + 1]
-        right = u > v  # right of the cut, as seen along y
+        right = u > v  # right of the cut, in the direction of y
         corner = np.where(right, heights[row, column + 1], heights[row + 1, column])
         along_x, along_y = np.where(right, [corner - first, last - corner], [last - corner, corner - first])
         beside = np.abs(x - self.x0 - self.length / 2) > self.length / 2 + EDGE
@@ -182,7 +182,7 @@ class Grid:
         return np.where(beside, -np.inf, first + u * along_x + v * along_y)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """See `Solid`."""
+        """Add the height field to `spec`; see `Solid`."""
         (low, span, shares), (rows, columns) = self._stored, self.heights.shape
         size = [self.length / 2, self.width / 2, span, low - base.floor]
         spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=shares.ravel())
@@ -196,7 +196,7 @@ class Grid:
 
 
 def look(colour: Colour, base: Base) -> dict[str, Any]:
-    """Arguments of `add_geom` that all geoms of a course share and that override the model's defaults."""
+    """Arguments for `add_geom` that all geoms of a course share and that override the model's defaults."""
     return {
         "rgba": list(colour),
         "material": LINES,

@@ -1,7 +1,7 @@
-"""Tracks for any MuJoCo robot: needs MuJoCo and NumPy only.
+"""Tracks for any MuJoCo robot; the package needs only MuJoCo and NumPy.
 
 add_tracks(spec, "chassis", Track(half_gauge=0.2, hull=[(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]))
-connect(spec)  # with every colliding geom that is fixed to the world
+connect(spec)  # to all colliding geoms that are fixed to the world
 model = spec.compile()
 belts = Belts(model)
 belts.set([0.3, 0.3])  # [m/s]

@@ -1,4 +1,4 @@
-"""Belts of a compiled model or a batch: set speeds or motors, step, read traction, load, slip and depth."""
+"""Belts in a compiled model or a batch of simulations: their speeds, motors, steps and readings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
 from trackslip.errors import require
 
-_ONE = np.zeros(1, int)  # index of a model's only simulation
+_ONE = np.zeros(1, int)  # row of the only simulation, where there is no batch
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ class _Map:
         )
         before = np.cumsum(counts) - counts
         self.track = np.concatenate([tracks.track + k for tracks, k in zip(every, before, strict=True)])
-        first = np.searchsorted(self.track, np.arange(len(self.names)))  # one geom per track, to read its speed
+        first = np.searchsorted(self.track, np.arange(len(self.names)))  # a geom per track whose speed is read
         self.leader, leading = self.geoms[first], self.direction[first]
         self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks in every for _ in tracks.names]
@@ -44,24 +44,24 @@ class _Map:
         self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
 
     def motors(self, size: int, motor: NDArray[np.int_]) -> Motors:
-        """Motors in `size` simulations; `motor` (T,) numbers the motor of each track."""
+        """Motors for `size` simulations; `motor` (T,) is the index of each track's motor."""
         radius = np.array([self.radius[motor == each].max() for each in range(motor.max() + 1)])
         return Motors(size, radius, self.weight, self.slope)
 
     def surface(self, speeds: Floats) -> Floats:
-        """Surface velocities (..., G, 6) of the geoms for belt speeds (..., T)."""
+        """Surface velocities (..., G, 6) of the tracks' geoms at belt speeds (..., T)."""
         return speeds[..., self.track, None] * self.direction
 
     def speeds(self, surface: Floats) -> Floats:
-        """Belt speeds (..., T) from surface velocities (..., ngeom, 6), the inverse of `surface`."""
+        """Belt speeds (..., T) from surface velocities (..., ngeom, 6); the inverse of `surface`."""
         speeds: Floats = (surface[..., self.leader, :] * self.lead).sum(axis=-1)
         return speeds
 
     def read(self, sensordata: Floats, xmat: Floats, speeds: Floats) -> Reading:
-        """Reading from sensor data (..., S), all bodies' rotations (..., nbody, 9), and belt speeds (..., T)."""
+        """Reading for sensor data (..., S), rotations (..., nbody, 9) of all bodies and belt speeds (..., T)."""
         found = sensordata[..., self.first].astype(int)
-        reported = np.minimum(found, self.slots)  # the first slots are filled first
-        owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) track of each contact
+        reported = np.minimum(found, self.slots)  # a sensor fills its slots from the first on
+        owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) index of each contact's track
         slot = np.arange(len(owner)) - np.repeat(np.cumsum(reported) - reported.ravel(), reported.ravel())
         state, track = np.divmod(owner, len(self.names))
         start = state * sensordata.shape[-1] + self.first[track] + slot * SENSED_WIDTH
@@ -70,15 +70,15 @@ class _Map:
 
 
 class Belts:
-    """The belts of T tracks in a compiled model, however it was made."""
+    """The belts of T tracks in a compiled model, whether it was built in Python or loaded from a file."""
 
     names: tuple[str, ...]
     """Name of each track (T,)."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Find the model's tracks, in the order in which they were added.
+        """Find the model's tracks, in the order in which they were added, and set their contact parameters.
 
-        This sets their contact parameters, which depend on the robot's total mass.
+        These parameters depend on the robot's total mass.
 
         Raises InvalidValueError for a model without tracks, and for contacts that can't follow their recipe.
         """
@@ -89,18 +89,18 @@ class Belts:
         """Hull of each track."""
         self.bodies = self._map.bodies
         """Body of each track (T,), at its middle."""
-        model.flg_surfacevel = 1  # compiled with belts at rest, the engine would ignore later speeds
+        model.flg_surfacevel = 1  # else the engine would ignore later speeds, as belts are compiled at rest
 
     def set(self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0) -> None:
-        """Set the belts' speeds (T,) [m/s]; positive drives the robot forwards.
+        """Set the belt speeds (T,) [m/s], positive forwards.
 
-        With a torque limit these are set points, and `step` finds the actual speeds.
+        With a torque limit, these speeds are set points, from which `step` finds the actual speeds.
 
         Args:
             speeds: belt speeds (T,) [m/s].
-            torque_limit: largest torque of each belt's motor at its sprocket (the hull's largest wheel), one for all or
-                (T,) [N m]; by default the belts reach their speeds at once.
-            inertia: moment of inertia of motor, gear and belt at the sprocket, one for all or (T,) [kg m^2].
+            torque_limit: largest torque of each belt's motor at its sprocket (the largest wheel of the hull), a scalar
+                or (T,) [N m]; by default the belts reach their speeds at once.
+            inertia: moment of inertia of motor, gear and belt at the sprocket, a scalar or (T,) [kg m^2].
 
         Raises:
             InvalidValueError: for speeds that aren't finite, negative limits or inertias, and wrong shapes.
@@ -109,9 +109,9 @@ class Belts:
         self._put(self._motors.speed[0])
 
     def step(self, data: mujoco.MjData) -> None:
-        """Advance by one physics step with the motors chosen by `set`; call it instead of `mujoco.mj_step`.
+        """Advance by one physics step with the motors that `set` chose; replaces `mujoco.mj_step`.
 
-        The step is repeated, from the same state, until the belts' speeds agree with their motors and the ground.
+        The step is repeated from the same state until the belt speeds are in balance with the motors and the ground.
         """
         model = self._model
         state = np.empty(mujoco.mj_stateSize(model, _STATE))
@@ -137,14 +137,14 @@ class Belts:
         return self._map.speeds(self._model.geom_surfacevel)
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Forces and motion (T,) of the tracks in the last step, at the belts' current speeds."""
+        """Forces and motion (T,) of the tracks in the last step, for the belts' current speeds."""
         return self._map.read(data.sensordata, data.xmat, self.speeds()).complete(self.names)
 
     def bind_batch(self, batch: Any, motor: ArrayLike | None = None) -> BatchBelts:
-        """Return the belts in a `mujoco.batch.Batch` of the model.
+        """Return the belts of the model in a `mujoco.batch.Batch` of simulations.
 
-        `motor` numbers the motor of each belt (T,), from 0; by default each has its own. Belts of one motor, such as
-        those on one side of a robot with flippers, share speed and torque.
+        `motor` is the index of each belt's motor (T,), from 0; by default each belt has its own motor. Belts with the
+        same motor, such as those on one side of a robot with flippers, share speed and torque.
         """
         return BatchBelts(self._map, batch, np.arange(len(self.names)) if motor is None else np.asarray(motor, int))
 
@@ -156,12 +156,12 @@ class BatchBelts:
     """Name of each track (T,)."""
 
     def __init__(self, where: _Map, batch: Any, motor: NDArray[np.int_]) -> None:
-        """See `Belts.bind_batch`."""
+        """Use `Belts.bind_batch`, which explains the arguments."""
         self._map, self.names, self._batch, self._motor = where, where.names, batch, motor
         self._motors = where.motors(batch.nsim, motor)
-        self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")  # (N, ngeom, 6), live
-        self._sensordata: NDArray[np.float64] = batch.bind("sensordata")  # (N, S), live
-        self._xmat: NDArray[np.float64] = batch.bind("xmat")  # (N, nbody, 9), live
+        self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")  # (N, ngeom, 6), a view of the batch
+        self._sensordata: NDArray[np.float64] = batch.bind("sensordata")  # (N, S), a view of the batch
+        self._xmat: NDArray[np.float64] = batch.bind("xmat")  # (N, nbody, 9), a view of the batch
 
     def set(
         self,
@@ -170,29 +170,29 @@ class BatchBelts:
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
     ) -> None:
-        """Set the belt speeds (R, M) [m/s] of M motors; limits and inertias, (M,) or (R, M), are as in `Belts.set`."""
+        """Set the belt speeds (R, M) of M motors [m/s]; limits and inertias, (M,) or (R, M), as in `Belts.set`."""
         where = np.arange(len(self._surface))[rows]
         self._motors.set(where, _speeds(speeds, self._motors.speed.shape[1]), torque_limit, inertia)
         self._put(where, self._motors.speed[where])
 
     def get_state(self) -> tuple[Floats, Floats]:
-        """Return a copy of the state of all motors; the belt speeds are in the batch."""
+        """Return a copy of all motors' states; belt speeds are part of the batch's own state."""
         return self._motors.get_state()
 
     def set_state(self, state: tuple[Floats, Floats]) -> None:
-        """Restore a state of these motors, or of the motors in a batch that was made in the same way."""
+        """Restore a state from `get_state`, of these belts or of belts bound to an equal batch."""
         self._motors.set_state(state)
 
     def begin(self, rows: Any = slice(None)) -> None:
-        """Stop the belts in the simulations `rows` and remove their motors' limits, for a new run."""
+        """Stop the belts in the simulations `rows` and remove the limits of their motors, before a new run."""
         where = np.arange(len(self._surface))[rows]
         self._motors.begin(where)
         self._put(where, self._motors.speed[where])
 
     def step(self, rows: Any = slice(None)) -> Reading:
-        """Advance the simulations `rows` (R,) by one physics step with the motors chosen by `set`; see `Belts.step`.
+        """Advance the simulations `rows` (R,) by one physics step with the motors that `set` chose; see `Belts.step`.
 
-        Returns forces and motion (R, T), from which contacts may be missing: see `Reading.complete`.
+        Returns forces and motion (R, T), in which contacts may be missing: see `Reading.complete`.
         """
         where = np.arange(len(self._surface))[rows]
         state, readings = self._batch.state.copy(), []
@@ -206,7 +206,7 @@ class BatchBelts:
             return self._by_motor(reading.traction)
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
-        (_, last), *again = readings  # the first attempt covers all simulations
+        (_, last), *again = readings  # the first attempt includes all simulations
         for tried, reading in again:
             last.put(np.searchsorted(where, tried), reading)
         return last
@@ -216,11 +216,11 @@ class BatchBelts:
         return self._motors.read()
 
     def _put(self, rows: NDArray[np.int_], speeds: Floats) -> None:
-        """Set the belt speeds (R, M) in simulations (R,)."""
+        """Set the belt speeds (R, M) of the motors in simulations `rows` (R,)."""
         self._surface[rows[:, None], self._map.geoms] = self._map.surface(speeds[:, self._motor])
 
     def _by_motor(self, traction: Floats) -> Floats:
-        """Sums (..., M) of the tractions (..., T) of each motor's belts."""
+        """Sum the belts' tractions (..., T) for each motor, to (..., M)."""
         return np.stack([traction[..., self._motor == each].sum(axis=-1) for each in range(self._motor.max() + 1)], -1)
 
     def speeds(self) -> Floats:
@@ -228,14 +228,14 @@ class BatchBelts:
         return self._map.speeds(self._surface)
 
     def read(self) -> Reading:
-        """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
+        """Forces and motion (N, T) of the tracks in the last step, for the belts' current speeds."""
         return self._read(slice(None)).complete(self.names)
 
     def run(self, steps: int, rows: Any = slice(None)) -> Reading:
-        """Advance the simulations `rows` by several physics steps with the speeds or motors chosen by `set`.
+        """Advance the simulations `rows` by several physics steps with the speeds or motors that `set` chose.
 
-        Returns forces and motion (R, steps, T) in each step, from which contacts may be missing: see
-        `Reading.complete`. A simulation that diverges stops, and its last step is repeated.
+        Returns forces and motion (R, steps, T) in each step, in which contacts may be missing: see `Reading.complete`.
+        A simulation that diverges stops, and the reading of its last step is repeated.
         """
         where = np.arange(len(self._surface))[rows]
         before, goal = self._batch.state[where], self._motors.goal(where)

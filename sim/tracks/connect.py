@@ -1,4 +1,4 @@
-"""Tracks bolted to a body of a MuJoCo spec, and their contact pairs with terrain.
+"""Attachment of tracks to a body in a MuJoCo spec, and contact pairs between tracks and terrain.
 
 `sim.tracks.description` sets the contact parameters once the model is compiled.
 """
@@ -20,31 +20,31 @@ from sim.tracks.track import WHEEL_WEIGHT, WHEELS, Track
 from trackslip.errors import InvalidValueError, require
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
-"""Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
-_FINER = 10.0  # factor on the preset's impratio, for the slower sliding near the pivot of a wide robot [-]
+"""Bits of the data that a contact sensor reports per contact: found, force, dist, normal, tangent, linvel."""
+_FINER = 10.0  # factor on the preset's impratio, as sliding is slower near a wide robot's pivot [-]
 _MAX_FORCE = 2  # a contact sensor's reduction mode: the largest forces first
-_MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else in a robot's step
-_MOST = mujoco.mjMAXCONPAIR  # most contacts between two geoms that the engine keeps
-_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell of its length, plus a constant
-_TWICE = 4  # room in a sensor per contact of a belt with a solid: it may touch two solids, with cores as well
-_MARGIN = 1.5  # room in a sensor per contact with a height field, all of which a belt rarely touches [-]
+_MAX_PAIRS = 20_000  # they take about 0.3 ms per step, five times as long as the rest of a robot's step
+_MOST = mujoco.mjMAXCONPAIR  # most contacts that the engine keeps between two geoms
+_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell along it, plus a constant
+_TWICE = 4  # sensor slots per contact with solids: the belt may touch two, and its cores as well
+_MARGIN = 1.5  # sensor slots per possible contact with a height field; a belt rarely has all of them [-]
 _CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
 
 
 def add_tracks(
     spec: mujoco.MjSpec, body: str | mujoco.MjsBody, track: Track, terrain: Iterable[object] | None = None
 ) -> tuple[str, ...]:
-    """Add a track, or a pair of tracks, to a body of a MuJoCo spec, and return their names.
+    """Add a track, or a pair of tracks, to a body in a MuJoCo spec, and return the tracks' names.
 
     Args:
         spec: the model, not yet compiled.
-        body: the body that carries the tracks, or its name; its x axis points forwards, y left, z up.
+        body: the body, or its name, that carries the tracks; its x axis points forwards, y left, z up.
         track: the track or the pair to add.
-        terrain: geoms, or their names, with which the tracks are connected at once; if omitted, call `connect`.
+        terrain: geoms, or their names, to connect with the tracks immediately; if omitted, call `connect` later.
 
     Raises:
-        InvalidValueError: for a body that is not in the spec, a name that is taken, terrain that can't be connected, or
-            a time step at which the preset isn't stable.
+        InvalidValueError: for a body that is not in the spec, a name that is already used, terrain that can't be
+            connected, or a time step at which the preset isn't stable.
     """
     carrier = spec.body(body) if isinstance(body, str) else body
     if carrier is None:
@@ -73,7 +73,7 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=f"{each}_track",
-            intprm=[SENSED, _MAX_FORCE, 1],  # connect makes room for contacts
+            intprm=[SENSED, _MAX_FORCE, 1],  # `connect` adds slots for contacts
         )
     on_wheels, depths = track.contact == WHEELS, (preset.core_depth, preset.edge_depth)
     fine = not on_wheels and count > preset.segments
@@ -94,10 +94,10 @@ def add_tracks(
 
 
 def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
-    """Add the contacts that are missing between the tracks in a spec and terrain.
+    """Add the missing contact pairs between the terrain and all tracks in a spec.
 
-    This makes the spec's cone elliptic and its impratio at least 10,000, and replaces MuJoCo's default time step with
-    the shortest of its tracks' presets.
+    This makes the spec's cone elliptic, raises its impratio to at least 10,000, and replaces MuJoCo's default time
+    step with the shortest one of the tracks' presets.
 
     Args:
         spec: a spec with tracks, attached robots included.
@@ -105,8 +105,8 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
             to it.
 
     Raises:
-        InvalidValueError: for a geom that is not in the spec, a spec without tracks, and friction that differs along
-            and across the tracks on anything but a plane.
+        InvalidValueError: for a geom that is not in the spec, a spec without tracks, and different friction along and
+            across the tracks if any terrain is not a plane.
     """
     tracks = descriptions(spec)
     require(tracks, "spec", spec.modelname, "one with tracks: add_tracks adds them")
@@ -115,7 +115,7 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
 
 
 def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, grounds: Sequence[mujoco.MjsGeom]) -> None:
-    """Connect the tracks of this name with these geoms; see `connect`."""
+    """Connect the tracks called `name` with the geoms `grounds`; see `connect`."""
     cored = sum(depth > 0 for depth in description.cores)
     pairs = (len(description.geoms) + cored) * len(grounds)
     allowed = f"at most {_MAX_PAIRS:,}, each of which takes time in every step: name what is in reach, or fewer geoms"
@@ -130,7 +130,7 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
             continue
         for geom, depth in zip(description.geoms, description.cores, strict=True):
             friction = list(description.friction)
-            if geom.rpartition("_track_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # lies across
+            if geom.rpartition("_track_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # lateral
                 friction.reverse()
             for suffix, margin in (("", 0.0), ("_core", -depth))[: 1 + (depth > 0)]:
                 pair = {"geomname1": ground.name, "geomname2": geom, "condim": 3, "friction": [*friction, 0, 0, 0]}
@@ -140,9 +140,9 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
 
 
 def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> None:
-    """Make room in the tracks' sensors for contacts with height fields; `cell` is their smallest, inf for none [m].
+    """Give the tracks' sensors enough slots for contacts; `cell` is the height fields' smallest cell, inf for none [m].
 
-    Raises InvalidValueError for capsules so long that they may have more contacts than the engine keeps.
+    Raises InvalidValueError for capsules that are so long that the engine might not keep all of their contacts.
     """
     slots: dict[str, float] = {}
     for name, depth in zip(description.geoms, description.cores, strict=True):
@@ -162,7 +162,7 @@ def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> No
 
 
 def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[float]:
-    """Smaller side of the cells of each height field, and inf for other geoms [m]."""
+    """Shorter side of each height field's cells, and inf for other geoms [m]."""
     fields = [geom for geom in grounds if geom.type == _HFIELD]
     model = spec.copy().compile() if any(not spec.hfield(geom.hfieldname).nrow for geom in fields) else None
     for geom in grounds:
@@ -179,7 +179,7 @@ def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[f
 def find_grounds(
     spec: mujoco.MjSpec, terrain: Iterable[object] | None, friction: tuple[float, float]
 ) -> list[mujoco.MjsGeom]:
-    """The terrain's geoms; see `connect`."""
+    """The geoms of the terrain; `terrain` and errors are those of `connect`."""
     if terrain is None:
         grounds = [geom for geom in _static_geoms(spec.worldbody) if geom.contype or geom.conaffinity]
     else:

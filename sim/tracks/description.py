@@ -1,6 +1,6 @@
-"""How a model describes its tracks: in a `<tuple>` of geoms and a `<numeric>` with the recipe, both NAME_tracks.
+"""Descriptions of tracks inside a model: a `<tuple>` of geoms and a `<numeric>` recipe, both called NAME_tracks.
 
-Both stay with the model when it is saved, loaded, or attached to another one with a prefix.
+Both remain in a model that is saved, loaded, or attached to another model with a prefix.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from trackslip.errors import require
 
 Array = NDArray[np.float64]
 _ENDING = "_tracks"
-_TRACK = "_track"  # suffix of the names of bodies and contact sensors
-_PRESET = len(fields(Preset))  # how many numbers a recipe has
+_TRACK = "_track"  # suffix in the names of bodies and contact sensors
+_PRESET = len(fields(Preset))  # number of values in a recipe
 _HEAD = _PRESET + 5
 
 
 @dataclass(frozen=True)
 class Description:
-    """The tracks of one call of `add_tracks` in a spec."""
+    """The tracks that one call of `add_tracks` added to a spec."""
 
     preset: Preset  # the contact recipe
     friction: tuple[float, float]  # coefficients along and across [-]
-    load: float  # share of the robot's weight that they carry when it stands on them [-]
-    points: float  # number of points on which they stand on their longest run, weighted by stiffness
-    segment: float  # length of a capsule along that run [m]
-    geoms: tuple[str, ...]  # names of the geoms of all tracks, one track after the other
+    load: float  # share of the robot's weight on these tracks when it stands on them [-]
+    points: float  # number of contact points on the tracks' longest runs, weighted by stiffness [-]
+    segment: float  # length of each capsule along the longest run [m]
+    geoms: tuple[str, ...]  # names of all tracks' geoms, track by track
     weights: tuple[float, ...]  # stiffness of the geoms, relative to a capsule's end [-]
-    cores: tuple[float, ...]  # depths of the geoms' cores, 0 for none [m]
+    cores: tuple[float, ...]  # depths of the geoms' cores, 0 for geoms without a core [m]
 
     def write(self, spec: mujoco.MjSpec, name: str) -> None:
         """Write the description into a spec."""
@@ -48,7 +48,7 @@ class Description:
 
 
 def descriptions(spec: mujoco.MjSpec) -> dict[str, Description]:
-    """All tracks in a spec by name, without the suffix, in the order in which they were added."""
+    """All tracks in a spec, by name without the suffix, in the order in which they were added."""
     numbers = {numeric.name: list(numeric.data) for numeric in spec.numerics}
     return {
         each.name.removesuffix(_ENDING): Description(
@@ -65,14 +65,14 @@ def _head(numbers: Sequence[float]) -> tuple[Preset, tuple[float, float], float,
 
 
 class TracksInModel:
-    """The tracks of one call of `add_tracks` in a compiled model."""
+    """The tracks that one call of `add_tracks` added, in a compiled model."""
 
     def __init__(self, model: mujoco.MjModel, name: str) -> None:
-        """Read the tracks by their name, suffix included."""
+        """Read the tracks with this name, which includes the suffix."""
         described, numbers = model.tuple(name), model.numeric(name).data.tolist()
         self.preset, _, self.load, self.points, self.segment = _head(numbers)
         self.geoms: NDArray[np.int_] = described.objid.copy()  # (G,)
-        self.weights: Array = described.objprm.copy()  # (G,) stiffness, relative to a capsule's end
+        self.weights: Array = described.objprm.copy()  # (G,) stiffness relative to a capsule's end
         owner = model.geom_bodyid[self.geoms]
         self.bodies = owner[np.sort(np.unique(owner, return_index=True)[1])]  # (T,)
         self.names = tuple(model.body(body).name.removesuffix(_TRACK) for body in self.bodies)
@@ -83,11 +83,11 @@ class TracksInModel:
         place, radius = model.geom_pos[self.geoms[round_]], model.geom_size[self.geoms[round_], 0]
         first = place[:, 1] == place[0, 1]
         self.hull = Hull.from_wheels(np.column_stack([place[:, [0, 2]], radius])[first].tolist())
-        """The hull of each track."""
+        """Hull of each track."""
         beside = (place[:, [0, 2]] == place[0, [0, 2]]).all(axis=1)
         shares = self.weights[round_][beside]
         self.lines = np.column_stack([place[beside, 1], shares / shares.sum()])
-        """Lines of contact (L, 2): lateral position from the belt's middle [m], and share of the load [-]."""
+        """Lines of contact (L, 2): lateral distance from the belt's middle [m], and share of the load [-]."""
 
 
 def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
@@ -98,7 +98,7 @@ def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
 
 
 def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
-    """Surface velocities (G, 6): about y for spheres and capsules across, along their own z for other capsules."""
+    """Surface velocities (G, 6): about y for spheres and lateral capsules, along their own z for other capsules."""
     direction, axes = np.zeros((len(geoms), 6)), np.zeros((len(geoms), 9))
     for geom, into in zip(geoms, axes, strict=True):
         mujoco.mju_quat2Mat(into, model.geom_quat[geom])
@@ -111,10 +111,10 @@ def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
 
 
 def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
-    """Set the parameters of the tracks' contact pairs, and the engine's options that they need.
+    """Set the parameters of the tracks' contact pairs, and the engine options that these pairs need.
 
-    Raises InvalidValueError for a time step at which the preset isn't stable, for a robot that can't move, and for so
-    many contact points that the engine would stiffen them.
+    Raises InvalidValueError for a time step at which the preset isn't stable, for a robot that can't move, and if there
+    are so many contact points that the engine would stiffen them.
     """
     preset = tracks.preset
     require_stable(model.opt.timestep, preset)
@@ -124,7 +124,7 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     mass = float(moving_mass(model, body)) * tracks.load
     model.tree_sleep_policy[model.body_treeid[body]] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER  # belts don't wake robots
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    rocks = max(mobility(model, tracks, mass), 1.0)  # a robot held on a test rig, for example, has no mobility
+    rocks = max(mobility(model, tracks, mass), 1.0)  # a robot held on a test rig, for example, has no mobility at all
     grip = preset.grip * preset.regularisation / preset.regularise(gravity, rocks, np.inf)
     place = {int(geom): k for k, geom in enumerate(tracks.geoms)}
     ends = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
@@ -135,7 +135,7 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     grounds = ends[pairs][~ours]
     softness = model.body_invweight0[body, 0] + model.body_invweight0[model.geom_bodyid[grounds], 0]
     share = mass * softness / tracks.points
-    field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # which a geom may touch any number of times
+    field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # a geom may touch it anywhere
     regularisation = preset.regularise(gravity, np.where(field, np.inf, rocks), share * tracks.weights.min())
     belts, core = preset.contact(gravity, share * weight, regularisation, grip), preset.core()
     hard = model.pair_margin[pairs, None] < 0
@@ -144,14 +144,14 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
 
 
 def moving_mass(model: mujoco.MjModel, bodies: NDArray[np.int_] | int) -> Any:
-    """Masses (...) of the robots to which `bodies` (...) belong, without what carries a robot but is fixed [kg]."""
+    """Masses (...) of the robots to which `bodies` (...) belong, without fixed bodies that carry a robot [kg]."""
     return model.body_subtreemass[model.tree_bodyadr[model.body_treeid[bodies]]]
 
 
 def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float:
-    """Largest ratio [-] of a robot's squared natural frequencies on its tracks to its squared heave frequency.
+    """Largest ratio of a robot's squared natural frequencies on its tracks to its squared heave frequency [-].
 
-    Each run stands on springs that together carry the robot's `mass` [kg]. The ratio is about 3 for a box that rolls on
+    Each run rests on springs that together carry the robot's `mass` [kg]. The ratio is about 3 for a box that rolls on
     two tracks, and larger for a light flipper on its hinge.
     """
     data = mujoco.MjData(model)

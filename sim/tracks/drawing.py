@@ -1,4 +1,4 @@
-"""Drawing of tracks: their shoes and wheels move with the belt, but are not simulated."""
+"""Drawing of tracks: shoes and wheels that move with the belt but are not simulated."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ Array = NDArray[np.float64]
 BOX, CYLINDER = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 _TYRE, _SHOE, _MARK = (0.10, 0.10, 0.11, 1.0), (0.15, 0.15, 0.17, 1.0), (0.93, 0.66, 0.07, 1.0)
 _WHEEL, _BOLT = (0.22, 0.23, 0.26, 1.0), (0.80, 0.81, 0.83, 1.0)
-_THICKNESS = 0.2  # thickness of a belt, relative to the smallest wheel's radius
+_THICKNESS = 0.2  # thickness of a belt, relative to the smallest wheel's radius [-]
 _PITCH = 0.034  # approximate distance between shoes [m]
-_MARKED = 9  # every ninth shoe is painted, to show the belt's motion
+_MARKED = 9  # every ninth shoe is painted to make the belt's motion visible
 _BOLTS = 5
-_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # road wheels: radius over the end wheels' radius, distance over their own
-_TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # a cylinder's axis, z, becomes -y
+_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # of road wheels, radius / end wheels' radius and distance / own radius
+_TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # turns a cylinder's axis from z to -y
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """P boxes and lateral cylinders in a body's frame, each turned about the body's y axis only."""
+    """P boxes and lateral cylinders in a body's frame, all of them turned about the body's y axis only."""
 
     kind: NDArray[np.int64]  # (P,) BOX or CYLINDER
-    size: Array  # (P, 3) half sizes; for a cylinder its radius, half width and 0 [m]
+    size: Array  # (P, 3) half sizes of a box; radius, half width and 0 of a cylinder [m]
     rgba: Array  # (P, 4)
     position: Array  # (..., P, 3) [m]
-    angle: Array  # (..., P) about y, nose down is positive [rad]
+    angle: Array  # (..., P) about y, positive with the nose down [rad]
 
     @property
     def rotation(self) -> Array:
@@ -48,12 +48,12 @@ class Pieces:
 
 @dataclass(frozen=True)
 class TrackLook:
-    """The looks of one track: its hull, where it runs in the body's frame, and how wide it is drawn."""
+    """The looks of a single track: its hull, position and drawn width."""
 
     hull: Array  # (W, 3) x, z and radius of the wheels in the body's frame [m]
     y: float  # lateral position of the track in the body's frame [m]
     width: float  # width of the belt, or of the tyres [m]
-    belted: bool = True  # false for wheels that turn at one speed without a belt
+    belted: bool = True  # false for wheels without a belt, which turn at the same speed
 
     def pieces(self, travel: Array | float) -> Pieces:
         """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""
@@ -67,13 +67,13 @@ class TrackLook:
         return _THICKNESS * float(np.min(np.asarray(self.hull)[:, 2]))
 
     def _inside(self, depth: float) -> Hull:
-        """The hull at a `depth` [m] below the belt's surface."""
+        """The hull that lies inside the track's by a `depth` [m] below the belt's surface."""
         return Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist())
 
     def _wheels(self) -> Array:
-        """Wheels to draw (W', 3): the hull's wheels inside the belt, and road wheels along the lower run."""
+        """Wheels to draw (W', 3): those of the hull, shrunk to fit the belt, and road wheels along the lower run."""
         hull = self._inside(self._thickness)
-        k = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])  # the run that goes straight backwards
+        k = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])  # the most backward run
         low, first, last = hull.runs[k], hull.wheels[k, 2], hull.wheels[(k + 1) % len(hull.wheels), 2]
         radius = _ROAD_WHEEL * min(first, last)
         room = low.length - first - last
@@ -94,7 +94,7 @@ class TrackLook:
         return Pieces(np.full(count, BOX), size, rgba, position, -heading)
 
     def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...]) -> Pieces:
-        """A disc, and bolts that turn with it."""
+        """The pieces of a wheel: a disc, and bolts that turn with the disc."""
         x, z, radius = wheel
         angle = travel[..., None] / radius + np.append(0.0, 2 * np.pi * np.arange(_BOLTS) / _BOLTS)
         away = np.append(0.0, np.full(_BOLTS, 0.62 * radius))
@@ -113,7 +113,7 @@ def _joined(parts: Sequence[Pieces]) -> Pieces:
 
 
 def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Array) -> None:
-    """Append the pieces of a body at `position` (3,) with `rotation` (3, 3) to a scene, as far as it has room."""
+    """Append the pieces on a body at `position` (3,) with `rotation` (3, 3) to a scene, until the scene is full."""
     where = position + pieces.position @ rotation.T
     turn = (rotation @ pieces.rotation).reshape(-1, 9)
     colour = pieces.rgba.astype(np.float32)
@@ -122,12 +122,12 @@ def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Arra
             return
         geom = scene.geoms[scene.ngeom]
         mujoco.mjv_initGeom(geom, int(kind), size, at, matrix, rgba)
-        geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
+        geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # decoration would have no shadow
         scene.ngeom += 1
 
 
 class DrawnTracks:
-    """Draws the tracks of a compiled model with moving belts and wheels; the colliding geoms are hidden in group 3.
+    """Drawing of a compiled model's tracks with moving belts and wheels; the colliding geoms are hidden in group 3.
 
     In a loop with MuJoCo's viewer, after each step:
 
@@ -137,13 +137,13 @@ class DrawnTracks:
     """
 
     def __init__(self, belts: Belts, width: float = 0.08) -> None:
-        """Prepare to draw belts of a `width` [m]; raises InvalidValueError for a width that isn't positive."""
+        """Prepare to draw belts with a `width` [m]; raises InvalidValueError unless the width is positive."""
         require_positive("width", width)
         self._belts, self._looks = belts, [TrackLook(hull.wheels, 0.0, width) for hull in belts.hulls]
         self._travel, self._time = np.zeros(len(belts.names)), 0.0
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
-        """Append the tracks to a scene, assuming that the belts have kept their current speeds since the last call."""
+        """Append the tracks to a scene; the belts are assumed to have kept their current speeds since the last call."""
         passed = data.time - self._time
         if passed < 0:  # the simulation was reset
             self._travel[:] = passed = 0.0

@@ -1,6 +1,6 @@
-"""The hull of a track, seen from its right side: wheels in a convex chain, and the belt around them.
+"""Hulls of tracks, seen from the right: wheels in a convex chain, and the belt around them.
 
-Coordinates are (x, z), forwards and up. The belt of a robot that drives forwards circulates clockwise: backwards below,
+Coordinates are (x, z), forwards and up. When the robot drives forwards, the belt circulates clockwise: backwards below,
 forwards above.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackslip.errors import require
 
-_MAX_SIZE = 10.0  # largest magnitude of a hull's numbers [m]
+_MAX_SIZE = 10.0  # largest magnitude of any number in a hull [m]
 _MIN_RADIUS = 1e-3  # [m]
 _MAX_WHEELS = 100
 Array = NDArray[np.float64]
@@ -24,53 +24,53 @@ Array = NDArray[np.float64]
 class BeltSpan:
     """A straight piece of belt between two wheels."""
 
-    start: Array  # (2,) where the belt leaves one wheel [m]
-    end: Array  # (2,) where it meets the next wheel [m]
-    radius: float  # radius of the smaller of its two wheels [m]
+    start: Array  # (2,) point where the belt leaves one wheel [m]
+    end: Array  # (2,) point where the belt meets the next wheel [m]
+    radius: float  # radius of the smaller of the two wheels [m]
 
     @property
     def length(self) -> float:
-        """Length [m]."""
+        """Length of the span [m]."""
         return float(np.linalg.norm(self.end - self.start))
 
     @property
     def along(self) -> Array:
-        """Direction (2,) in which the belt moves when the robot drives forwards."""
+        """Unit vector (2,) in which the belt moves when the robot drives forwards."""
         return (self.end - self.start) / self.length
 
     @property
     def outwards(self) -> Array:
-        """Normal (2,), away from the hull."""
+        """Unit normal (2,) that points away from the hull."""
         x, z = self.along
         return np.array([-z, x])
 
 
 @dataclass(frozen=True)
 class Hull:
-    """Wheels that bend the belt, in clockwise order, and the runs between them: run i leaves wheel i."""
+    """Wheels that bend the belt, in clockwise order, and the runs between them; run i starts at wheel i."""
 
     wheels: Array  # (W, 3) x, z, radius [m]
     runs: tuple[BeltSpan, ...]
 
     @property
     def longest_below(self) -> float:
-        """Length of the longest run that faces the ground, or of the longest of all runs if none does [m]."""
+        """Length of the longest run that faces the ground, or of the longest run if none faces it [m]."""
         return max((run.outwards[1] < 0, run.length) for run in self.runs)[1]
 
     @property
     def headings(self) -> Array:
-        """Directions (W,) of the belt on the runs, measured from x towards z [rad]."""
+        """Directions (W,) of the belt on its runs, measured from x towards z [rad]."""
         return np.array([np.arctan2(*run.along[::-1]) for run in self.runs])
 
     @property
     def ends(self) -> Array:
-        """Distances (2 W,) along the belt at the end of each run and of the arc on the wheel after it [m]."""
+        """Distances (2 W,) along the belt to the end of each run and of the arc after it [m]."""
         bend = np.mod(self.headings - np.roll(self.headings, -1), 2 * np.pi)  # clockwise, on the next wheel
         arc = bend * np.roll(self.wheels[:, 2], -1)
         return np.cumsum(np.column_stack([[run.length for run in self.runs], arc]).ravel())
 
     def place(self, distance: Array) -> tuple[Array, Array]:
-        """Points (..., 2) [m] and directions (...) [rad] of the belt at distances (...) along it [m]."""
+        """Points (..., 2) [m] and directions (...) [rad] of the belt at a `distance` (...) along the belt [m]."""
         ends = self.ends
         s = np.mod(distance, ends[-1])
         piece = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
@@ -86,12 +86,12 @@ class Hull:
 
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
-        """Convex hull of wheels (x, z, radius) [m], which may be in any order.
+        """The convex hull of wheels (x, z, radius) in any order [m].
 
-        Wheels around which the belt does not bend are omitted.
+        Wheels that don't bend the belt are omitted.
 
         Raises:
-            InvalidValueError: for fewer than two wheels, numbers out of range, and wheels all inside one.
+                InvalidValueError: for fewer than two wheels, numbers out of range, and wheels that all lie inside one.
         """
         chain = _numbers(wheels)
         allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
@@ -118,11 +118,11 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
 
 
 def _outermost(wheels: Array) -> Array:
-    """The wheels (W', 3) that a belt around all of them touches, clockwise from the one that comes first in `wheels`.
+    """The wheels (W', 3) that a belt around all `wheels` touches, clockwise from the first of them in `wheels`.
 
     Wheels that bend the belt by less than 0.1° may be missing.
     """
-    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # offset, so that wheels in a row don't tie
+    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # the offset avoids ties between wheels in a row
     reach = np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
     touching = reach.argmax(axis=1)
     order = touching[touching != np.roll(touching, 1)]
@@ -130,7 +130,7 @@ def _outermost(wheels: Array) -> Array:
 
 
 def _tangents(chain: Array) -> Array:
-    """Outward normals (W, 2) of the outer tangents from each wheel to the next, with the hull to their right."""
+    """Outward normals (W, 2) of the outer tangents from each wheel to the next one, with the hull on their right."""
     step = np.roll(chain, -1, axis=0) - chain
     distance = np.hypot(step[:, 0], step[:, 1])
     ahead = step[:, :2] / distance[:, None]

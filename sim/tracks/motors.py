@@ -1,11 +1,11 @@
-"""Belt motors: the belt speeds at the end of a physics step at which motors, belts and ground are in balance.
+"""Belt motors: the belt speeds after a physics step for which motors, belts and ground are in balance.
 
-A belt whose sprocket has the inertia J and the radius r obeys J dw/dt = T - r F under the torque T and the traction F.
+A belt with the inertia J and the sprocket radius r obeys J dw/dt = T - r F for the motor torque T and the traction F.
 The ground responds within a step: where it holds a robot, the traction rises by some 200 robot weights per m/s, so an
-explicit step diverges whatever the belts' inertia. A step is therefore implicit: it is repeated until each motor can
-exert the force that its belt needs at the new speed: any force within its limits at the set point, and the limit itself
-on the way there. Because the engine's contacts make the traction the gradient of a convex function of the speeds, there
-is one solution; quasi-Newton steps find it.
+explicit step diverges whatever the belt inertia. A step is therefore implicit: it is repeated until each motor can
+exert the force that its belt needs at the new speed. That force may have any value within the motor's limits at the set
+point, and is equal to a limit at other speeds. In the engine's contacts, the traction is the gradient of a convex
+function of the speeds, so the solution is unique; quasi-Newton steps find it.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import RobotWarning, counted, require
 
-_TOLERANCE = 0.005  # tolerance on a motor's force, relative to its limit; the next step makes up for the error
-_ROUGHNESS = 2e-4  # noise in the ground's forces, which the engine finds by iteration, relative to the robot's weight
+_TOLERANCE = 0.005  # tolerance on a motor's force, relative to its limit; the next step corrects the error
+_ROUGHNESS = 2e-4  # numerical noise in the ground's forces, which the engine iterates, relative to the robot's weight
 
 Floats = NDArray[Any]
 Rows = NDArray[Any]
 _ATTEMPTS = 40
-_FLATTEST = 0.1  # least slope of the traction where the belts slide, relative to the previous slope [-]
+_FLATTEST = 0.1  # least slope of the traction for sliding belts, relative to the previous slope [-]
 
 
 @dataclass(frozen=True)
 class MotorReading:
-    """Motors of T belts in the last physics step; a batch has a leading axis (N, T)."""
+    """State of T belt motors in the last physics step; for a batch with a leading axis (N, T)."""
 
     torque: Floats
     """Torque of the motor at the sprocket, positive forwards (..., T) [N m]."""
@@ -44,7 +44,7 @@ class MotorReading:
 
 
 class Motors:
-    """Motors of T belts in each of N simulations, (N, T) each."""
+    """Motors of T belts in each of N simulations; all states are (N, T)."""
 
     def __init__(self, size: int, radius: Floats, weight: float, slope: float) -> None:
         """Start at rest, without limits.
@@ -53,23 +53,23 @@ class Motors:
             size: number of simulations.
             radius: radii of the sprockets (T,) [m].
             weight: the robot's weight [N].
-            slope: increase of traction with belt speed for a robot that is free to move [N s/m].
+            slope: increase in traction with belt speed for a robot that is free to move [N s/m].
         """
         shape = size, len(radius)
         self._radius, self._noise = radius, _ROUGHNESS * weight / len(radius)
         self._least = np.eye(len(radius)) * slope / len(radius)  # (T, T)
-        self._slope = np.zeros((*shape, len(radius)))  # (N, T, T) slopes of the traction
+        self._slope = np.zeros((*shape, len(radius)))  # (N, T, T) slopes of the traction over belt speed
         self._state = np.zeros((9, *shape))
         self._goal, self._change, self._late, self._inertia, self._limit = self._state[:5]
         self.speed, self._torque, self._power, self._energy = self._state[5:]
         self.begin(np.arange(size))
 
     def begin(self, rows: NDArray[np.int_]) -> None:
-        """Reset the motors of some simulations to rest, without limits."""
+        """Reset the motors in the simulations `rows` to rest, without limits."""
         self._state[:, rows], self._limit[rows], self._slope[rows] = 0.0, np.inf, self._least
 
     def get_state(self) -> tuple[Floats, Floats]:
-        """Return a copy of the state of all motors."""
+        """Return a copy of all motors' states."""
         return self._state.copy(), self._slope.copy()
 
     def set_state(self, state: tuple[Floats, Floats]) -> None:
@@ -77,7 +77,7 @@ class Motors:
         self._state[:], self._slope[:] = state
 
     def set(self, rows: NDArray[np.int_], speeds: Floats, torque_limit: ArrayLike | None, inertia: ArrayLike) -> None:
-        """Set the set points (R, T) of some simulations; belts without a limit reach these speeds at once."""
+        """Change set points (R, T) in the simulations `rows`; belts without a limit reach these speeds at once."""
         shape = len(rows), self.speed.shape[1]
         limit: ArrayLike = np.inf
         if torque_limit is not None:
@@ -90,17 +90,17 @@ class Motors:
             state[rows] = np.where(free, 0.0, state[rows])
 
     def goal(self, rows: NDArray[np.int_]) -> Floats:
-        """Set points (R, T) of some simulations [m/s]."""
+        """Set points (R, T) in the simulations `rows` [m/s]."""
         return self._goal[rows]
 
     def limited(self, rows: NDArray[np.int_]) -> bool:
-        """True if any motor in these simulations has a limit."""
+        """Whether any motor in the simulations `rows` has a limit."""
         return bool(np.isfinite(self._limit[rows]).any())
 
     def hold(self, rows: NDArray[np.int_], step: float, traction: Floats) -> NDArray[np.bool_]:
-        """Mask (R,) of the simulations whose motors are strong enough for their set points; these are advanced.
+        """Advance the simulations with motors that are strong enough for their set points; return their mask (R,).
 
-        `traction` (R, S, T) holds the tractions in S physics steps at the set points [N].
+        `traction` (R, S, T) has the tractions at the set points in S physics steps [N].
         """
         goal, start, limit = self._goal[rows], self.speed[rows], self._limit[rows] / self._radius
         force = traction.copy()
@@ -115,19 +115,19 @@ class Motors:
         return held
 
     def read(self, rows: int | slice = slice(None)) -> MotorReading:
-        """Motor readings (N, T), or (T,) for one simulation."""
+        """Motor readings (N, T), or (T,) for a single simulation."""
         return MotorReading(*(each[rows].copy() for each in (self._torque, self.speed, self._power, self._energy)))
 
     def advance(
         self, rows: NDArray[np.int_], step: float, attempt: Callable[[NDArray[np.int_], Floats], Floats]
     ) -> None:
-        """Advance some simulations by a physics step.
+        """Advance the simulations `rows` by one physics step.
 
         Args:
             rows: the simulations (R,).
             step: the physics step [s].
-            attempt: steps the simulations (A,) from their present state at belt speeds (A, T) [m/s], and returns the
-                tractions (A, T) [N]. Each simulation keeps the result of its last attempt.
+            attempt: steps the simulations (A,) from their state before the step at belt speeds (A, T) [m/s], and
+                returns the tractions (A, T) [N]. Each simulation keeps the result of its last attempt.
         """
         radius, start, goal = self._radius, self.speed[rows], self._goal[rows]
         mass, limit = self._inertia[rows] / radius**2, self._limit[rows] / radius
@@ -153,7 +153,7 @@ class Motors:
 
 
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float = np.inf) -> Floats:
-    """Checked numbers: one for all, one per belt (T,), or one per simulation and belt (R, T)."""
+    """Checked numbers: a scalar, one per belt (T,), or one per simulation and belt (R, T)."""
     try:
         given = np.asarray(values, float)
     except (TypeError, ValueError):
@@ -165,35 +165,35 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float =
 
 @dataclass
 class Balance:
-    """The motors of T belts on each of R robots in a step, with consistent units of force (or torque) and speed."""
+    """Balance of T belt motors on each of R robots in a step, in consistent units of force (or torque) and speed."""
 
-    goal: Floats  # (R, T) set points
+    goal: Floats  # (R, T) set points of the speeds
     speed: Floats  # (R, T) speeds to try first
-    slope: Floats  # (R, T, T) approximate slopes of the traction over the speeds; `solve` improves them
-    tolerance: Floats  # (R, T) tolerance on the forces
+    slope: Floats  # (R, T, T) approximate slopes of the traction over the speeds, which `solve` improves
+    tolerance: Floats  # (R, T) tolerance on the motors' forces
     required: Callable[[Rows, Floats, Floats], Floats]
-    """Forces (A, T) that belts of some robots (A,) need at speeds and tractions (A, T); they rise with the speed."""
+    """Forces (A, T) that the belts of robots (A,) need at speeds and tractions (A, T); they rise with the speed."""
     limits: Callable[[Rows, Floats], tuple[Floats, Floats]]
-    """Smallest and largest forces (A, T) of the motors of some robots (A,) at speeds (A, T)."""
+    """Smallest and largest forces (A, T) of the motors on robots (A,) at speeds (A, T)."""
     stiffness: Callable[[Rows, Floats], Floats]
-    """Slopes (A, T), at speeds (A, T), of `required` without the traction, minus the slopes of the limits."""
+    """Slopes (A, T) at speeds (A, T) of `required` minus those of `limits`, for a constant traction."""
 
     def solve(self, attempt: Callable[[Rows, Floats], Floats]) -> tuple[Floats, Floats]:
-        """Find the speeds, stored in `speed`, and return the tractions and forces (R, T) at these speeds.
+        """Find the speeds, store them in `speed`, and return tractions and motor forces (R, T) at these speeds.
 
-        `attempt` steps some robots (A,) from their state before the step, at speeds (A, T), and returns their tractions
-        (A, T); each robot keeps the result of its last attempt. Robots that haven't converged after 40 attempts are
-        left as they are, with a RobotWarning.
+        `attempt` steps robots (A,) from their state before the step, at speeds (A, T), and returns tractions (A, T).
+        Each robot keeps the result of its last attempt; a RobotWarning reports robots that haven't converged after 40
+        attempts.
         """
         going = np.arange(len(self.goal))
         tried, traction, force = self.speed.copy(), *np.zeros((2, *self.goal.shape))
-        base = tried.copy(), *np.zeros((2, *self.goal.shape))  # speed, traction and excess at the search line's start
+        base = tried.copy(), *np.zeros((2, *self.goal.shape))  # speed, traction and excess, from which a search begins
         for _ in range(_ATTEMPTS):
             tried[going] = self.speed[going]
             traction[going] = attempt(going, tried[going])
             force[going], excess = self._force(going, tried[going], traction[going])
             further: Rows = np.logical_or.reduce(np.abs(excess) > self.tolerance[going], axis=1)
-            with np.errstate(all="ignore"):  # a simulation may diverge
+            with np.errstate(all="ignore"):  # in case a simulation diverges
                 self._next(going, tried[going], traction[going], force[going], excess, base, further)
             going = going[further]
             if not going.size:
@@ -205,7 +205,7 @@ class Balance:
         return traction, force
 
     def _force(self, rows: Rows, speed: Floats, traction: Floats) -> tuple[Floats, Floats]:
-        """Forces (A, T) of the motors, and the excess (A, T) of the required forces over them."""
+        """Motor forces (A, T), and the excess (A, T) of the required forces over the motor forces."""
         needed, (least, most), goal = self.required(rows, speed, traction), self.limits(rows, speed), self.goal[rows]
         force = np.where(speed == goal, np.clip(needed, least, most), np.where(speed < goal, most, least))
         return force, needed - force
@@ -220,7 +220,7 @@ class Balance:
         base: tuple[Floats, ...],
         further: Rows,
     ) -> None:
-        """Update the slopes, and choose the next speeds to try for the robots that go `further` (A,)."""
+        """Update the slopes, and choose the next speeds to try for the robots in the mask `further` (A,)."""
         moved = speed - base[0][rows]
         self.slope[rows] = _updated(self.slope[rows], moved, traction - base[1][rows], self.tolerance[rows])
         if not further.any():
@@ -228,12 +228,12 @@ class Balance:
         parts = rows, speed, traction, force, excess, moved
         rows, speed, traction, force, excess, moved = (each[further] for each in parts)
         goal, slope, from_speed, from_excess = self.goal[rows], self.slope[rows], base[0][rows], base[2][rows]
-        short, over = -(from_excess * moved).sum(axis=1), (excess * moved).sum(axis=1)  # excess rises along a line
+        short, over = -(from_excess * moved).sum(axis=1), (excess * moved).sum(axis=1)  # the excess rises along a line
 
         whole = slope + self.stiffness(rows, speed)[..., None] * np.eye(speed.shape[1])
         to = _newton(whole, excess, speed, goal, force)
 
-        back = ((over > 0.7 * short) & (short > 0))[:, None]  # much too far: try a speed between the two
+        back = ((over > 0.7 * short) & (short > 0))[:, None]  # far past zero excess: try a speed in between
         part = np.maximum(short / np.where(back[:, 0], short + over, 1.0), 0.3)[:, None]  # at most 1 / 1.7
         self.speed[rows] = np.where(back, from_speed + part * moved, to)
         for began, now in zip(base, (speed, traction, excess), strict=True):
@@ -241,7 +241,7 @@ class Balance:
 
 
 def _newton(slope: Floats, excess: Floats, speed: Floats, goal: Floats, force: Floats) -> Floats:
-    """Speeds (A, T) without excess force, according to slopes (A, T, T); no belt is pushed past its set point."""
+    """Speeds (A, T) without excess force, given slopes (A, T, T); no belt moves past its set point."""
     each = np.eye(speed.shape[1])
     moving, to = (speed != goal) | (excess != 0), speed
     for _ in each:
@@ -251,21 +251,21 @@ def _newton(slope: Floats, excess: Floats, speed: Floats, goal: Floats, force: F
         to = np.where(moving, speed - np.linalg.solve(alone, left[..., None])[..., 0], to)
         passes = moving & (force * (to - goal) > 0)
         part = np.where(passes, (goal - speed) / np.where(passes, to - speed, 1.0), np.inf)
-        first = passes & (part == part.min(axis=1, keepdims=True))  # it keeps its set point; next, solve for the others
+        first = passes & (part == part.min(axis=1, keepdims=True))  # stays at its set point; next, solve for the others
         to, moving = np.where(first, goal, to), moving & ~first
     return to
 
 
 def _updated(slope: Floats, moved: Floats, risen: Floats, noise: Floats) -> Floats:
-    """Slopes (A, T, T) that explain by how much tractions rose (A, T) when speeds moved (A, T).
+    """Slopes (A, T, T) that explain the rise in tractions (A, T) after a change in speeds `moved` (A, T).
 
-    This is the method of Broyden, Fletcher, Goldfarb and Shanno with Powell's damping.
+    The update is that of Broyden, Fletcher, Goldfarb and Shanno with Powell's damping.
     """
     along = np.einsum("nij,nj->ni", slope, moved)
     expected = (moved * along).sum(axis=1)[:, None, None]
     clear = (np.maximum(np.abs(along), np.abs(risen)) > noise).any(axis=1)[:, None, None]
     moves = (expected > 0) & clear
-    # where tractions rise by less than _FLATTEST of the expected rise, or fall, mix that in, to keep the slope positive
+    # if the traction rises by less than _FLATTEST of the expected rise, mix both rises to keep the slope positive
     rise = (moved * risen).sum(axis=1)[:, None, None]
     flat = rise < _FLATTEST * expected
     part = np.where(flat, (1 - _FLATTEST) * expected / np.where(flat, expected - rise, 1.0), 1.0)[..., 0]

@@ -1,4 +1,4 @@
-"""Readings from the tracks' contact sensors: traction, load, slip and depth."""
+"""Readings from the contact sensors of tracks: traction, load, slip and depth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackslip.errors import TrackslipError
 
 SENSED_WIDTH = 14
-"""Numbers that a contact sensor reports per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
+"""Number of values per contact that a sensor reports: found, force 3, distance, normal 3, tangent 3, velocity 3."""
 _STILL = 1e-9  # a belt slower than this stands still [m/s]
 _CRAWLING = 1e-3  # mean belt speed below which the slip over a period is undefined [m/s]
 _COMPLETE = 0.005  # largest share of the load that contacts left out by a sensor may carry [-]
@@ -22,42 +22,42 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reading:
-    """Forces and motion of T tracks in the last physics step; a batch has a leading axis (N, T)."""
+    """Forces and motion of T tracks in the last physics step; for a batch with a leading axis (N, T)."""
 
     traction: Floats
     """Force of the ground along the belt, positive forwards (..., T) [N]; times belt speed, it is the belt's power."""
     load: Floats
     """Sum of the normal forces (..., T) [N]."""
     sliding: Floats
-    """Belt speed minus the track's speed over the ground, a mean weighted by load (..., T) [m/s]; NaN in the air."""
+    """Belt speed minus the track's speed over the ground, weighted by load (..., T) [m/s]; NaN in the air."""
     belt: Floats
     """Speed of the belt (..., T) [m/s]."""
     slip: Floats
-    """1 - speed over ground / speed of the belt (..., T) [-]; NaN where nothing touches or the belt stands still."""
+    """1 - speed over ground / belt speed (..., T) [-]; NaN in the air or when the belt stands still."""
     touching: NDArray[np.bool_]
     """Mask (..., T) of the tracks that touch anything."""
     depth: Floats
-    """Largest penetration (..., T) [m]."""
+    """Largest penetration depth (..., T) [m]."""
     missing: Floats
-    """Largest possible share of the load (..., T) on contacts that the sensor had no room for [-]."""
+    """Largest possible share of the load (..., T) on contacts for which the sensor had no slot [-]."""
 
     @classmethod
     def none(cls, *shape: int) -> Reading:
-        """A reading (...) of tracks that are in the air with their belts at rest."""
+        """A reading of the given shape for tracks that are in the air with their belts at rest."""
         traction, load, sliding, belt, slip, depth, missing = np.zeros((7, *shape))
         sliding[:] = slip[:] = np.nan
         return cls(traction, load, sliding, belt, slip, load > 0, depth, missing)
 
     @classmethod
     def joined(cls, readings: Sequence[Reading]) -> Reading:
-        """Join readings (N, steps, T), one after the other in time."""
+        """Join consecutive readings (N, steps, T) along the axis of steps."""
         names = vars(readings[0])
         return cls(*(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names))
 
     def mean(self) -> Reading:
-        """Means (N, T) over the steps of a reading (N, steps, T), but the largest depth and missing share.
+        """Means (N, T) over the steps of a reading (N, steps, T), except maxima for depth and missing share.
 
-        Slip is the distance that belts slid over the distance that they ran, both in contact; NaN if they hardly ran.
+        Mean slip is the sum of the belts' sliding over the sum of their travel in contact; NaN if they hardly moved.
         """
         steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
         slid, driven = (np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt))
@@ -68,16 +68,16 @@ class Reading:
         return Reading(traction, load, sliding, belt, slip, touched, self.depth.max(axis=1), self.missing.max(axis=1))
 
     def __getitem__(self, rows: Any) -> Reading:
-        """The reading of some simulations."""
+        """The reading for the simulations `rows`."""
         return Reading(*(values[rows] for values in vars(self).values()))
 
     def put(self, rows: Any, other: Reading) -> None:
-        """Replace the reading of some simulations."""
+        """Replace the reading for the simulations `rows`."""
         for name, values in vars(other).items():
             getattr(self, name)[rows] = values
 
     def complete(self, names: Sequence[str]) -> Reading:
-        """Return this reading of the tracks `names` (T,); raises TrackslipError if contacts that matter are missing."""
+        """Return this reading for tracks `names` (T,); raises TrackslipError if contacts with much load are missing."""
         if (self.missing > _COMPLETE).any():
             track = names[int(np.argmax(self.missing)) % len(names)]
             what = f"track {track} touches the terrain at more points than its sensor reports"
@@ -88,24 +88,24 @@ class Reading:
 def read_contacts(
     sensed: Floats, owner: NDArray[np.int_], lost: NDArray[np.int_], lateral: Floats, speeds: Floats
 ) -> Reading:
-    """Reading (..., T) of tracks from all their contacts.
+    """Reading (..., T) of tracks from all of their contacts.
 
     Args:
-        sensed: reports of the contact sensors (SENSED_WIDTH, C), with the largest forces of a track first.
-        owner: track of each contact (C,), as an index into the flattened (..., T), in ascending order.
-        lost: number (..., T) of contacts with smaller forces that are not reported.
-        lateral: the tracks' axes to the left (..., T, 3), in the world's frame.
+        sensed: reports of the contact sensors (SENSED_WIDTH, C), those of each track with the largest forces first.
+        owner: index of each contact's track (C,) in the flattened (..., T), in ascending order.
+        lost: number (..., T) of contacts with smaller forces, which the sensors don't report.
+        lateral: leftward axes of the tracks (..., T, 3), in the world's frame.
         speeds: belt speeds (..., T) [m/s].
     """
     force, distance = sensed[1:4], sensed[4]
     normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
 
     def total(values: Floats) -> Floats:
-        """Sums (..., T) over the contacts in order, so that a track's sum is bitwise independent of other tracks."""
+        """Sums (..., T) over contacts in their order, so that a track's sum is bitwise independent of other tracks."""
         sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
         return sums.reshape(speeds.shape)
 
-    # direction, in the contact's frame, in which the belt moves: perpendicular to the normal and the wheels' axes
+    # direction of the belt's motion in the contact's frame: perpendicular to the normal and the wheels' axes
     left = lateral.reshape(-1, 3)[owner].T
     first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)
@@ -118,7 +118,7 @@ def read_contacts(
     traction = total((first * force[1] + second * force[2]) / size)
     depth, smallest = np.zeros(speeds.size), np.zeros(speeds.size)
     np.maximum.at(depth, owner, -distance)
-    smallest[owner] = weight  # the last contact has the smallest force
+    smallest[owner] = weight  # each track's last contact has its smallest force
     left_out = lost * smallest.reshape(speeds.shape)
     missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
     slip = np.divide(sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL)

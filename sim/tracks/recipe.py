@@ -5,15 +5,15 @@ a* = -K r - B v at depth r. Together, N points with d / (1 - d) = e m A / N have
 `regularisation` and m the robot's mass. A robot that stands on them sinks in by g / (e K), and its heave has the
 squared frequency w^2 = e K / (1 + e) and the damping e B / (1 + e).
 
-Landing must not create energy. In a physics step h, a point moves by h v at most before it is pushed, so that damping
-and spring take the share (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the share of a* that the bodies
-follow, and l their mobility in the direction of the push, relative to heave. If more than 1 is taken, the robot leaves
-at once; if more than 2, faster than it came. A light limb has a large l. With e K and e B given, and thus the depth of
-a standing robot, a larger e bounds what is taken: l / (1 + e l) is never more than 1 / e.
+Landing must not create energy. In a physics step h, a point moves by up to h v before the ground pushes it, so damping
+and spring take the share (h B + h^2 K) a of the speed v. Here, a = e l / (1 + e l) is the share of a* that the bodies
+follow, and l their mobility in the direction of the push, relative to heave; it is large for a light limb. If the share
+exceeds 1, the robot rebounds at once; if it exceeds 2, the robot rebounds faster than it landed. With e K and e B
+given, and thus the depth of a standing robot, a larger e limits the share: l / (1 + e l) is never more than 1 / e.
 
-Sliding pushes up, too: in an elliptic cone with the friction mu, points that slide at v are pushed off the ground as if
-a* were mu * grip * v larger; the force on all of them is mu * e * grip * v times the robot's mass. Where e grows for
-light limbs, the grip is divided by the same factor, so that they don't hop when they slide.
+Sliding also causes an upward force: in an elliptic cone with the friction mu, points that slide at v are pushed off the
+ground as if a* were larger by mu * grip * v; together, these forces are mu * e * grip * v times the robot's mass. Where
+e is increased for light limbs, the grip is divided by the same factor, so that they don't hop while they slide.
 """
 
 from __future__ import annotations
@@ -33,57 +33,57 @@ from trackslip.errors import RobotWarning, require
 Array = NDArray[np.float64]
 WIDEST = 3.0
 """Largest gauge over contact length for which turns are verified to follow theory [-]."""
-_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge; their number grows with this power of the gauge
-_ENOUGH = 1.2  # largest gauge over contact length for which a preset's own points suffice [-]
+_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge; exponent of the gauge in their number
+_ENOUGH = 1.2  # largest gauge over contact length at which a preset's own number of points suffices [-]
 LEAST_ODDS = 1.001 * mujoco.mjMINIMP
-"""Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, which changes the contact's rates."""
+"""Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, which would change a contact's rates."""
 _MAX_TAKEN = 2.0  # largest share of a landing robot's speed that one physics step may take [-]
 _CORE_IMPEDANCE = 0.95  # [-]
-_CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
-_CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
-_EDGE = 2.4  # depth of a belt edge's core, over the sinkage of a standing robot, which is at most 2 at its ends [-]
-_TIMESTEP = 1  # bit in `spec.authored.option` for a time step that the spec's file states
-_WIDTH = 0.001  # depth over which the engine would change the impedance, which is constant here [m]
+_CORE_PUSH = 0.4  # share of a core's depth that one physics step removes [-]
+_CORE_BRAKE = 0.7  # share of a core's speed that one physics step removes [-]
+_EDGE = 2.4  # depth of a belt edge's core over the sinkage, which is at most 2 at the ends of a standing robot [-]
+_TIMESTEP = 1  # bit in `spec.authored.option` that is set if the spec's file states a time step
+_WIDTH = 0.001  # depth over which the engine would vary the impedance, were it not constant here [m]
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A contact recipe."""
+    """A recipe for the contacts of tracks."""
 
     timestep: float
-    """Longest physics step that the preset is made for [s]."""
+    """Longest physics step for which the preset is made [s]."""
     segments: int
     """Number of capsules along a track's longest run; even."""
     sink: float
     """Sinkage of a robot that stands on one run of each track [m]."""
     damping_ratio: float
-    """Damping ratio of heave, times the square root of 1 + regularisation [-]."""
+    """Damping ratio of heave times the square root of 1 + regularisation [-]."""
     regularisation: float = 0.02
-    """Inverse of the total softness of all points under a standing robot, in robot masses [-]."""
+    """Inverse of the total softness of all points below a standing robot, in robot masses [-]."""
     grip: float = 100.0
-    """Rate at which sliding decays where the ground holds, for this regularisation [1/s]."""
+    """Rate at which sliding decays on ground that holds, with this regularisation [1/s]."""
     core_depth: float = 0.003
-    """Depth at which the belt's hard core touches; more than a standing robot's sinkage [m]."""
+    """Depth at which the belt's hard core touches; greater than a standing robot's sinkage [m]."""
     impratio: float = 1e4
     """Ratio of frictional to normal constraint impedance [-]. A robot parked on a slope creeps at g sin(slope) over
     regularisation * impratio * grip."""
 
     def softer(self, factor: float) -> Preset:
-        """A preset with points softer by a factor, which shift less load where they slide, and with the same creep."""
+        """A preset whose points are softer by a `factor` and shift less load while they slide, at the same creep."""
         return replace(self, regularisation=self.regularisation / factor, impratio=self.impratio * factor)
 
     @property
     def edge_depth(self) -> float:
-        """Core depth at the edges of wide belts, whose few springs would let a robot lean far before it tips [m]."""
+        """Depth of the core at the edges of wide belts, whose few springs alone would let a robot lean too far [m]."""
         return _EDGE * self.sink
 
     def regularise(self, gravity: float, mobility: Array | float, least_share: Array | float) -> Array:
-        """Regularisation (...) with which landing creates no energy, and no impedance is below the engine's least.
+        """Regularisation (...) at which landing creates no energy and no impedance is below the engine's least.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
-            mobility: l above, which may be infinite [-].
-            least_share: m A / N above, for the point that carries least load [-].
+            mobility: l in the module's docstring, which may be infinite [-].
+            least_share: m A / N in the module's docstring, of the point with the least load [-].
         """
         stiffness, damping = self._rates(gravity)
         taken = self.timestep * damping + self.timestep**2 * stiffness
@@ -93,24 +93,24 @@ class Preset:
     def contact(
         self, gravity: float, share: Array | float, regularisation: Array | float, grip: Array | float
     ) -> ContactParameters:
-        """Parameters (...) of contacts.
+        """Parameters (...) of soft contacts.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
-            share: m A / N above, for the point's share of the load [-].
-            regularisation: e above [-].
-            grip: rate at which sliding decays where the ground holds [1/s].
+            share: m A / N in the module's docstring, for the point's share of the load [-].
+            regularisation: e in the module's docstring [-].
+            grip: rate at which sliding decays on ground that holds [1/s].
         """
         odds = np.asarray(regularisation * share)
         d, (stiffness, damping) = odds / (1 + odds), self._rates(gravity)
         return ContactParameters.of(d, d * stiffness / regularisation, d * damping / regularisation, d * grip)
 
     def core(self) -> ContactParameters:
-        """Parameters of the hard core below a belt's surface.
+        """Parameters of the hard cores below a belt's surface.
 
-        A robot that tips over an edge meets the next one with only a wheel or two, and contacts made for many points on
-        a plane then yield by centimetres. The impedance of a core is near 1, and so is a: cores never take more of the
-        speed than they are asked for, however many there are and on any robot.
+        A robot that tips over an edge meets the next one with only a wheel or two, where contacts designed for many
+        points on a plane yield by centimetres. A core's impedance, and its a, are near 1: whatever the number of cores
+        and the robot, cores never take more of the speed than their rates prescribe.
         """
         d = np.asarray(_CORE_IMPEDANCE)
         push, brake = d * _CORE_PUSH / self.timestep**2, d * _CORE_BRAKE / self.timestep
@@ -123,7 +123,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Fields of contact pairs."""
+    """Fields of contact pairs in MuJoCo."""
 
     solref: Array  # (..., 2)
     solimp: Array  # (..., 5)
@@ -131,7 +131,7 @@ class ContactParameters:
 
     @classmethod
     def of(cls, impedance: Array, stiffness: Array, damping: Array, grip: Array) -> ContactParameters:
-        """Fields for an impedance (...) at any depth, and rates (...), which the engine divides by the impedance."""
+        """Fields for an impedance (...) that is constant over depth; rates (...) are divided by it in the engine."""
         solimp = [impedance, impedance, *(np.full_like(impedance, value) for value in (_WIDTH, 0.5, 1.0))]
         columns = ([-stiffness, -damping], solimp, [-np.ones_like(impedance), -grip])
         return cls(*(np.stack(column, axis=-1) for column in columns))
@@ -146,17 +146,17 @@ _SOFT = 20 * 0.004 / 0.996  # regularisation of 20 points with an impedance of 0
 LEVEL = Preset(0.005, 5, 0.002, 0.7 * math.sqrt(1 + _SOFT), _SOFT)
 """Preset for tracks that never leave a plane: no cores, and a damping ratio of 0.7 in heave."""
 LEVEL_WIDE = replace(LEVEL, regularisation=_SOFT / 2, grip=2 * LEVEL.grip)
-"""`LEVEL` for a wide robot: near the middle of its short tracks, elements slide so little that grip must act fast."""
+"""`LEVEL` for a wide robot: elements near the middle of its short tracks slide so little that grip must act fast."""
 LEVEL_WHEELS = LEVEL.softer(25)
-"""`LEVEL` for wheels, whose robots are faster: it shifts less load to points that slide."""
+"""`LEVEL` for faster robots, those on wheels: less load shifts to points that slide."""
 
 
 def track_points(half_gauge: float, contact_length: float, preset: Preset) -> int:
-    """Number of points at which each of two tracks touches the ground, two per segment [-].
+    """Number of points at which each of two tracks touches the ground, two per segment.
 
     The ICRs of a short, wide robot are so close to its tracks that only elements within a few millimetres of a track's
-    middle slide more along the track than across it: the wider the robot, the finer its points. Beyond WIDEST their
-    number no longer grows, and there is a RobotWarning.
+    middle slide more along the track than across it: the wider the robot, the finer its points. If gauge over contact
+    length exceeds WIDEST, their number no longer grows, and a RobotWarning is issued.
     """
     warn_if_unverified(half_gauge, contact_length)
     width = min(2 * half_gauge / contact_length, WIDEST)
@@ -179,7 +179,7 @@ def load_preset(preset: str | Preset) -> Preset:
 
 
 def shared_timestep(spec: mujoco.MjSpec, presets: Sequence[Preset]) -> float:
-    """The presets' shortest time step, or the spec's if the user chose one; InvalidValueError if it isn't stable."""
+    """The presets' shortest time step, or the one in the spec's file; raises InvalidValueError if it isn't stable."""
     steps = [preset.timestep for preset in presets]
     chosen = spec.authored.option & _TIMESTEP or spec.option.timestep not in (mujoco.MjSpec().option.timestep, *steps)
     step = spec.option.timestep if chosen else min(steps)
@@ -191,7 +191,7 @@ def shared_timestep(spec: mujoco.MjSpec, presets: Sequence[Preset]) -> float:
 def set_options(option: Any, preset: Preset) -> None:
     """Set cone, impratio and solver of a spec or a model.
 
-    Raises InvalidValueError if it overrides contacts, or disables the sensors that read them.
+    Raises InvalidValueError if the option overrides contacts, or disables the sensors that read them.
     """
     override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
     require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
@@ -199,7 +199,7 @@ def set_options(option: Any, preset: Preset) -> None:
     require(not unread, "flag sensor", "disable", "enable: the tracks' contacts are read from sensors")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = max(option.impratio, preset.impratio)
-    if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at this impratio
+    if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # this solver doesn't converge at the preset's impratio
         option.solver = mujoco.mjtSolver.mjSOL_NEWTON
 
 

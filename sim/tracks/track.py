@@ -24,12 +24,12 @@ from trackslip.errors import (
 )
 
 Lines = tuple[tuple[float, float], ...]
-"""Lateral position of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
+"""Lines of contact: lateral distance from the belt's middle [m], and share of the belt's load [-]."""
 WHEEL_WEIGHT = 0.5
 """Load on a wheel that stands on a plane, relative to the load on a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
 TRACKS, WHEELS = "tracks", "wheels"
-"""What touches the ground."""
+"""Kinds of contact with the ground."""
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 _MAX_SEGMENTS = 40
 _MAX_HALF_GAUGE = 10.0  # [m]
@@ -38,20 +38,20 @@ _MAX_FRICTION = 10.0
 
 @dataclass(frozen=True)
 class Part:
-    """A geom of a track."""
+    """A geom in a track or wheel."""
 
-    name: str  # its name, which follows the body's
+    name: str  # added to the body's name
     shape: dict[str, Any]
     """Type, position and size in the track's frame; the z axis of a capsule along a run is the belt's direction."""
     weight: float  # stiffness relative to a capsule's end [-]
-    cored: bool  # true if it has a core because it may land alone; see `sim.tracks.connect`
-    edge: bool = False  # true if it is on an edge of a belt with several lines of contact
+    cored: bool  # whether it has a core, because it may land alone; see `sim.tracks.connect`
+    edge: bool = False  # whether it is on an edge of a belt with several lines of contact
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> tuple[Part, ...]:
-    """Geoms of a track, in its frame: in each line, `segments` capsules along the longest run that faces the ground.
+    """Geoms of a track in its frame, with `segments` capsules per line along the longest run that faces the ground.
 
-    Runs that face up, which only touch when the robot has overturned, are a single capsule each.
+    Each run that faces up, and only touches the ground under an overturned robot, is a single capsule.
     """
     parts = []
     for k, (y, share) in enumerate(lines):
@@ -64,16 +64,16 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> t
 
 
 def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool) -> tuple[Part, ...]:
-    """Geoms of wheels without a belt: two per wheel, spread like an even pressure over a patch [m]."""
+    """Geoms of wheels without a belt, two per wheel, with the spread of an even pressure over a `patch` [m]."""
     places = [(x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)]
     parts = [_wheel(i, x, z, radius, anisotropic) for i, (x, z, radius) in enumerate(places)]
     return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
 
 
 def lines_across(width: float) -> Lines:
-    """Lines of contact across a belt of this width [m]: its middle and, unless the width is 0, its edges.
+    """Lines of contact across a belt of this width [m]: in its middle and, unless the width is 0, at its edges.
 
-    They share the load so that its second moment is that of an even pressure, which is how the width affects turning.
+    Their shares of the load have the second moment of an even pressure, through which the width affects turning.
     """
     return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else ((0.0, 1.0),)
 
@@ -84,9 +84,9 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
     for i, run in enumerate(hull.runs):
         below = bool(run.outwards[1] < 0)
         count = max(1, round(segments * run.length / longest)) if below else 1
-        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # so that opposite runs don't overlap
+        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # small enough for opposite runs not to overlap
         middle = (run.start + run.end) / 2 - radius * run.outwards
-        turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
+        turn = np.arctan2(run.along[0], run.along[1])  # angle about y, from z to the belt's direction
         for j, (start, end) in enumerate(_chain(run.length, count)):
             x, z = middle + (start + end) / 2 * run.along
             shape = {
@@ -102,11 +102,11 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
 
 
 def _chain(length: float, count: int) -> NDArray[np.float64]:
-    """Ends (count, 2) of the capsules along a run, measured from its middle.
+    """Ends (count, 2) of the capsules along a run, measured from the run's middle [m].
 
     Together with the wheels at the run's ends, each of which carries half a point's load, the ends are spread like an
-    even load: at equal steps, on a chain so much shorter than the run that their mean distance from the middle is
-    length / 4. Each capsule reaches past the beginning of the next, which leaves no gap for an edge. A single capsule
+    even load: their steps are equal, on a chain shorter than the run, with a mean distance of length / 4 from the
+    middle. Each capsule reaches past the beginning of the next one, which leaves no gap for an edge. A single capsule
     is as long as the run.
     """
     if count == 1:
@@ -120,7 +120,7 @@ def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> 
     if not anisotropic:
         sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
         return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, True)
-    # on a plane only a capsule's contact frame turns with the robot; it touches at both ends
+    # on a plane, only a capsule's contact frame turns with the robot; a capsule touches at both ends
     across = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
         "pos": [x, 0.0, z],
@@ -132,11 +132,11 @@ def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> 
 
 @dataclass(frozen=True)
 class Track(Checked):
-    """A track, or a pair of them."""
+    """A track, or a pair of tracks."""
 
     half_gauge: float
-    """Half the distance between the middles of two tracks; for a single track, its distance to the left or right of the
-    body's frame, which may be 0 [m]."""
+    """Half the distance between the middles of a pair of tracks; for a single track, its distance to the left or right
+    of the body's frame, which may be 0 [m]."""
     hull: Sequence[Sequence[float]]
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     preset: str | Preset = "accurate"
@@ -144,18 +144,18 @@ class Track(Checked):
     friction: tuple[float, float] = (0.7, 0.7)
     """Coefficients along and across the belt [-]. They may differ on planes only."""
     name: str = ""
-    """Name, by default the body's; two tracks are called NAME_left and NAME_right."""
+    """Name of the track, by default the body's; a pair is called NAME_left and NAME_right."""
     side: str = "both"
-    """"both", "left" or "right"."""
+    """Side of the body: "both" for a pair, "left" or "right" for a single track."""
     load: float = checked(1.0, require_positive, 1.0)
-    """Share of the robot's weight that these tracks carry when the robot stands on them [-]."""
+    """Share of the robot's weight on these tracks when the robot stands on them [-]."""
     segments: int | None = None
-    """Number of capsules along the longest lower run. By default it is the preset's, or more for a robot that is wide
-    for its length, so that turns are exact; for a single track, such as a flipper's, two."""
+    """Number of capsules along the longest lower run. By default it is the preset's, or larger for a robot so wide for
+    its length that exact turns need it; for a single track, such as a flipper's, it is two."""
     width: float = checked(0.0, require_non_negative)
-    """Width of the belts on the ground, with three lines across it; 0 for a single line in the middle [m]."""
+    """Width of the belts on the ground, with three lines of contact; 0 for a single line in the middle [m]."""
     contact: str = TRACKS
-    """"tracks", or "wheels": the hull's wheels, which turn at one speed per side and have no belt around them."""
+    """Kind of contact: "tracks", or "wheels" for the hull's wheels without a belt, with one speed per side."""
     patch_length: float = 0.1
     """Length of a wheel's contact with a plane [m]."""
 
@@ -182,12 +182,12 @@ class Track(Checked):
 
     @property
     def sides(self) -> tuple[tuple[str, float], ...]:
-        """Name suffix of each track, and 1 for left or -1 for right."""
+        """Suffix of each track's name, and 1 for a left or -1 for a right track."""
         return _SIDES[self.side]
 
     @property
     def segment_count(self) -> int:
-        """Number of capsules along the longest lower run, even for pairs."""
+        """Number of capsules along the longest lower run; even for a pair unless `segments` states it."""
         if self.segments is not None:
             return self.segments
         if self.side != "both":
@@ -196,7 +196,7 @@ class Track(Checked):
         return 2 * math.ceil(points / 4)
 
     def parts(self) -> tuple[Part, ...]:
-        """Geoms of each track."""
+        """Geoms of each track, in the track's frame."""
         anisotropic = self.friction[0] != self.friction[1]
         if self.contact == WHEELS:
             return wheel_parts(self.hull, self.patch_length, anisotropic)

@@ -1,1 +1,1 @@
-"""Tracked robots crossing courses in a batch: outcomes, flipper reflexes and the learning task."""
+"""Tracked robots on courses, in batches: outcomes, flipper reflexes and the learning task."""

@@ -1,8 +1,8 @@
-"""Options of the environment trackslip/Traverse-v0, and its observations, float32 (10 + 2 F + 45,) for F flippers.
+"""Options and observations of the environment trackslip/Traverse-v0; with F flippers, float32 (10 + 2 F + 45,).
 
 Observations consist of attitude, rates, position on the course, belts, flippers (tips up) and a map of ground heights
-above the lowest point of the level robot. The map is relative to the robot and aligned with its heading: columns at
-`AHEAD` in front of the robot, rows at `ASIDE` to its left, flattened row by row.
+above the lowest point of the level robot. The map is aligned with the robot's heading, with columns at the distances
+`AHEAD` in front of the robot and rows at `ASIDE` to its left; it is flattened row by row.
 """
 
 from __future__ import annotations
@@ -25,43 +25,43 @@ from trackslip.errors import Checked, checked, require, require_non_negative, re
 from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
-"""Distances ahead of the map's columns [m]."""
+"""Distances of the map's columns ahead of the robot [m]."""
 ASIDE = np.array([-0.22, 0.0, 0.22])
-"""Distances to the left of the map's rows [m]."""
+"""Distances of the map's rows to the left of the robot [m]."""
 _AXES = ("forward", "left", "up")
 SAMPLE = 0.02
-"""Time between changes of the belts' speeds [s]."""
+"""Time between changes in the belt speeds [s]."""
 MASSES = 0.2, 5.0
-"""Smallest and largest factor on the mass of a chassis [-]."""
+"""Smallest and largest factor on the chassis' mass [-]."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
 
 @dataclass(frozen=True)
 class SensorNoise(Checked):
-    """Standard deviations of Gaussian noise in the observations, independent from step to step."""
+    """Standard deviations of Gaussian noise in the observations, independent between steps."""
 
     attitude: float = checked(0.0, require_non_negative, 10.0)
-    """Of each component of the vertical in the robot's frame [-]; errors in these are small angles [rad]."""
+    """Noise in each component of the vertical in the robot's frame [-]; its errors are small angles [rad]."""
     rate: float = checked(0.0, require_non_negative, 10.0)
-    """Of the roll, pitch and yaw rates [rad/s]."""
+    """Noise in the roll, pitch and yaw rates [rad/s]."""
     position: float = checked(0.0, require_non_negative, 10.0)
-    """Of the distance from the centre line of the course, from odometry [m]."""
+    """Noise in the distance from the course's centre line, from odometry [m]."""
     heading: float = checked(0.0, require_non_negative, 10.0)
-    """Of the heading, from odometry [rad]."""
+    """Noise in the heading, from odometry [rad]."""
     speed: float = checked(0.0, require_non_negative, 10.0)
-    """Of the belt speeds [m/s]."""
+    """Noise in the belt speeds [m/s]."""
     flipper: float = checked(0.0, require_non_negative, 10.0)
-    """Of the flipper angles; the set points have no noise [rad]."""
+    """Noise in the flipper angles; their set points have no noise [rad]."""
     height: float = checked(0.0, require_non_negative, 10.0)
-    """Of each height in the map [m]."""
+    """Noise in each height in the map [m]."""
 
 
 class CrossingLayout:
-    """Elements (n) of an observation."""
+    """The n elements of an observation."""
 
     def __init__(self, world: Traverse, noise: SensorNoise) -> None:
-        """Lay out the observations of the robots in `world`, whose sensors have this `noise`."""
+        """Determine the elements for the robots in `world`, whose sensors have this `noise`."""
         flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
         observed = (
             *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
@@ -78,7 +78,7 @@ class CrossingLayout:
             ),
         )
         self.elements = tuple(element for element, _ in observed)
-        """Names, units, scales and bounds."""
+        """Names, units, scales and bounds of the elements."""
         self._noise = np.array([deviation for _, deviation in observed])
         self._scale = np.array([element.scale for element in self.elements])
         self._bound = np.array([element.bound for element in self.elements], np.float32)
@@ -108,39 +108,39 @@ class CrossingLayout:
 
 @dataclass(frozen=True)
 class CrossingReward(Checked):
-    """The reward of a step: a sum of terms, which `info` lists by name.
+    """Reward for a step: a sum of terms, which `info` lists by name.
 
     progress            weight_progress times the distance gained towards the goal [m]
-    energy              -weight_energy times the work of the belts against the ground over the robot's weight [m]
+    energy              -weight_energy times the belts' work on the ground over the robot's weight [m]
     time                -weight_time times the control period
-    change              -weight_change times the mean square of the changes in the actions
-    end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
-                        being stuck; 0 if time runs out, which truncates the episode
+    change              -weight_change times the mean square of the change in the action
+    end                 weight_reached if the robot has crossed the course; -weight_failed if it tips over, falls,
+                        explodes or is stuck; 0 if time runs out, which truncates the episode
 
-    Failing costs less than standing still from then on, even if rewards are discounted by a factor of 0.97 per step: a
-    robot that tries and fails earns more than one that waits.
+    A failure costs less than standing still for the rest of the episode, even if rewards are discounted by a factor of
+    0.97 per step: a robot that tries and fails earns more than a robot that waits.
     """
 
     TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
 
     weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
-    """Reward per distance gained [1/m]."""
+    """Reward for the distance gained [1/m]."""
     weight_energy: float = checked(0.3, require_non_negative, MAX_WEIGHT)
-    """Cost per work over the robot's weight [1/m]."""
+    """Cost of the work over the robot's weight [1/m]."""
     weight_time: float = checked(0.5, require_non_negative, MAX_WEIGHT)
-    """Cost of time [1/s]."""
+    """Cost of the time [1/s]."""
     weight_change: float = checked(0.005, require_non_negative, MAX_WEIGHT)
-    """Cost of changes in the actions [-]."""
+    """Cost of changes in the action [-]."""
     weight_reached: float = checked(5.0, require_non_negative, MAX_WEIGHT)
     """One-time reward for crossing the course [-]."""
     weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """One-time penalty for failing [-]."""
 
     def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
-        """The terms (N,) in the order of `TERMS`.
+        """Terms (N,) of the reward, in the order of `TERMS`.
 
-        They depend on the distance gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time passed
-        (N,) [s], the changes in the actions (N, A), and the outcome of this step (N,).
+        The terms depend on the distance gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time
+        passed (N,) [s], the changes in the actions (N, A) and the outcomes of this step (N,).
         """
         failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
         return (
@@ -151,40 +151,40 @@ class CrossingReward(Checked):
 
 
 def one_by_one(values: Array) -> Array:
-    """Sums (N,) of values (N, n), with the same bits for any N."""
+    """Sums (N,) of values (N, n) over n, bitwise identical for any N."""
     return np.add.accumulate(values, axis=1)[:, -1]
 
 
 @dataclass(frozen=True)
 class TraverseConfig(OwnTerms):
-    """The task of crossing a course."""
+    """A task of crossing courses."""
 
     robot: RobotSource = "rescue"
-    """Name of a robot, its .toml file, or the robot."""
+    """Name of a robot, its .toml file, or the robot itself."""
     course: str | Course | tuple[str | Course, ...] = RANDOM
-    """A course, the name of one, "random", one of `FTR_COURSES`, or a .toml file; if there are several, each episode
-    draws one."""
+    """Course or courses to draw from in each episode: a course or its name, "random", a name in `FTR_COURSES`, or a
+    .toml file."""
     difficulty: tuple[float, float] = checked((0.0, 1.0), require_range, 0.0, 1.0)
-    """Range, within 0 to 1, of the difficulty of courses that are drawn anew for each episode [-]."""
+    """Range, within 0 to 1, for the difficulty of courses that are drawn anew in each episode [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
     kinds: tuple[str, ...] = OBSTACLES
     """Kinds of obstacles from which random courses draw."""
     action: str = "direct"
     """Meaning of the actions in [-1, 1]: "direct" for set points in units of the top speed and of pi / 2, "correction"
-    for corrections to the set points of the scripted controller in units of 0.3 m/s and 0.8 rad."""
+    for corrections to the scripted controller's set points, in units of 0.3 m/s and 0.8 rad."""
     flippers: str = "each"
-    """One action for "each" flipper, or one each for the front and the rear flippers ("pairs")."""
+    """Actions for the flippers: one per flipper ("each"), or one for the front and one for the rear ones ("pairs")."""
     start_offset: float = checked(0.1, require_non_negative)
-    """Largest offset of the start to either side, drawn uniformly [m]."""
+    """Largest lateral offset of the start, drawn uniformly to either side [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
-    """Largest heading at the start, in either direction, drawn uniformly [rad]."""
+    """Largest heading at the start, drawn uniformly in either direction [rad]."""
     mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
-    """Range of a random factor on the mass and the inertia of the chassis, for example for a payload [-]."""
+    """Range of a random factor on the mass and inertia of the chassis, which may represent a payload [-]."""
     period: float = 0.1
-    """Control period: time between actions, a multiple of 0.02 s [s]."""
+    """Control period, the time between actions; a multiple of 0.02 s [s]."""
     reward: CrossingReward = field(default_factory=CrossingReward)
-    """The reward of a step."""
+    """Reward for a step."""
     noise: SensorNoise = field(default_factory=SensorNoise)
     """Noise in the observations."""
     limits: Limits = field(default_factory=Limits)

@@ -1,8 +1,8 @@
-"""Short courses drawn at random, made of boxes only, so that each robot of a batch can have its own.
+"""Short random courses that consist only of boxes, so that each robot in a batch can have its own.
 
-There are courses with one or two obstacles that robots often meet, and courses of the ten kinds in FTR-Bench
-(github.com/nubot-nudt/FTR-Benchmark). The latter are scaled by the robot's largest wheel over that of the FTR-Bench
-robot, except those whose names end in `_published`, which have the published sizes; waves are ridges.
+Some courses have one or two obstacles that robots often meet; the others are of the ten kinds in FTR-Bench
+(github.com/nubot-nudt/FTR-Benchmark). FTR-Bench courses are scaled by the ratio of the robot's largest wheel to that of
+the FTR-Bench robot, except those whose names end in `_published`, which have the published sizes; waves are ridges.
 """
 
 from __future__ import annotations
@@ -16,32 +16,32 @@ from sim.terrain import Beams, Blocks, Course, Flat, Gap, Piece, Ramp, Stairs, S
 from trackslip.errors import require, require_within
 
 RANDOM = "random"
-"""Name of courses of random obstacles."""
+"""Name for courses with random obstacles."""
 MAX_BOXES = 9
-"""Largest number of boxes in a course of random obstacles."""
+"""Largest number of boxes on a course with random obstacles."""
 OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
-"""Kinds of obstacles on random courses."""
+"""Kinds of obstacles on courses with random obstacles."""
 WIDTH = 2.0
 """Width of drawn courses [m]."""
 APART = 0.7
-"""Length of level ground between two obstacles, and behind a step [m]."""
+"""Length of level ground between two obstacles and behind a step [m]."""
 _START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind the obstacles [m]
 _SEEDS = 2**31
 KINDS = (
     *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
     *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
 )
-"""Kinds of courses in FTR-Bench."""
+"""Kinds of courses from FTR-Bench."""
 PUBLISHED = "_published"
 FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
-"""Names of the courses from FTR-Bench."""
+"""Names of the FTR-Bench courses."""
 DRAWN = (RANDOM, *FTR_COURSES)
 """Names of courses that are drawn anew for each run."""
 FTR_BOXES = 18
-"""Largest number of boxes in a course from FTR-Bench."""
-_RADIUS = 0.1  # of the track wheels of FTR-Bench's robot [m]
-_PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers, and a rail's thickness [m]
-_GRIP = 1.15  # smallest friction coefficient over the tangent of the steepest slope, so that robots can climb it [-]
+"""Largest number of boxes on an FTR-Bench course."""
+_RADIUS = 0.1  # radius of the FTR-Bench robot's track wheels [m]
+_PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers of obstacle parts, and a rail's thickness [m]
+_GRIP = 1.15  # smallest ratio of the friction coefficient to the steepest slope's tangent at which robots can climb [-]
 
 
 def draw_course(
@@ -52,11 +52,11 @@ def draw_course(
     obstacles: int = 2,
     kinds: Sequence[str] = OBSTACLES,
 ) -> Course:
-    """Draw a course by its name in `DRAWN`, for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
+    """Draw a course by its name in `DRAWN` for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
 
-    A random course has one or two `obstacles` of these `kinds`, from tiny ones (`difficulty` 0) to the rescue robot's
-    limits (1). Courses from FTR-Bench have heights and angles from the smallest (0) to the largest (1) published; other
-    sizes are drawn uniformly. Raises InvalidValueError for any other name or difficulty.
+    A random course has one or two `obstacles` of these `kinds`, from tiny (`difficulty` 0) up to the rescue robot's
+    limits (1). FTR-Bench courses have heights and angles between the smallest (0) and the largest published (1); their
+    other sizes are drawn uniformly. Raises InvalidValueError for any other name or difficulty.
     """
     require(name in DRAWN, "course", name, f"one of {', '.join(DRAWN)}")
     require_within("difficulty", difficulty, 0.0, 1.0)
@@ -78,7 +78,7 @@ def draw_course(
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
-    """An obstacle of a kind in `OBSTACLES`, of half to all of the size that the difficulty allows."""
+    """An obstacle whose `kind` is in `OBSTACLES`, with 50 to 100 % of the size that the difficulty allows."""
     size = difficulty * rng.uniform(0.5, 1.0)
 
     def between(easiest: float, hardest: float) -> float:

@@ -1,8 +1,8 @@
-"""A different course for each robot and episode in a single compiled model, and the ground that a robot covers.
+"""A compiled model with a different course for each robot and episode, and the ground that a robot covers.
 
-The model has slots: boxes, height fields and a floor without fixed positions. A course takes as many slots as it needs;
-the others lie far below. Their positions are expanded fields of the batch, which the engine uses as if they had been
-compiled. MuJoCo's tree of bounding boxes can't be expanded, so that the model does without it.
+The model has slots: boxes, height fields and a floor without fixed positions. A course uses as many slots as it needs;
+unused slots lie far below. Slot positions are expanded fields of the batch, which the engine uses as if they had been
+compiled. MuJoCo's tree of bounding boxes can't be expanded, so the model doesn't use it.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ _FIELDS = (
     *("geom_sameframe", "geom_dataid", "geom_friction"),
 )
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
-_AWAY = -1000.0  # height of slots that are not in use [m]
-_TINY = 0.01  # half of the size of such slots [m]
-_BEFORE = 0.05  # distance between a robot and the first piece; heights are looked up in cells of 2 cm [m]
-_BESIDE = 1.5  # smallest width of a course that a robot fits on, over the robot's width [-]
+_AWAY = -1000.0  # height of unused slots [m]
+_TINY = 0.01  # half size of unused slots [m]
+_BEFORE = 0.05  # distance of a robot from the first piece; heights are looked up in cells of 2 cm [m]
+_BESIDE = 1.5  # least ratio of a course's width to the robot's [-]
 
 
 class Slots:
-    """Placeholders for courses, added to a model as its terrain: boxes, height fields and a floor."""
+    """Slots for courses, added to a model as its terrain: boxes, height fields and a floor."""
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
-        """Make room for each of `courses`, and for any course of at most `boxes` boxes without a height field."""
+        """Provide slots for each of `courses`, and for any course of at most `boxes` boxes without height fields."""
         self._listed = list(courses)
         self._boxes = max([boxes, *(_count(course.model, _BOX) for course in courses)])
         self._fields = max((_count(course.model, _FIELD) for course in courses), default=0)
@@ -52,7 +52,7 @@ class Slots:
         return self._listed[0].friction
 
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
-        """Add the slots to the world body of `spec`; returns the names of their geoms."""
+        """Add the slots to the world body in `spec`; return the names of their geoms."""
         for model, first in zip((course.model for course in self._listed), self._first_field, strict=False):
             for k in range(model.nhfield):
                 adr, rows, columns = model.hfield_adr[k], model.hfield_nrow[k], model.hfield_ncol[k]
@@ -70,15 +70,15 @@ class Slots:
         return list(self._names)
 
     def bind_batch(self, batch: Any) -> None:
-        """Take control of the slots in `batch`, a batch of the model."""
+        """Let the slots move the geoms in `batch`, a batch of the model."""
         self._ids = np.array([batch.model.geom(name).id for name in self._names])
-        self._batch = {name: batch.expand(name) for name in _FIELDS}  # (N, ngeom, ...) each, live
+        self._batch = {name: batch.expand(name) for name in _FIELDS}  # (N, ngeom, ...) each, views of the batch
         self._empty = {name: getattr(batch.model, name)[self._ids].copy() for name in _FIELDS}
 
     def lay(self, row: int, course: Course) -> None:
-        """Put a course under the robot `row` of the batch.
+        """Move slots so that they form a course for the robot `row` in the batch.
 
-        Raises InvalidValueError for a course with more boxes than slots, or with height fields unless it is listed.
+        Raises InvalidValueError for a course with more boxes than slots, and for other height fields than the slots'.
         """
         listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model
@@ -94,14 +94,14 @@ class Slots:
             self._batch[name][row, self._ids] = values
 
     def show(self, row: int, course: Course, model: mujoco.MjModel) -> None:
-        """Put `course`, under the robot `row` of the batch, into another model with these slots, in its own colours."""
+        """Show the `course` of the robot `row` in another model with these slots, in the course's own colours."""
         ids = np.array([model.geom(name).id for name in self._names])
         for name in _FIELDS:
             getattr(model, name)[ids] = self._batch[name][row, self._ids]
         model.geom_rgba[ids[self._slots_of(course.model)]] = course.model.geom_rgba
 
     def _slots_of(self, course: mujoco.MjModel) -> NDArray[np.int_]:
-        """Numbers of the slots that the geoms of a course take."""
+        """Indices of the slots for the geoms of a course."""
         slots = np.full(course.ngeom, -1)
         for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
             own = np.flatnonzero(course.geom_type == kind)
@@ -115,15 +115,15 @@ def _count(model: mujoco.MjModel, kind: int) -> int:
 
 @dataclass(frozen=True)
 class Footprint:
-    """Rectangle around a robot's tracks with the flippers level, in the robot's frame."""
+    """Rectangle around a robot's tracks with level flippers, in the robot's frame."""
 
-    ahead: float  # distance of the front end [m]
-    behind: float  # distance of the rear end [m]
+    ahead: float  # distance to the front end [m]
+    behind: float  # distance to the rear end [m]
     aside: float  # half of the width [m]
 
     @classmethod
     def of(cls, robot: TrackedRobot, flippers: FlipperGeometry | None = None) -> Footprint:
-        """The footprint of a robot; the robot is compiled for its `flippers` unless these are given."""
+        """The footprint of a robot; the robot is compiled to obtain its `flippers` unless these are given."""
         x, _, radius = np.array(robot.hull).T
         ahead, behind, aside = [(x + radius).max()], [(radius - x).max()], [robot.half_gauge + robot.width / 2]
         if robot.flippers:
@@ -136,11 +136,11 @@ class Footprint:
 
     @property
     def turning(self) -> float:
-        """Length of a platform on which the robot fits at any heading [m]."""
+        """Length of a platform that is large enough for the robot at any heading [m]."""
         return math.hypot(self.ahead, self.aside) + math.hypot(self.behind, self.aside) + _BEFORE
 
     def start(self, course: Course, heading: float = 0.0) -> float:
-        """x at which a robot starts on a course: `Course.start`, or farther back so that a long robot fits [m].
+        """Start position x of a robot on a course: `Course.start`, or further back if the robot is long [m].
 
         Raises InvalidValueError for a course whose start platform is too small for the robot.
         """
@@ -153,11 +153,11 @@ class Footprint:
         return max(min(course.start[0], -front), rear - course.start_length)
 
     def goal(self, course: Course) -> float:
-        """x at which a robot has crossed a course: `Course.goal`, or farther on so that a long robot has passed [m]."""
+        """Position x at which a robot has crossed a course: `Course.goal`, or further on if the robot is long [m]."""
         return max(course.goal, course.placed[-2].x + self.behind)
 
     def fit(self, course: Course) -> Course:
-        """The course itself, or a copy that is as long at both ends and as wide as the robot needs."""
+        """The course, or a wider copy with longer ends if the robot needs it."""
         start, goal = max(course.start_length, self.turning), max(course.goal_length, self.ahead + self.behind)
         width = max(course.width, 2 * _BESIDE * self.aside)
         if (start, goal, width) == (course.start_length, course.goal_length, course.width):

@@ -1,4 +1,4 @@
-"""How runs over courses end: outcomes, the limits that decide them, and contact points."""
+"""Outcomes of runs over courses, the limits that determine them, and contact points."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
-"""Outcomes (N,) as the numbers of `Outcome`."""
-_WAITING = 0.1  # belt travel, mean of left and right, below which a robot is waiting or turning [m]
-_SHARE = 0.1  # smallest share of the belt travel by which a robot moves unless it is stuck [-]
+"""Outcomes (N,), as the numbers in `Outcome`."""
+_WAITING = 0.1  # mean travel of left and right belts below which a robot is waiting or turning [m]
+_SHARE = 0.1  # ratio of a robot's displacement to its belt travel below which it is stuck [-]
 
 
 class Outcome(IntEnum):
-    """State or end of a run. If several outcomes apply, the last in this list counts."""
+    """State or end of a run. If several outcomes apply, the last of them in this list counts."""
 
     DRIVING = 0
-    """The run goes on."""
+    """The run continues."""
     TIME = 1
-    """The time limit has passed."""
+    """The time limit has been reached."""
     STUCK = 2
     """The belts ran, but the robot made no progress."""
     REACHED = 3
@@ -37,26 +37,26 @@ class Outcome(IntEnum):
     TIPPED = 5
     """The robot tipped over."""
     EXPLODED = 6
-    """The simulation diverged: the robot is implausibly fast, or its state is not finite."""
+    """The simulation diverged: the robot is implausibly fast or its state isn't finite."""
 
     @property
     def label(self) -> str:
-        """The name in lower case, as it is printed and stored."""
+        """The outcome's name in lower case, as it is printed and stored."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class Limits(Checked):
-    """Limits that end a run."""
+    """The limits that end a run."""
 
     time: float = checked(60.0, require_positive, 1e6)
-    """Longest run [s]."""
+    """Longest duration of a run [s]."""
     stuck_time: float = checked(5.0, require_positive, 1e6)
-    """Time within which a robot must make progress while its belts run [s]."""
+    """Time after which a robot is stuck if its belts run without progress [s]."""
 
 
 class StuckWatch(Restorable):
-    """Detects robots that make no progress although their belts run."""
+    """Detection of robots that make no progress although their belts run."""
 
     STATE = ("_position", "_travel", "_age", "_travelled")
 
@@ -66,15 +66,15 @@ class StuckWatch(Restorable):
         self._history = max(1, round(limits.stuck_time / period))
         self._position: deque[Array] = deque(maxlen=self._history + 1)  # (N, 3) each [m]
         self._travel: deque[Array] = deque(maxlen=self._history + 1)  # (N,) each, since the first observation [m]
-        self._age: NDArray[np.int_] = np.zeros(size, int)  # periods since the start of each run
+        self._age: NDArray[np.int_] = np.zeros(size, int)  # control periods since the start of each run
         self._travelled: Array = np.zeros(size)
 
     def begin(self, rows: NDArray[np.int_]) -> None:
-        """Start new runs with the robots `rows` (R,)."""
+        """Begin new runs with the robots `rows` (R,)."""
         self._age[rows] = 0
 
     def observe(self, position: Array, belts: Array) -> NDArray[np.bool_]:
-        """Mask (N,) of stuck robots, given positions (N, 3) [m] and belt speeds (N, 2) over the last period [m/s]."""
+        """Mask (N,) of stuck robots, given positions (N, 3) [m] and belt speeds (N, 2) in the last period [m/s]."""
         self._travelled = self._travelled + (belts[:, 0] + belts[:, 1]) * (self._period / 2)
         self._position.append(position.copy())
         self._travel.append(self._travelled)
@@ -86,7 +86,7 @@ class StuckWatch(Restorable):
 
 
 class ContactPoints:
-    """Contacts of a robot with the world, as the engine computes them for a given state."""
+    """A robot's contacts with the world in a given state, as the engine computes them."""
 
     def __init__(self, world: TrackedModel) -> None:
         self._world = world
@@ -94,10 +94,10 @@ class ContactPoints:
         self._belts = world.belts
 
     def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
-        """Contact points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world frame.
+        """Contact points (n, 3) [m] and forces (n, 3) [N] from the ground on the robot, in the world frame.
 
-        The state consists of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and set points (F,) of
-        the flippers, tips up [rad].
+        The state consists of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and the flippers' set
+        points (F,), tips up [rad].
         """
         model, data = self._world.model, self._data
         data.qpos[:], data.qvel[:] = qpos, qvel
@@ -105,11 +105,11 @@ class ContactPoints:
         self._belts.set(belt)
         mujoco.mj_forward(model, data)
         contact = data.contact
-        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0  # (n, 2)
+        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0  # (n, 2), whether each geom belongs to the world
         chosen = np.flatnonzero(fixed.any(axis=1) & (contact.efc_address >= 0))
         force, points = np.zeros((len(chosen), 3)), contact.pos[chosen].copy()
         wrench = np.zeros(6)
         for k, which in enumerate(chosen):
             mujoco.mj_contactForce(model, data, which, wrench)
             force[k] = wrench[:3] @ contact.frame[which].reshape(3, 3)
-        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine's force acts on the second geom
+        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine reports the force on the second geom

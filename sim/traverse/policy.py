@@ -1,4 +1,4 @@
-"""The scripted controller, which crosses courses by means of flipper reflexes."""
+"""The scripted controller, which crosses courses with flipper reflexes."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from trackslip.kinematics import Array
 SAMPLES = np.array([1.0, 1.25, 1.5])
 """Distances from the hinge at which a reflex samples the ground, in flipper lengths."""
 OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period": 0.2}
-"""Fields of `TraverseConfig` with which policies are trained."""
+"""Fields of `TraverseConfig` for the training of policies."""
 REACH = 1.3
-"""Largest angle of front flippers above the plane of the chassis, and of rear flippers below it [rad]."""
+"""Largest angle of front flippers above the chassis' plane, and of rear flippers below it [rad]."""
 PUSH = 2.0
-"""Angle by which rear flippers push down, over the pitch in excess of the ground's slope plus `TOLERATED` [-]."""
+"""Angle by which rear flippers push down, per pitch beyond the ground's slope plus `TOLERATED` [-]."""
 TOLERATED = 0.12
-"""Pitch in excess of the ground's slope at which rear flippers begin to push [rad]."""
-_SPEED = 0.4  # forward belt speed [m/s]
-_POSITION_GAIN, _HEADING_GAIN = 0.3, 0.45  # belt speed per distance from the centre line [1/s] and per heading [m/s]
-_TURN = 0.3  # largest difference of a belt's speed from the mean of both [m/s]
+"""Pitch beyond the ground's slope at which rear flippers begin to push [rad]."""
+_SPEED = 0.4  # belt speed forwards [m/s]
+_POSITION_GAIN, _HEADING_GAIN = 0.3, 0.45  # belt speed per distance from the centre line [1/s], and per heading [m/s]
+_TURN = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
 
 
 def scripted(world: Traverse) -> Command:
-    """Set points for all robots in `world`: they drive along y = 0, with their flippers moved by reflex."""
+    """Set points for all robots in `world`, which drive along y = 0 with reflexes for their flippers."""
     state = world.state
     aside = -_POSITION_GAIN * state.position[:, 1] - _HEADING_GAIN * state.heading
     turn = np.clip(aside, -_TURN, _TURN)
@@ -47,20 +47,20 @@ def reflex(world: Traverse) -> Array:
 def reflex_angles(ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry) -> Array:
     """Set points (N, F) for the flipper angles, tips up [rad].
 
-    Front flippers rise as far as the ground ahead demands. Rear flippers stay in line with the chassis, which keeps the
-    robot from tipping backwards, and reach down for the ground behind when the robot comes over an edge. If the chassis
-    pitches up more than the ground rises from the rear to the front, as on a step, rear flippers push it level.
+    Front flippers rise as far as the ground ahead requires. Rear flippers stay in line with the chassis, which keeps
+    the robot from tipping backwards, and reach down to the ground behind when the robot crosses an edge. If the chassis
+    pitches up more than the ground rises from rear to front, as on a step, rear flippers push the chassis level.
 
     Args:
-        ground: heights (N, F, S) of the ground at `SAMPLES` from the hinges, in the flippers' directions [m].
+        ground: heights (N, F, S) of the ground at `SAMPLES` from the hinges, along the flippers' directions [m].
         pitch: angles (N,) by which the chassis points upwards [rad].
         hinge_height: heights (N, F) of the hinges [m].
-        geometry: the F flippers.
+        geometry: shape of the F flippers.
     """
     away = SAMPLES * geometry.length[:, None]  # (F, S)
     rise = ground - hinge_height[..., None]
     distance = np.hypot(away, rise)
-    # angle up to the line through the hinge of a flipper whose underside, `radius` below, touches this ground
+    # angle, up from the hinge, of a flipper whose underside, `radius` below its centre line, touches this ground
     above = np.arcsin(np.minimum(geometry.radius[:, None] / distance, 1.0))
     slope = (np.arctan2(rise, away) + above).max(axis=-1)
     lift = slope - np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
@@ -71,7 +71,7 @@ def reflex_angles(ground: Array, pitch: Array, hinge_height: Array, geometry: Fl
 
 
 def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
-    """Slopes (N,) of ground with heights (N, F, S), from behind the rear flippers to ahead of the front ones [rad]."""
+    """Slopes (N,) from the ground behind the rear flippers to the ground ahead of the front ones [rad]."""
     front, height = geometry.front, ground.mean(axis=-1)
     if front.all() or not front.any():
         return np.zeros(len(ground))

@@ -1,4 +1,4 @@
-"""Crossing courses as a learning task for N robots, one row each: actions in, observations and rewards out."""
+"""Course crossing as a learning task for N robots, one row each: actions in, observations and rewards out."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from trackslip.errors import require, require_at_most, require_range, require_wi
 from trackslip.kinematics import Array
 
 _OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float, "mass": float}
-_QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
-_NOT_DRAWN = -1.0  # difficulty of a course that was not drawn
+_QUARTER = np.pi / 2  # flipper angle for an action of 1 [rad]
+_NOT_DRAWN = -1.0  # difficulty that is stored for courses that were not drawn
 _CORRECTION = 0.3, 0.8  # largest corrections to belt speeds [m/s] and to flipper angles [rad]
 
 
 @dataclass(frozen=True)
 class CourseRun:
-    """One robot's task in one episode."""
+    """The course and conditions for one robot in one episode."""
 
     course: Course
-    difficulty: float  # of the course; -1 if it was not drawn [-]
+    difficulty: float  # difficulty of the course; -1 if it was not drawn [-]
     start: tuple[float, float, float]  # start pose (x, y, heading) [m, m, rad]
-    seed: int = 0  # of the sensor noise
-    mass: float = 1.0  # factor on the mass of the chassis [-]
+    seed: int = 0  # seed of the sensor noise
+    mass: float = 1.0  # factor on the chassis' mass [-]
 
 
 class Actions:
-    """Meaning of the actions of robots in a world."""
+    """Conversion of actions to set points for the robots in a world."""
 
     def __init__(self, config: TraverseConfig, world: Traverse) -> None:
         self._config, self._world = config, world
@@ -48,7 +48,7 @@ class Actions:
         if config.flippers == "pairs":
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
-        self._member = np.array([each.index(name) for name in names], int)  # of the action that moves each flipper
+        self._member = np.array([each.index(name) for name in names], int)  # index of the action for each flipper
         self._scale, kind = (world.top_speed, _QUARTER), "set point"
         if config.action == "correction":
             self._scale, kind = _CORRECTION, "correction"
@@ -57,10 +57,10 @@ class Actions:
             *(Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right")),
             *(Element(f"{name}, {kind}", "rad", angle) for name in each),
         )
-        """Names, units and scales of the elements (A) of an action."""
+        """Names, units and scales of an action's elements (A)."""
 
     def command(self, action: Array) -> Command:
-        """Set points that actions (N, A) in [-1, 1] stand for."""
+        """The set points for actions (N, A) in [-1, 1]."""
         speed, angle = self._scale
         belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
         if self._config.action == "correction":
@@ -70,7 +70,7 @@ class Actions:
 
 
 class Crossing(Task):
-    """The task: robots cross courses."""
+    """The task in which robots cross courses."""
 
     STATE = ("world", "difficulty", "_difficulty", "_seed", "_length", "_penetration", "_work", *Task.STATE)
 
@@ -82,7 +82,7 @@ class Crossing(Task):
         listed = [course for course in config.courses if course not in DRAWN]
         self._listed = {
             course: self._footprint.fit(load_course(course) if isinstance(course, str) else course) for course in listed
-        }  # by name, or by the course that was given
+        }  # by name, or by the course itself
         drawn = (
             [self._footprint.fit(draw_course(RANDOM, 0.0, np.random.default_rng(0), self._hull))] if self._drawn else []
         )
@@ -103,29 +103,29 @@ class Crossing(Task):
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
         super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
-        self.difficulty = config.difficulty  # range from which the difficulty of later courses is drawn [-]
+        self.difficulty = config.difficulty  # range for the difficulty of later courses [-]
         self._difficulty: Array = np.full(size, _NOT_DRAWN)
-        self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensor noise
-        self._length: Array = np.ones(size)  # distance from start to goal [m]
-        self._penetration: Array = np.zeros(size)  # largest in the episode [m]
-        self._work: Array = np.zeros(size)  # in the episode [J]
+        self._seed: NDArray[np.int_] = np.zeros(size, int)  # seeds (N,) of the sensor noise
+        self._length: Array = np.ones(size)  # distances (N,) from start to goal [m]
+        self._penetration: Array = np.zeros(size)  # largest penetrations (N,) in the episode [m]
+        self._work: Array = np.zeros(size)  # work (N,) of the belts in the episode [J]
 
     @property
     def outcome(self) -> Outcomes:
-        """Outcomes (N,) of the episodes so far."""
+        """Outcomes (N,) of the present episodes."""
         return self.world.outcome
 
     def set_difficulty(self, low: float, high: float) -> None:
-        """Set the range of the difficulty of later courses; raises InvalidValueError unless it is within 0 to 1."""
+        """Set the range for the difficulty of later courses; raises InvalidValueError unless it is within 0 to 1."""
         require_range("difficulty", (low, high), 0.0, 1.0)
         self.difficulty = low, high
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> CourseRun:
-        """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
+        """Draw a robot's episode; `options` replace drawn values, without an effect on the other draws.
 
-        The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
-        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, a factor on the mass of
-        the chassis [-]. Raises InvalidValueError for unknown options and values out of range.
+        The options are `course`, a name from the environment's configuration or a course of boxes; `difficulty` of a
+        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, a factor on the chassis'
+        mass [-]. Raises InvalidValueError for unknown options and values out of range.
         """
         options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
@@ -156,7 +156,7 @@ class Crossing(Task):
         return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed, float(mass))
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each."""
+        """Begin an episode with each of the robots `rows` (R,)."""
         where = np.asarray(rows, int)
         if not where.size:
             return
@@ -168,7 +168,7 @@ class Crossing(Task):
         self._clear(where, self._penetration, self._work)
 
     def step(self, actions: ArrayLike) -> None:
-        """See Task; robots whose episodes have ended stand still."""
+        """Simulate one control period, see Task; robots whose episodes have ended stand still."""
         action, change = self._clipped(actions)
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
@@ -199,9 +199,9 @@ class Crossing(Task):
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
             "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]
-            "slip_defined": defined,  # (N, T) whether the track touched the ground and its belt ran
+            "slip_defined": defined,  # (N, T), whether the track touched the ground and its belt ran
             "load": contact.load,  # (N, T) [N]
             "traction": contact.traction,  # (N, T) [N]
-            "penetration": self._penetration,  # largest so far [m]
-            "work": self._work,  # of the belts so far [J]
+            "penetration": self._penetration,  # (N,), largest so far [m]
+            "work": self._work,  # (N,), of the belts so far [J]
         }

@@ -1,4 +1,4 @@
-"""Traverse: N tracked robots in a batch, each crossing its own course, simulated in control periods."""
+"""Simulation of N tracked robots in a batch, each crossing its own course, in control periods."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from trackslip.kinematics import Array
 _BROKEN = [
     int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
-_TOP_SPEED = 0.6  # of belts without a drive that limits their torque [m/s]
-_DROP = 0.3  # depth below the lowest ground of a course at which a robot has fallen [m]
-_LEAN = 1.3  # angle between the chassis' and the world's vertical beyond which a robot has tipped over [rad]
-_FASTEST = 10.0  # speed of a chassis beyond which the simulation has diverged [m/s]
-_GAP = 0.002  # height above the ground at which robots are put down [m]
-_SPACING = 0.05  # largest distance between the points that are searched for the highest ground [m]
+_TOP_SPEED = 0.6  # top speed of belts without torque limits [m/s]
+_DROP = 0.3  # depth below the course's lowest ground at which a robot has fallen [m]
+_LEAN = 1.3  # lean of the chassis beyond which a robot has tipped over [rad]
+_FASTEST = 10.0  # chassis speed beyond which the simulation has diverged [m/s]
+_GAP = 0.002  # height above the ground at which robots are placed [m]
+_SPACING = 0.05  # largest spacing of the points in a search for the highest ground [m]
 
 
 @dataclass(frozen=True)
 class Command:
-    """Set points of N robots."""
+    """Set points for N robots."""
 
     speed: Array  # (N, 2) belt speeds, left and right [m/s]
     flippers: Array  # (N, F) angles, tips up [rad]
@@ -64,15 +64,15 @@ class Traverse(World):
         """Prepare `size` robots; `begin` starts their runs.
 
         Args:
-            robot: the robot; unless it has a drive of its own, the torque of the belts is unlimited.
+            robot: the robot; without a drive of its own, the torque of its belts is unlimited.
             courses: courses on which runs may take place.
             size: number of robots.
-            boxes: also allow other courses that have at most this many boxes and no height fields.
+            boxes: largest number of boxes on other courses that are allowed, too, if they have no height fields.
             preset: contact preset of the tracks.
-            top_speed: of the belts; by default the drive's top speed, or 0.6 without a drive [m/s].
-            limits: limits that end a run.
+            top_speed: top speed of the belts; by default the drive's, or 0.6 without a drive [m/s].
+            limits: the limits that end a run.
             period: time between set points [s].
-            sample: time between changes of the belts' speeds [s].
+            sample: time between changes in the belt speeds [s].
             threads: number of worker threads, 0 for one per processor.
 
         Raises:
@@ -81,9 +81,9 @@ class Traverse(World):
         """
         require(len(courses) > 0, "courses", list(courses), "at least one")
         self.slots = Slots(courses, boxes)
-        """The model's terrain."""
+        """The terrain in the model."""
         self.tracked = build_tracked(robot, self.slots, preset=preset)
-        """The robot's model."""
+        """The compiled robot."""
         model = self.tracked.model
         belts = self.tracked.belts
         super().__init__(model, size, threads, self.tracked.free)
@@ -96,30 +96,30 @@ class Traverse(World):
         self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
         self._limited = robot.drive != Drive()
         self.top_speed = top_speed or (robot.drive.top_speed if self._limited else _TOP_SPEED)
-        """Largest speed of the belts [m/s]."""
-        self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), live
+        """Top speed of the belts [m/s]."""
+        self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
         self.slots.bind_batch(self.batch)
         self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked)
         self.servo = ServoState(robot.drive.lag, self.top_speed, size, len(self.flippers.length))
-        """Belt speeds, and set points of the flippers' motors."""
+        """Servos of the belts and flippers: current belt speeds and set points."""
         self.contact = Reading.none(size, len(self.track_names))
-        """Track contacts (N, T), means over the last control period."""
+        """Means of the track contacts (N, T) over the last control period."""
         self.work: Array = np.zeros((size, len(self.track_names)))
-        """Work (N, T) of the belts against the ground in the last control period [J]."""
+        """Work (N, T) of the belts on the ground in the last control period [J]."""
         self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
-        """Course of each robot."""
+        """Courses of the robots, by row."""
         self._stuck = StuckWatch(self.limits, size, period)
         self.outcome: Outcomes = np.full(size, Outcome.DRIVING)
-        """Outcomes (N,) of the runs so far."""
+        """Outcomes (N,) of the present runs."""
         self.time: Array = np.zeros(size)
-        """Times (N,) since the start of each run [s]."""
+        """Times (N,) since the runs began [s]."""
         self._bottom: Array = np.zeros(size)  # height below which a robot has fallen [m]
-        self._side: Array = np.zeros(size)  # distance from y = 0 beyond which a robot has fallen, too [m]
+        self._side: Array = np.zeros(size)  # distance from y = 0 beyond which a robot has fallen as well [m]
         self.goal: Array = np.zeros(size)
-        """x (N,) beyond which the courses are crossed [m]."""
+        """Positions x (N,) beyond which courses are crossed [m]."""
         self.begin(np.arange(size))
 
     def begin(
@@ -129,17 +129,17 @@ class Traverse(World):
         start: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
     ) -> None:
-        """Begin runs of the robots `rows` (R,) with their flippers level, or raised just enough to clear level ground.
+        """Begin runs with the robots `rows` (R,); flippers are level, or raised just enough to clear level ground.
 
         Args:
             rows: indices of the robots.
-            courses: one course for each of these robots; by default they stay on their present courses.
-            start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
-            mass: factors on the mass and the inertia of the chassis, one for all or (R,) [-].
+            courses: one course per robot; by default each robot stays on its present course.
+            start: poses (R, 3), x, y and heading; by default each robot starts before its first piece [m, m, rad].
+            mass: factors on the mass and inertia of the chassis, a scalar or (R,) [-].
 
         Raises:
             InvalidValueError: for a course that doesn't fit into the slots, poses that aren't finite, and a robot that
-                is larger than the platform on which it is to start; see `Footprint.fit`.
+                needs a larger start platform; see `Footprint.fit`.
         """
         where = np.asarray(rows, int)
         if not where.size:
@@ -165,21 +165,21 @@ class Traverse(World):
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def get_state(self) -> dict[str, Any]:
-        """See Restorable; courses with which the world was made are stored as their numbers."""
+        """Return a copy of the state, see Restorable; courses given to the constructor are stored as indices."""
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
         return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """See Restorable."""
+        """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
         self._belts.set_state(state["belts"])
         self.course = [self._courses[course] if isinstance(course, int) else course for course in state["courses"]]
 
     def step(self, command: Command) -> None:
-        """Simulate one control period of the robots whose runs have not ended.
+        """Simulate one control period for the robots whose runs have not ended.
 
-        Raises InvalidValueError for set points that aren't finite or have another shape.
+        Raises InvalidValueError for set points that aren't finite or have a wrong shape.
         """
         for name, values, state in (
             ("speed", command.speed, self.servo.speed),
@@ -193,7 +193,7 @@ class Traverse(World):
         self.servo.command(command.speed, command.flippers)
         before, readings = self.batch.state.copy(), []
         inertia = self.tracked.robot.drive.motor.inertia
-        with quietly():  # a run that diverges ends with the outcome EXPLODED
+        with quietly():  # a diverging run ends with the outcome EXPLODED
             for _ in range(self._samples):
                 speed = self.servo.advance(self.sample)
                 self._belts.set(speed, torque_limit=self._torque_limit(speed), inertia=inertia)
@@ -209,19 +209,19 @@ class Traverse(World):
         self._judge(rows, broken)
 
     def _torque_limit(self, goal: Array) -> Array | None:
-        """Largest torques (N, 2) of belts that are to reach the speeds `goal` (N, 2); None without motors [N m]."""
+        """Largest torques (N, 2) for belts that are to reach the speeds `goal` (N, 2) [N m]; None without motors."""
         if not self._limited:
             return None
         robot = self.tracked.robot
         return robot.drive.belt_limits(robot.sprocket_radius, self._belts.speeds()[:, :2], goal)
 
     def elevation(self, points: Array) -> Array:
-        """Heights (N, P) of the ground at `points` (N, P, 2) on each robot's course [m]."""
+        """Ground heights (N, P) at `points` (N, P, 2) on each robot's course [m]."""
         return look_up(self.course, points)
 
     @property
     def way(self) -> Array:
-        """Distance (N,) along x that remains until the course is crossed [m]."""
+        """Distances (N,) along x that remain until courses are crossed [m]."""
         return self.goal - self.state.position[:, 0]
 
     def _lay(self, row: int, course: Course) -> None:
@@ -234,7 +234,7 @@ class Traverse(World):
         self.goal[row] = self.footprint.goal(course)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
-        """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under each of them."""
+        """Place the robots `rows` (R,), level and at rest, at poses (R, 3) on the highest ground below each of them."""
         self.batch.warning[rows] = 0
         around = self.footprint
         sides = (-around.behind, around.ahead), (-around.aside, around.aside)
@@ -245,7 +245,7 @@ class Traverse(World):
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Mask (N,) of the driving robots, `rows` (R,), whose simulation diverged in this period."""
+        """Mask (N,) of the robots whose simulation diverged in this period; `rows` (R,) are those that drove."""
         broken = np.zeros(self.size, bool)
         first = self.tracked.free[1]
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)

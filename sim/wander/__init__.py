@@ -1,1 +1,1 @@
-"""Simulated teleoperated drives: sprocket commands, the motion that follows, and poses of any sensor."""
+"""Simulated teleoperated drives: sprocket commands, the robot's motion, and poses from any sensor."""

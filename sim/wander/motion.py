@@ -1,4 +1,4 @@
-"""Simulated drives: track speeds commanded by a driver with one lever per track, true poses over time, and logs."""
+"""Simulated drives: track speeds from a driver with one lever per track, true poses over time, and logs."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from trackslip.kinematics import SIDES, Array
 from trackslip.logs.runlog import RunLog, Truth
 
 _STEEPEST = 1.5  # largest slope of the smooth step 3 u^2 - 2 u^3 from 0 to 1, at u = 1/2
-_CLOSING = 2.404825557695773  # first zero of J_0: a heading of this amplitude, sinusoidal in time, closes an eight
-_BACK = -0.3  # farthest backward position of a lever unless both reverse [share of its forward travel]
+_CLOSING = 2.404825557695773  # first zero of J_0: amplitude of a sinusoidal heading that closes a figure eight [rad]
+_BACK = -0.3  # lowest position of a lever unless both reverse [share of its forward travel]
 _STRAIGHT = 4.0  # duration of each straight side of a loop [s]
 
 
 @dataclass(frozen=True)
 class Driver(Checked):
-    """A driver's limits, and the half gauge assumed for turns."""
+    """A driver's limits, and the half gauge that the driver assumes for turns."""
 
     max_speed: float = checked(0.3, require_positive)
     """Largest speed of a track [m/s]."""
     acceleration: float = checked(0.5, require_positive)
     """Largest acceleration of a track [m/s^2]."""
     half_gauge: float = checked(0.168, require_positive)
-    """Half gauge assumed for turns; for a robot that slips, b + D [m]."""
+    """Half gauge for turns; for a robot that slips, b + D [m]."""
 
 
 def track_commands(driving: str, duration: float, rate: float, driver: Driver, rng: np.random.Generator) -> Array:
@@ -46,8 +46,8 @@ def track_commands(driving: str, duration: float, rate: float, driver: Driver, r
 
 
 def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Each lever moves smoothly between random positions; now and then both move together, reverse or rest."""
-    count = int(time[-1]) + 2  # enough positions: each takes longer than a second
+    """Speeds (T, 2): levers move smoothly between random positions; sometimes both are equal, reverse or rest."""
+    count = int(time[-1]) + 2  # enough positions, as each takes more than a second
     levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # mostly forwards
     kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
     levers = np.choose(kinds, [levers, np.broadcast_to(np.abs(levers[:, :1]), levers.shape), -levers, 0 * levers])
@@ -55,8 +55,8 @@ def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 
 def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Straights and turns at constant speeds, with stops between them."""
-    count = int(time[-1] / 4.0) + 2  # enough stretches: each, with its stop, takes at least 4 s
+    """Speeds (T, 2) for straights and turns at constant speeds, with stops in between."""
+    count = int(time[-1] / 4.0) + 2  # enough stretches, as each takes at least 4 s with its stop
     speed = rng.uniform(0.4, 1.0, (count, 1))
     levers = speed * np.concatenate([np.ones((count, 1)), rng.uniform(0.0, 1.0, (count, 1))], axis=1)
     levers = np.where(rng.random((count, 1)) < 0.5, levers, levers[:, ::-1])
@@ -68,8 +68,8 @@ def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array
 
 
 def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Figure eights at constant forward speed, with a heading that is sinusoidal in time."""
-    ahead = rng.uniform(0.5, 0.7)  # share of the top speed; the rest is for turning
+    """Speeds (T, 2) for figure eights at constant forward speed, with a heading that is sinusoidal in time."""
+    ahead = rng.uniform(0.5, 0.7)  # share of the top speed; the rest is left for turning
     turning = min((1 - ahead) * driver.max_speed, np.sqrt(_CLOSING / 2 * driver.acceleration * driver.half_gauge))
     frequency = turning / (driver.half_gauge * _CLOSING)
     half = rng.choice([-1.0, 1.0]) * turning * np.sin(frequency * time)
@@ -78,22 +78,22 @@ def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
     turning = min(0.4 * driver.max_speed, np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge))
-    corner = np.pi**2 / 4 * driver.half_gauge / turning  # duration; the yaw rate is half a period of a sine [s]
+    corner = np.pi**2 / 4 * driver.half_gauge / turning  # duration, in which the yaw rate is half a sine wave [s]
     into = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)
     half = rng.choice([-1.0, 1.0]) * turning * np.sin(np.pi * into / corner)
     return _begun(time, driver, 0.6 * driver.max_speed, half)
 
 
 def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
-    """Speeds (T, 2) [m/s] ahead -+ half; starting uses half of the acceleration and leaves the rest for `half`."""
+    """Speeds (T, 2), ahead -+ half [m/s]; the start uses half of the acceleration and leaves the rest to `half`."""
     ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
     return (ahead + SIDES * half[:, None]) * smooth_step(time / ramp)[:, None]
 
 
 def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
-    """Speeds (T, 2) [m/s] that start from rest, and approach and hold each of `levers` (K, 2) in turn.
+    """Speeds (T, 2) that start from rest, and approach and hold each of `levers` (K, 2) in turn [m/s].
 
-    Approaching takes `moving` (K,) [s], or longer if the acceleration demands it; holding takes `holding` (K,) [s].
+    An approach takes `moving` (K,), or longer if the acceleration requires it; each is held for `holding` (K,) [s].
     """
     change = np.abs(np.diff(levers, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
     moving = np.maximum(moving, _STEEPEST * change / driver.acceleration)
@@ -115,13 +115,13 @@ DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
 
 @dataclass(frozen=True)
 class Motion:
-    """True poses over time."""
+    """True poses of a robot over time."""
 
-    time: Array  # (F,) [s], ascending
-    pose: Array  # (F, 3) [m, m, rad], phi unwrapped
+    time: Array  # (F,) ascending times [s]
+    pose: Array  # (F, 3) poses with unwrapped headings [m, m, rad]
 
     def at(self, time: Array) -> Array:
-        """Poses (..., 3) at times (...) within the motion, on arcs of constant twist between neighbouring rows."""
+        """Poses (..., 3) at times (...) within the motion, on arcs of constant twist between adjacent rows."""
         k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         share = (time - self.time[k]) / (self.time[k + 1] - self.time[k])
         motion = se2.log(se2.between(self.pose[k], self.pose[k + 1]))
@@ -129,11 +129,11 @@ class Motion:
 
 
 def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
-    """Join encoder readings and poses (M, 3) with `stamps` (M,) [s] into a log with a row for each time.
+    """Join encoder readings and poses (M, 3) with `stamps` (M,) [s] into a log with one row per time.
 
-    `encoders` has a row for each reading. A row with only a pose gets the sprocket speeds of the next reading, which
-    are the means over the interval that contains the pose. Poses stamped before the first or after the last reading are
-    left out. The truth is that of the robot when the encoder clock shows the row's time.
+    `encoders` has a row per reading. A row with only a pose gets the sprocket speeds of the next reading, which are
+    means over the interval around the pose. Poses stamped before the first or after the last reading are omitted. The
+    truth in a row is that of the robot when the encoder clock shows the row's time.
     """
     read = encoders.time
     within = (stamps >= read[0]) & (stamps <= read[-1])
@@ -158,7 +158,7 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
 
 
 def _truth_at(truth: Truth, read: Array, time: Array, after: np.ndarray) -> Truth:
-    """Interpolate the truth from times `read` (T,) to `time` (U,); `after` (U,) are the next rows in `read`."""
+    """Interpolate the truth from times `read` (T,) to `time` (U,); `after` (U,) are the next indices in `read`."""
 
     def between(values: Array) -> Array:
         flat = values.reshape(len(read), -1)

@@ -1,4 +1,4 @@
-"""Pose sensors with realistic errors: noise, clock, jumps, gaps, mounting."""
+"""Pose sensors with realistic errors: noise, clock errors, jumps, gaps and mounting errors."""
 
 from __future__ import annotations
 
@@ -17,52 +17,52 @@ from trackslip.errors import Checked, checked, require, require_positive, requir
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
-_MAX_JITTER = 0.2  # largest standard deviation of stamps [periods]
-_MOST_EARLY = 0.45  # largest error of a stamp, so that stamps stay in order [periods]
-_AT_ONCE = 250  # number of scans simulated at once, each of a separate robot
-_LARGEST = 1e6  # largest error, in any unit: logs with larger errors could not be read again
+_MAX_JITTER = 0.2  # largest standard deviation of stamp errors [periods]
+_MOST_EARLY = 0.45  # largest stamp error, which keeps stamps in order [periods]
+_AT_ONCE = 250  # number of scans simulated together, each for a separate robot
+_LARGEST = 1e6  # largest error, in any unit; a log with larger errors couldn't be read again
 _LONGEST_DELAY = 3600.0  # [s]
-_WRONG = 0.5  # largest error of a wrong pose in x and y [m] and in its heading [rad]
+_WRONG = 0.5  # largest error of an outlier in x and y [m] and in heading [rad]
 
 
 @dataclass(frozen=True)
 class PoseSource(Checked):
-    """A pose sensor and its errors."""
+    """A pose sensor with its errors."""
 
     rate: float = checked(20.0, require_positive)
-    """Poses per second [Hz]."""
+    """Number of poses per second [Hz]."""
     position_noise: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Standard deviation of x and of y [m]."""
+    """Standard deviation of the noise in x and in y [m]."""
     heading_noise: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Standard deviation of the heading [rad]."""
+    """Standard deviation of the noise in the heading [rad]."""
     heading: bool = True
-    """True if headings are measured, too."""
+    """Whether the sensor measures headings, too."""
     delay: float = checked(0.0, require_within, -_LONGEST_DELAY, _LONGEST_DELAY, "s")
-    """Delay of pose stamps relative to encoder stamps of the same instant; -tau [s]."""
+    """Delay of pose stamps relative to encoder stamps at the same instant, -tau [s]."""
     jitter: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Standard deviation of errors in the pose stamps [s]."""
+    """Standard deviation of the errors in pose stamps [s]."""
     outliers: float = checked(0.0, require_share)
-    """Share of poses that are wrong by up to 0.5 m in x and y and 0.5 rad [-]."""
+    """Share of poses with errors of up to 0.5 m in x and y and 0.5 rad [-]."""
     gaps: int = checked(0, require_within, 0.0, _LARGEST)
-    """Number of stretches without poses."""
+    """Number of gaps without poses."""
     gap_duration: float = checked(5.0, require_within, 0.0, _LARGEST)
-    """Duration of each of these gaps [s]."""
+    """Duration of each gap [s]."""
     jumps: int = checked(0, require_within, 0.0, _LARGEST)
     """Number of lasting jumps, each of which displaces all later poses and turns them about the point of the jump."""
     jump_size: float = checked(0.2, require_within, 0.0, _LARGEST)
-    """Length of each jump [m]."""
+    """Distance of each jump [m]."""
     jump_turn: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Angle by which each jump turns the poses, to a random side [rad]."""
+    """Angle by which each jump turns later poses, to a random side [rad]."""
     drift: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Position drift, as in odometry, a random walk: position error at the end over the distance driven [-]."""
+    """Position drift as in odometry, a random walk: final position error over the distance travelled [-]."""
     heading_drift: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Heading drift, as in odometry, also a random walk [rad/sqrt(m)]."""
+    """Heading drift as in odometry, a random walk [rad/sqrt(m)]."""
     ahead: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Position of the sensor, forward of the robot's origin [m]."""
+    """Position of the sensor ahead of the robot's origin [m]."""
     left: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Position of the sensor, to the left of the robot's origin [m]."""
+    """Position of the sensor to the left of the robot's origin [m]."""
     mounting: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
-    """Heading of the sensor relative to the robot, counter-clockwise [rad]."""
+    """Heading of the sensor relative to the robot's, counter-clockwise [rad]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,9 +70,9 @@ class PoseSource(Checked):
         require(self.jitter <= most, "jitter", self.jitter, f"at most {most:g} s, {_MAX_JITTER:g} of a period")
 
     def measure(self, motion: Motion, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Time stamps (M,) [s], ascending, and poses (M, 3) [m, m, rad]; headings are NaN if they aren't measured.
+        """Ascending time stamps (M,) [s] and poses (M, 3) [m, m, rad]; headings are NaN unless they are measured.
 
-        The first pose is measured at a random moment in the first period.
+        The first pose is measured at a random time in the first period.
         """
         first, last = motion.time[0], motion.time[-1]
         moment = np.arange(first + rng.uniform(0, 1 / self.rate), last, 1 / self.rate)
@@ -94,7 +94,7 @@ class PoseSource(Checked):
             return pose
         steps = se2.steps(pose)
         way = np.hypot(steps[:, :1], steps[:, 1:2])
-        along = self.drift * np.sqrt(way.sum() / 2)  # [m/sqrt(m)], for each of two directions
+        along = self.drift * np.sqrt(way.sum() / 2)  # for each of two directions [m/sqrt(m)]
         walk = np.sqrt(way) * [along, along, self.heading_drift] * rng.standard_normal(steps.shape)
         steps = steps + walk
         at = np.searchsorted(moment, rng.uniform(moment[0], moment[-1], self.jumps))
@@ -105,7 +105,7 @@ class PoseSource(Checked):
         return se2.chain(pose[0], steps)
 
     def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
-        """Mask (M,) of the moments in a gap; the time is divided into equal parts, and one gap begins in each."""
+        """Mask (M,) of the times in a gap; there is one gap in each of several equal parts of the duration."""
         if not self.gaps:
             return np.zeros(len(moment), bool)
         part = (moment[-1] - moment[0]) / self.gaps
@@ -121,13 +121,13 @@ SOURCES: Mapping[str, PoseSource] = {
     "gnss": PoseSource(rate=5.0, position_noise=0.05, heading=False, delay=0.1),
     "odometry": PoseSource(rate=20.0, drift=0.01, heading_drift=0.004),
 }
-"""Sources by name: the scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""
+"""Pose sources by name: scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""
 
 
 def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator) -> tuple[Array, Scan]:
     """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, from a stationary scanner.
 
-    The first scan is at a random moment in the first period.
+    The first scan is at a random time in the first period.
     """
     time = np.arange(motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period)
     pose, parts = motion.at(time), []
