@@ -162,7 +162,7 @@ class _Reader:
         )
 
     def _left_out(self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str) -> np.ndarray:
-        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`, with a note; raises LogError if these are most rows."""
+        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`, with a note; raises LogError if most rows are bad."""
         bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
             total = int((bad | np.isfinite(self._values[rows][:, columns]).any(axis=1)).sum())
