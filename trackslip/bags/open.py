@@ -111,7 +111,7 @@ class Bag:
         return replace(self, read=read)
 
     def messages(self, *topics: str) -> Iterator[Message]:
-        """Yield decoded messages in order of recording; raises LogError for unknown topics or damaged bags."""
+        """Yield decoded messages in order of recording; LogError for an unknown topic or a damaged bag."""
         return self.read([self.topic(name).name for name in topics], True)
 
     def readings(
