@@ -14,7 +14,7 @@ _TF = "tf:FRAME:FRAME, as in tf:map:base_link"
 
 @dataclass(frozen=True)
 class BagChoice:
-    """Topics and joints to read from a bag; None to choose automatically, which needs an unambiguous bag."""
+    """Topics and joints to read from a bag; None to choose automatically, if the bag is unambiguous."""
 
     encoders: str | None = None
     """Topic of `sensor_msgs/JointState` with wheels or sprockets, or of `nav_msgs/Odometry` computed from encoders.

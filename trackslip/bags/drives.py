@@ -146,10 +146,10 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
 
 
 def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
-    """Whether the poses' distances, and their turns, follow the sprockets exactly: measured ones don't, as tracks slip.
+    """Whether distances, and turns, of the poses follow the sprockets exactly; as tracks slip, measured poses don't.
 
     Distances don't depend on whether dead reckoning used the heading at the start or the end of a step. Odometry may
-    be late: linear combinations of the wheels' motions at two delays approximate those at any delay.
+    be late: linear combinations of the wheels' motions at two delays approximate the motions at any delay.
     """
     rows = np.flatnonzero(log.has_place & log.has_heading)
     if not len(rows):

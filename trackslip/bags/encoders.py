@@ -108,7 +108,7 @@ def _joints(
 
 
 def _has_positions(position: Array, velocity: Array) -> bool:
-    """True if a joint's positions (N,) are measured: mostly finite, and not constant despite velocities (N,)."""
+    """True if a joint's positions (N,) are measured: mostly finite, and not constant while velocities (N,) aren't 0."""
     known = position[np.isfinite(position)]
     if 2 * len(known) <= len(position):
         return False
@@ -157,7 +157,7 @@ def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], note
 
 
 def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
-    """Join encoders and poses (N, 3) in a log, with a row for each encoder reading and each pose between readings.
+    """Join encoders and poses (N, 3) in a log, with a row for each encoder reading and for each pose between readings.
 
     A pose's row has the sprocket speeds of the next reading.
     """

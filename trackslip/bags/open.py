@@ -101,7 +101,7 @@ class Bag:
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def between(self, begin: int, end: int) -> Bag:
-        """Limit the bag to static transforms and to messages recorded from `begin` up to, not including, `end` [ns]."""
+        """Limit the bag to static transforms and messages recorded from `begin` to before `end` [ns]."""
 
         def read(chosen: Collection[str], decode: bool) -> Iterator[Message]:
             for message in self.read(chosen, decode):

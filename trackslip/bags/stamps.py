@@ -90,7 +90,7 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
 
 
 def clocks_apart(ours: Readings, theirs: Readings) -> list[str]:
-    """A note, in a list, if message delays show that the clocks of two topics differ by a constant; otherwise no note.
+    """Notes (one, or none) on clocks of two topics that differ by a constant, according to the messages' delays.
 
     A delay is the time from the stamp in a header to the recording, which has a common clock for both topics. Raises
     LogError if the stamps of the two topics do not overlap.

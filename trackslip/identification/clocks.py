@@ -30,12 +30,12 @@ class Clock:
 
 
 def median_offset(clocks: Iterable[Clock]) -> float:
-    """Median of the clock offsets that the motion shows and that are at most NEAR [s]; 0 if there are none."""
+    """Median of the clock offsets up to NEAR that could be determined from motion [s]; 0 if there are none."""
     return float(np.median([each.offset for each in clocks if each.share > 0 and abs(each.offset) <= NEAR] or [0.0]))
 
 
 def clock_of_drive(drive: PreparedDrive) -> Clock:
-    """The clock offset at which a drive's encoders and poses fit best; above NEAR only if the fit is much better."""
+    """The clock offset at which a drive's encoders and poses match best; offsets above NEAR must match much better."""
     poses = np.column_stack([drive.time, drive.pose])
     if drive.beyond is not None:
         poses = np.concatenate([poses, drive.beyond])
@@ -90,7 +90,7 @@ def _velocities(time: Array, pose: Array, grid: Array, half: float) -> tuple[Arr
 
 
 def _limited(values: Array) -> Array:
-    """Values (N,) with NaN in place of outliers, such as those from jumps in poses."""
+    """Replace outliers in values (N,), such as those from jumps in poses, with NaN."""
     size = np.abs(values)
     if np.isnan(size).all():
         return values
@@ -98,7 +98,7 @@ def _limited(values: Array) -> Array:
 
 
 def _far(time: Array, grid: Array, half: float) -> np.ndarray:
-    """(N,) bool: true where a time of the grid lies in a gap between the times `time`."""
+    """(N,) bool: true for times `grid` (N,) that lie in a gap between successive values of `time`."""
     row = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     return np.asarray(time[row] - time[row - 1] > 2 * half)
 
@@ -106,7 +106,7 @@ def _far(time: Array, grid: Array, half: float) -> np.ndarray:
 def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Array:
     """Squared correlation (S,) of values (N,) with the wheels' values `by` (M,), at each shift (S = N + M - 1).
 
-    It is 0 if fewer than `least` points or half the shorter series overlap, or for a negative value with `positive`.
+    It is 0 if fewer than `least` points or half the shorter series overlap and, with `positive`, if it is negative.
     """
     known = np.isfinite(values)
     if known.sum() < least:

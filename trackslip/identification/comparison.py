@@ -38,7 +38,7 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FittedLaw:
-    """A law with values identified from steady samples or whole drives."""
+    """A law with parameter values identified from steady samples or whole drives."""
 
     name: str  # name of the law's family
     law: SlipLaw  # the law with the values below
@@ -131,7 +131,7 @@ class Criterion:
     unnoticed: float  # largest difference between mean errors that doesn't matter
 
     def as_good_as(self, errors: Array, leader: int) -> np.ndarray:
-        """(L,) bool: true if chance explains how much each law's mean of `errors` (L, n) exceeds the leader's.
+        """(L,) bool: true for laws whose mean of `errors` (L, n) exceeds the leader's mean by no more than chance.
 
         A difference up to `unnoticed` doesn't count. Chance is one standard error, from the scatter of block sums. With
         fewer than five blocks, whose scatter is unknown, chance is a quarter of the leader's mean error.
@@ -149,7 +149,7 @@ class Criterion:
 def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]) -> Choice | None:
     """Choose the best law and the best that odometry can express, according to `rank`; None if `rank` returns None.
 
-    A law that odometry can't express is best only if a parameter that is not part of odometry's laws differs from zero.
+    A law that odometry can't express is best only if a parameter that no law for odometry has differs from zero.
     """
     linear = {name: law for name, law in laws.items() if is_expressible(name)}
     choice, among = rank(laws), rank(linear) if linear else None

@@ -31,7 +31,7 @@ TODAY = "today"  # name of the prediction without identification: dead reckoning
 
 @dataclass(frozen=True, kw_only=True)
 class DriveComparison(Comparison):
-    """Laws identified from drives, compared by their predictions of driving outside their fits."""
+    """Laws identified from whole drives, compared by their predictions of held-out driving."""
 
     look: Look  # first look at the drives, before any law is fitted
     laws: Mapping[str, DriveFit]  # fits by law name, the best first
@@ -48,7 +48,7 @@ def compare_drives(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> DriveComparison:
-    """Fit laws to the drives of a first look and compare their predictions of driving outside their fits.
+    """Fit laws to the drives of a first look and compare their predictions of held-out driving.
 
     `names` are the laws, by default all families made for drives. `step(1.0)` is called after each fitted law. Raises
     LogError if no law can be fitted.
@@ -114,7 +114,7 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
 
 
 def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
-    """Values (p,) of a model's parameters: `known` values by name, 0 for all others."""
+    """Values (p,) of a model's parameters: from `known` by name, otherwise 0."""
     return np.array([known.get(name, 0.0) for name in model.names])
 
 

@@ -33,7 +33,7 @@ largest deviations that slip explains (2, n) [m, rad]."""
 def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], list[int]]:
     """Find the wild poses among `count` poses and the first pose after each lasting jump; returns their indices.
 
-    A motion is no jump if slip explains its deviation to within `limit` (2,) [m, rad].
+    A motion isn't a jump if slip explains its deviation to within `limit` (2,) [m, rad].
     """
     step, limit = np.arange(1, count), limit[:, None]
     size, slip = missed(step - 1, step)
@@ -126,7 +126,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
 
 
 def _checked_clock(drive: PreparedDrive) -> Clock:
-    """A drive's clock offset; raises LogError if encoders and poses are too far apart in time for a fit to align."""
+    """A drive's clock offset; raises LogError if encoders and poses are too far apart for fits to align them."""
     clock = clock_of_drive(drive)
     ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
     if clock.distinct and differ > NEAR:
@@ -191,7 +191,7 @@ def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: fl
 def without_jumps(
     drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
 ) -> tuple[list[PreparedDrive], list[str]]:
-    """Drop wild poses and cut the drive at lasting jumps; returns the parts that are not too short, and notes."""
+    """Drop wild poses and cut the drive at lasting jumps; returns all parts that are long enough, and notes."""
     wild, lasting = _jumps(drive, geometry, gains, clock)
     notes, cut = [], ": the drive is cut there"
     for rows, what, then in ((wild, "wild pose", ""), (lasting, "lasting jump", cut)):
@@ -213,7 +213,7 @@ def without_jumps(
 def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float) -> tuple[np.ndarray, np.ndarray]:
     """Indices of wild poses and of the first pose after each lasting jump, judged by dead reckoning with gains.
 
-    A deviation is no jump if complete slip of the wheels, or a stamp that is off by one step, can explain it.
+    A deviation isn't a jump if complete slip of the wheels or a stamp that is off by one step can explain it.
     """
     steps = Steps.of(Drives.of([drive]), geometry, clock, margin=NEAR)
     speed, turn = gains.factors

@@ -62,7 +62,7 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class Steps:
-    """The poses of drives that lie within encoder readings, and the wheels' motion up to each pose."""
+    """The poses between the first and last encoder readings of drives, and the wheels' motion up to each pose."""
 
     rows: np.ndarray  # (K,) indices of the poses
     drive: np.ndarray  # (K,) index of the drive
@@ -77,7 +77,7 @@ class Steps:
     def of(
         cls, drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, margin: float = 0.0
     ) -> Steps:
-        """Steps of drives, with wheels read `shift` [s] after the clock offset, and `margin` [s] added at both ends."""
+        """Steps of drives, with wheels read `shift` [s] later than by `clock`, and `margin` [s] added at both ends."""
         of, at = drives.drive, drives.time + clock
         placed = (np.bincount(of, drives.known[0], len(drives.drives)) > 1)[of]
         edges, ends = drives.edges.copy(), np.append(drives.begins[1:], len(drives.edges)) - 1
@@ -117,7 +117,7 @@ class Steps:
 def windows_of(
     drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
 ) -> Window:
-    """Motion of drives in windows, with the wheels read `shift` [s] after the time from the clock offset.
+    """Motion of drives in windows, with wheels read `shift` [s] later than by the clock offset `clock` [s].
 
     If no drive has headings, distances are chord lengths of arcs that turn by `turn_gain` times the wheels' turn.
     """
@@ -152,7 +152,7 @@ def windows_of(
 
 
 def _longest(chord: np.ndarray, distance: Array, aside: Array) -> float:
-    """Largest length of a chord (n,) without a jump [m], given the wheels' motion (n,) along and `aside` [m]."""
+    """Largest plausible length of chords (n,) [m], given the wheels' `distance` (n,) and motion `aside` (n,) [m]."""
     moving = np.isfinite(chord) & (np.abs(distance) > 0.3 * rms(distance))
     usual = np.median(np.abs(chord[moving] / distance[moving])) if moving.any() else 0.0
     return float(3 * usual * (np.abs(distance) + np.abs(aside)).max(initial=0.0)) or np.inf

@@ -67,7 +67,7 @@ def identify_source(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> Identification:
-    """Identify laws like `identify`, from a source already read; `step(1.0)` is called after each stage or law."""
+    """Identify laws as `identify` does, from a source in memory; `step(1.0)` is called after each stage or law."""
     require(method in (None, "steady", "drive"), "method", method, "steady or drive")
     if method == "drive" and not source.logs:
         raise LogError("holds steady samples, not traces: only method steady can be used")

@@ -47,7 +47,7 @@ class DriveFit(FittedLaw):
 
     @property
     def sits_aside(self) -> bool:
-        """True if the driving shows that the sensor is off-centre (or the sides' ICRs differ, with the same effect)."""
+        """True if the driving shows that the sensor is off-centre, or that the sides' ICRs differ with that effect."""
         low, high = self.interval95.get("sensor_y", (-np.inf, np.inf))
         matters = EXTRAS["sensor_y"].scale
         return low > matters or high < -matters
@@ -66,7 +66,7 @@ def fit_drives(
 
     A given `sensor` isn't estimated; the motion's lag behind the belts is estimated only with `lag`. `reference` is an
     existing fit of REFERENCE to the same drives; without it, REFERENCE is fitted first, from the values by name in
-    `start` (by default gains and clock from regression). Without radius_error in `start`, its prior is narrow.
+    `start` (by default gains and clock from regression). Without radius_error in `start`, the prior for it is narrow.
     """
     if reference is None:
         reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
@@ -159,13 +159,13 @@ def _means(model: DriveModel, sensor: Mounting | None) -> Array:
 
 
 def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float]) -> list[float]:
-    """Start values for a law, at which it predicts nearly the same motion as the reference law."""
+    """Start values with which a law predicts nearly the same motion as the reference law."""
     starts = zip(FAMILIES[name].names, FAMILIES[name].starts(geometry.half_gauge)[0].tolist(), strict=True)
     return [reference.get(key.removesuffix("_left").removesuffix("_right"), value) for key, value in starts]
 
 
 def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:
-    """Complete a fit with the law's values, intervals and prediction errors."""
+    """Make a DriveFit from a fit in windows: the law's values, intervals and prediction errors."""
     model, covariance = fit.model, fit.covariance
     names = [model.names[k] for k in fit.free]
     vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # standard errors above half the prior's

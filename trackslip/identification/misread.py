@@ -37,7 +37,7 @@ def refuse_cells(drive: PreparedDrive) -> None:
 def refuse_readings(
     drives: Sequence[PreparedDrive], window: Window, now: Array, geometry: RobotGeometry, clock: float
 ) -> None:
-    """Refuse columns that match far better in another reading than as logged; `now` are the matches as logged."""
+    """Refuse columns that match far better if reinterpreted, as with swapped sides; `now` has the matches as logged."""
     if len(now) and now.min() > _CLEARLY:
         return
     readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]
@@ -53,11 +53,11 @@ def refuse_readings(
 
 
 _Reading = tuple[list[PreparedDrive], str, str]
-"""Drives with columns read differently, what it means if this reading fits, and advice to the user."""
+"""Drives with reinterpreted columns, the error message if these match better, and advice to the user."""
 
 
 def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Reading:
-    """Drives with speeds from the scaled changes of the columns, as if these were angles or counters that may wrap."""
+    """Reinterpret the speed columns as angles or counters that may wrap: speeds are their scaled changes."""
     others = []
     for drive in drives:
         change, span = np.diff(drive.omega, axis=0, prepend=drive.omega[:1]), np.ptp(drive.omega, axis=0)
@@ -70,7 +70,7 @@ def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Readin
 
 
 def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
-    """Yield the drives with swapped sides, with changed signs and with other headings."""
+    """Yield reinterpretations of drives: swapped sides, changed signs and other headings."""
     names = {(-1, 1): ("omega_l", "left"), (1, -1): ("omega_r", "right"), (-1, -1): ("omega_l and omega_r", "both")}
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
     for swapped, signs in [*product((False, True), ((1, 1), *names))][1:]:

@@ -130,7 +130,7 @@ class DriveModel:
 
 
 def _lagging(values: Array, drives: Drives, lag: float) -> Array:
-    """Interval means (..., M) of values (..., M) behind a first-order lag [s]; each drive starts settled."""
+    """Apply a first-order lag [s] to interval means (..., M); each drive starts in a settled state."""
     if lag <= 0:
         return values
     step, begins = np.diff(drives.edges), drives.begins
@@ -158,9 +158,9 @@ class Path:
 
 
 def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
-    """A robot's path from the origin, at times `time` (K,), given its motion: speed v, speed u to the left, yaw rate w.
+    """Path of a robot from the origin, at times `time` (K,), with motion at constant twists between `edges` (M + 1,).
 
-    `motion` (3, M), i.e. v, u and w, is constant between `edges` (M + 1,); `slope` (3, f, M) has its derivatives. `row`
+    `motion` (3, M) has forward speeds, speeds to the left and yaw rates; `slope` (3, f, M) has the derivatives. `row`
     (K,) is the interval that contains each time, or the interval whose motion continues up to that time.
     """
     step = np.diff(edges)

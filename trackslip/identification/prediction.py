@@ -88,7 +88,7 @@ class Pairs:
         return cls(drives, start[moving], end[moving], ahead[moving], (way[end] - way[start])[moving])
 
     def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
-        """Errors (n, 3) forwards, to the left and in heading [m, m, rad] for F parameter sets (F, p); NaN if unknown.
+        """Errors (n, 3) forwards, to the left and in heading [m, m, rad] of F parameter sets (F, p); NaN if unknown.
 
         `part` (n,) is the index of the parameter set that predicts each pair.
         """
@@ -147,7 +147,7 @@ def sizes(error: Array) -> Array:
 
 
 def _headings(drives: Drives, path: Path) -> Array:
-    """Sensor headings (K,): measured or, in drives without headings, from fits of the path to past positions."""
+    """Sensor headings (K,) [rad]: measured or, in drives without headings, from fits of the path to past positions."""
     heading = np.where(drives.known[1], drives.heading, np.nan)
     for drive, begin, end in zip(drives.drives, drives.first[:-1], drives.first[1:], strict=True):
         if not drive.has_heading:
@@ -176,9 +176,9 @@ def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, headi
 def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float] = HORIZONS) -> dict[str, float]:
     """Varying slip as a random walk of the pose [m/√m, m/√m, rad/√m], estimated from prediction errors (n, 3).
 
-    The variance of errors, from medians, is that of two poses plus a part that grows with the distance driven, between
-    the shortest and the longest horizon in `ahead` [s]. With a single horizon, the variance of poses is from `spread`
-    (3,). Errors in the first heading and in turns add to the sideways variance.
+    The variance of errors, from medians, is the variance of two poses plus a part that grows with the distance driven,
+    between the shortest and the longest horizon in `ahead` [s]. With a single horizon, `spread` (3,) has the standard
+    deviations of poses. Errors in the first heading and in turns add to the sideways variance.
     """
     names, horizons = ("slip_forward", "slip_sideways", "slip_turn"), np.intersect1d(pairs.horizon, ahead)
     if not len(horizons):
@@ -200,6 +200,6 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
 
 
 def _robust_variance(values: Array) -> float:
-    """Variance of values (n,) from their median size, as for a normal distribution; ignores NaN, 0 without values."""
+    """Variance of values (n,) from their median size, as for a normal distribution; 0 without values other than NaN."""
     size = np.abs(values[np.isfinite(values)])
     return float((1.4826 * np.median(size)) ** 2) if len(size) else 0.0

@@ -45,7 +45,7 @@ class PreparedDrive:
         return bool(np.isfinite(self.pose[:, 2]).any())
 
     def angles(self, time: Array) -> Array:
-        """Angles (2, n) by which the sprockets have turned until encoder times (n,) [rad]."""
+        """Angles (2, n) turned by the sprockets from the start to encoder times (n,) [rad]."""
         turned = np.cumsum(self.omega * np.diff(self.edges)[:, None], axis=0)
         return np.stack([np.interp(time, self.edges, np.append(0.0, side)) for side in turned.T])
 
@@ -78,7 +78,7 @@ def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused
 
 
 def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
-    """Prepare the drive in a log; raises LogError if the robot stands still, poses are too few or times aren't in s."""
+    """Prepare the drive in a log; raises LogError for a robot at rest, too few poses, or times not in seconds."""
     step = float(np.median(np.diff(log.time)))
     if step > 10.0:  # longer than in any log of a driving robot
         raise LogError(f"run {log.run!r}: t rises by {step:.3g} per row: are these ms or ns? It must be in seconds")
@@ -125,7 +125,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
 
 
 def _turned_by(gyro: Array, log: RunLog) -> Array:
-    """Poses (T, 3) with headings from a gyro (T,) [rad/s] and no positions; the sprockets reveal the gyro's bias."""
+    """Poses (T, 3) with headings from a gyro (T,) [rad/s] and NaN positions; the bias comes from sprocket turns."""
     columns = np.column_stack([log.omega @ [-1, 1], np.ones(len(log.time))])
     read = np.isfinite(gyro)
     fit = np.linalg.lstsq(columns[read], gyro[read])[0]
@@ -248,7 +248,7 @@ def _between_readings(time: Array, omega: Array) -> Array:
 
 
 def counts_few_ticks(time: Array, omega: Array) -> bool:
-    """True if nearly all speeds (T, 2) of either sprocket are small multiples of an angle per row, or of a speed."""
+    """True if nearly all speeds (T, 2) of a sprocket are small multiples of a fixed speed, or a fixed angle per row."""
     for size in (np.abs(side * by) for side in omega[1:].T for by in (np.diff(time), 1.0)):
         turning = np.sort(size[size > 1e-9])
         if len(turning):
@@ -261,7 +261,7 @@ def counts_few_ticks(time: Array, omega: Array) -> bool:
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
-    """Merge intervals between `time` (T,) into M, at most `most`; returns ends (M + 1,) and mean `omega` (M, 2)."""
+    """Merge the intervals between `time` (T,) into at most `most`; returns their ends (M + 1,) and means (M, 2)."""
     stride = -(-len(omega) // max(most, 1))
     if stride == 1:
         return time, omega
@@ -309,7 +309,7 @@ class Drives:
         )
 
     def intervals(self, time: Array) -> np.ndarray:
-        """Encoder interval (K,) at each pose's `time` (K,), or the nearest in the pose's drive."""
+        """Index (K,) of the encoder interval in each pose's drive that contains `time` (K,), or is nearest to it."""
         last = np.append(self.begins[1:] - 2, len(self.omega) - 1)
         row = np.searchsorted(self.edges, time, side="right") - 1
         return np.clip(row, self.begins[self.drive], last[self.drive])
@@ -330,14 +330,14 @@ class Drives:
         return headings
 
     def way(self, radius: float) -> Array:
-        """Mean distance (K,) driven by the belts up to each pose, for a sprocket radius [m]."""
+        """Mean distance (K,) driven by the belts up to each pose [m], for a sprocket radius [m]."""
         turned = np.append(0.0, np.cumsum(np.abs(self.omega).mean(axis=1) * np.diff(self.edges)))
         return radius * np.interp(self.time, self.edges, turned)
 
     def blocks(self, length: float) -> np.ndarray:
         """Index (K,) of each pose's block of driving; blocks are no shorter than windows of `length` [s].
 
-        A drive with a single block joins the block before if both drives have the same constant command.
+        A drive with a single block shares the previous drive's last block if both have the same constant command.
         """
         blocks, count, before = [], 0, None
         for drive in self.drives:

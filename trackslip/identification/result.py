@@ -234,7 +234,7 @@ def _stored(law: FittedLaw) -> dict[str, Any]:
 
 
 def _content(law: FittedLaw) -> dict[str, Any]:
-    """The fields of a fit that are stored."""
+    """The fields of a fit that summary.json contains."""
     unstored = ("name", "law", "fit", "missed", "pairs")
     content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
     return content | {"correlation": law.correlation.tolist()}

@@ -66,7 +66,7 @@ class SlipSamples:
         lateral: Array | None = None,
         load: Array | None = None,
     ) -> SlipSamples:
-        """Samples from steady sprocket speeds and twists (n, 2), with any other known fields; Eqs. 2-3.
+        """Make samples from steady sprocket speeds, twists (n, 2) and any other known fields; Eqs. 2-3.
 
         Slip is undefined (NaN) for a track whose sprocket hardly turns. Raises LogError if both sprockets stand still
         or the motion is implausible.
@@ -90,7 +90,7 @@ class SlipSamples:
         return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
 
     def along_robot(self, geometry: RobotGeometry) -> SlipSamples:
-        """The samples with speeds along the robot: corrected for a sensor yaw that is above 0.02 rad and significant.
+        """Correct speeds for the sensor's yaw, if this is above 0.02 rad and significant, to be along the robot.
 
         A sensor X ahead moves to the left at X w; a further leftward speed, proportional to v, comes from its yaw.
         """
@@ -128,7 +128,7 @@ class SlipSamples:
 
 
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
-    """Raise LogError for a run that moves unlike its sprockets: wrong units, signs, sides or gears.
+    """Raise LogError for a run with a motion unlike its sprockets', as from wrong units, signs, sides or gears.
 
     A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
     """

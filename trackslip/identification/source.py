@@ -182,7 +182,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
 
 
 def _geometry(reading: ReadOptions, stored: Any, source: object) -> RobotGeometry:
-    """The geometry from `reading`, completed from the log's (`stored`); raises InvalidValueError if neither has it."""
+    """The geometry from `reading` or, where that is None, from the log (`stored`); InvalidValueError if unknown."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(reading, name)

@@ -103,7 +103,7 @@ class Fit:
 
     @classmethod
     def of(cls, family: LawFamily, samples: SlipSamples, geometry: RobotGeometry) -> Fit:
-        """Fit values and scatter alternately; the first fits use all start values, with scatter instead of errors."""
+        """Fit values and scatter alternately; the first fits try all start values and treat all errors as scatter."""
         speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
         known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
@@ -192,8 +192,8 @@ class Fit:
     def covariance(self) -> Array:
         """Covariance (p, p) of the values; infinite if parameters are interchangeable.
 
-        Runs with the same command may share effects outside the law. So standard errors are no smaller than from fits
-        that leave out one command at a time (CR3, as in `windows`), or one run at a time if there are few commands.
+        Runs with the same command may share effects outside the law. So standard errors are at least those from
+        leaving out one command at a time (CR3, as in `windows`), or one run at a time if there are few commands.
         """
         normal = self._normal[0].sum(axis=0)
         unit = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -220,7 +220,7 @@ class Fit:
         return self.predicted(self.without(labels)[labels])
 
     def undetermined(self, error: Array) -> str:
-        """A message on a parameter that samples don't determine, judging by standard errors (p,); otherwise empty."""
+        """A message on a parameter that the samples don't determine, judged by standard errors (p,); empty if none."""
         limits = self.family.limits(self.geometry.half_gauge)
         for key, value, spread, low, high, scale in zip(self.family.names, self.values, error, *limits, strict=True):
             if value not in (low, high) and spread < max(_VAGUE * scale, abs(value) / 2):
@@ -242,7 +242,7 @@ def folds(labels: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Rms errors of a law's predictions for runs at radii outside its fit."""
+    """Rms errors of a law's predictions for runs at left-out radii."""
 
     slip: float  # rms error of track speeds, relative to the belt speed of the faster sprocket [-]
     linear_speed: float  # rms error [m/s]

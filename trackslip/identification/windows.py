@@ -154,9 +154,9 @@ def residuals(
 def _gyro_residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
-    """The gyro's turn minus the law's turn since the previous row in the window, its derivatives, and where known.
+    """The gyro's minus the law's turn since the previous row in the window, derivatives, and a mask of known values.
 
-    Both turns have the encoder clock, so they don't depend on the clock offset: that derivative is 0.
+    Both turns are timed by the encoder clock, so the derivative by the clock offset is 0.
     """
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
@@ -222,7 +222,7 @@ class WindowFit:
 
 
 def _inverse(bend: Array, normal: Array) -> Array:
-    """Inverse (f, f) of the loss's second derivatives, once these are raised to a fifth of the normal equations."""
+    """Inverse (f, f) of the loss's second derivatives, which are raised to at least a fifth of the normal equations."""
     scale = np.sqrt(np.diag(normal))
     normal, bend = (matrix / np.outer(scale, scale) for matrix in (normal, bend))
     values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))

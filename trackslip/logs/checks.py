@@ -26,7 +26,7 @@ def restarts(time: Array) -> np.ndarray:
 
 
 def unwrapped(heading: Array) -> Array:
-    """Headings (n,) without jumps by whole turns; unchanged if their range and steps are unlike radians."""
+    """Headings (n,) without jumps by whole turns; unchanged if range and steps show that they are not in radians."""
     step = np.abs(np.diff(heading))
     turns = step[step > np.pi]
     if not len(turns) or np.ptp(heading) < 2 * np.pi + 0.1:
@@ -36,7 +36,7 @@ def unwrapped(heading: Array) -> Array:
 
 
 def in_order(time: Array) -> np.ndarray:
-    """Rows (n,) of the largest possible set of ascending times, out of `time` (T,)."""
+    """Rows (n,) of the longest strictly ascending subsequence of `time` (T,)."""
     ends: list[float] = []  # the earliest end among ascending chains of each length
     last: list[int] = []  # the row of that end
     before = np.full(len(time), -1)
@@ -69,7 +69,7 @@ def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Arr
 
 
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
-    """Yaw rates (T,) if plausible, and an empty note; or None, and a note that they don't follow the headings (T,).
+    """Return yaw rates (T,) and an empty note; None and a note if the rates don't follow the headings (T,).
 
     Rates and headings may contain NaN. Raises LogError for rates in a wrong unit or positive clockwise.
     """

@@ -72,7 +72,7 @@ class Columns:
         return f"row {row + 1}, column {name}: {shown} is not {_EXPECTED.get(name, 'a finite number')}"
 
     def categories(self, name: str) -> tuple[np.ndarray, list[str]]:
-        """The distinct texts of a text column, after the index (T,) of each cell's text; nulls count as empty texts."""
+        """The index (T,) of each cell's text, and the distinct texts, in a text column; nulls count as empty texts."""
         try:
             text = self._table.column(name).cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
         except pa.ArrowException as error:

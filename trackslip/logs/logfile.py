@@ -125,7 +125,7 @@ def _with_units(table: pa.Table) -> pa.Table:
 
 
 def runs_file(path: Path) -> Path:
-    """The runs' file in a results folder, or `path` if not a folder; LogError for a folder without runs or too new."""
+    """The runs' file in a results folder, or `path` if not a folder; LogError for a folder with no or too new runs."""
     try:
         if not path.is_dir():
             return path

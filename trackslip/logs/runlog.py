@@ -112,7 +112,7 @@ class RunLog:
 
     @property
     def gyro_sums(self) -> Array | None:
-        """(T, 2) the gyro's turn up to each row [rad], and the duration of its readings [s]; None without a gyro."""
+        """Sums (T, 2) up to each row: the gyro's turn [rad] and the time with readings [s]; None without a gyro."""
         if self.gyro is None:
             return None
         rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
@@ -153,7 +153,7 @@ class Refused:
 
     @classmethod
     def of(cls, run: str, error: LogError) -> Refused:
-        """Refuse a run because of an error; the run's name is removed from the start of the message."""
+        """Make a refusal from an error; the run's name is removed from the start of the message."""
         return cls(run, str(error).removeprefix(f"run {run!r}: "))
 
     def __str__(self) -> str:

@@ -79,6 +79,6 @@ COLUMNS = {column.name: column for column in _ALL}  # columns by name
 
 
 def with_units(table: pa.Table) -> pa.Table:
-    """The table with unit and description as metadata of each known column, and without table metadata."""
+    """Store unit and description as metadata of each known column; removes the table's own metadata."""
     fields = [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema]
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))

@@ -178,7 +178,7 @@ class _Reader:
         self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
 
     def _by_time(self, rows: np.ndarray) -> np.ndarray:
-        """Sort rows by time, as poses may be logged late; rows out of order among their own sensor's stay in place."""
+        """Sort rows by time, as poses may be logged late; rows that break their own sensor's order stay in place."""
         known, time = np.isfinite(self._values[rows, 1:_VALID]), self._values[rows, 0]
         place = time.copy()
         for sensor in np.unique(known, axis=0):
@@ -277,7 +277,7 @@ class _Reader:
 
 
 def _with_heading(table: pa.Table, source: str) -> pa.Table:
-    """Add phi to a table that has a quaternion's columns instead; raises LogError if z or w is missing."""
+    """Add phi to a table that has the columns of a quaternion instead; raises LogError if z or w is missing."""
     matches = [match for name in table.column_names if (match := _QUATERNION.search(name))]
     parts = {match["part"].lower(): match.string for match in matches}
     if "phi" in table.column_names or not parts or len(parts) < len(matches):  # the last: several quaternions
@@ -295,7 +295,7 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
 
 
 def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
-    """The rows of each block of columns, without blocks in which all rows are null."""
+    """Select rows of each block of columns; blocks without values in these rows are left out."""
     return {
         field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
     }

@@ -52,12 +52,12 @@ class Trajectory:
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches of `length` [m] to within a tenth, with a stretch from every pose."""
+    """`errors_between` the ends of stretches of `length` [m], to within a tenth, that start at each pose."""
     return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches of duration `length` [s] to within half an interval, from every pose."""
+    """`errors_between` the ends of stretches of `length` [s], to within half an interval, that start at each pose."""
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
     return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
 
@@ -170,7 +170,7 @@ def odometry_errors(
         clock_offset: encoder clock minus pose clock [s].
 
     Raises:
-        LogError: if no drive has at least two measured poses.
+        LogError: if no drive has at least two measured poses during its encoder readings.
     """
     trajectories, notes = [], []
     for log in [logs] if isinstance(logs, RunLog) else logs:
@@ -238,7 +238,7 @@ def estimated_trajectory(
 
 
 def _readings(log: RunLog, time: Array) -> Array | None:
-    """Mean yaw rates (T,) from the gyro since the previous of the times (T,), NaN if not measured; None without gyro."""
+    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None without a gyro."""
     if log.gyro_sums is None:
         return None
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)

@@ -48,7 +48,7 @@ def no_slip(geometry: RobotGeometry) -> LawInUse:
 def identified_law(
     source: str | Path | Identification, name: str | None = None, robot: RobotGeometry | None = None
 ) -> LawInUse:
-    """Get a law from an identification, or from a JSON file of laws, which may not contain noise and sensor.
+    """Get a law from an identification, or from a JSON file of laws, which has no noise and no sensor.
 
     Args:
         source: an identification, its results folder, or a file that `load_laws` reads.
