@@ -20,8 +20,8 @@ from trackslip.logs.runlog import RunLog
 _MAX_ANGLE = 1e9  # angle above which a value isn't a measurement [rad]
 _TOLERANCE = 0.01  # margin by which wrapped positions may leave their range because of rounding [rad]
 _MOVES = 1e-3  # reported speed above which a joint should move [rad/s]
-_STILL = 0.01  # ratio to the turns of the wheel that turns most below which an encoder counts as dead [-]
-_MIN_WAY = 1.0  # least total turn of the wheel that turns most for encoders to be judged [rad]
+_STILL = 0.01  # ratio to the largest turn of a wheel on the same side, below which an encoder counts as dead [-]
+_MIN_WAY = 1.0  # largest turn of a wheel up to which no encoder counts as dead [rad]
 
 
 @dataclass(frozen=True)

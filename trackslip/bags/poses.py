@@ -138,7 +138,7 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
 
 _MAX_GAP = 0.2  # longest interval between readings that counts as measured [s]
 _CLEARLY = 0.8  # least correlation of turns that leaves no doubt [-]
-_ALONG = 0.98  # component above which the yaw axis counts as an axis of the IMU, which is within 11° of it [-]
+_ALONG = 0.98  # component above which the yaw axis counts as an axis of the IMU, for an angle below 11° [-]
 
 
 def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:

@@ -24,7 +24,7 @@ _FITS = 0.5  # least share of the variance that a credible clock offset explains
 class Clock:
     """The offset between the encoder and pose clocks of a drive."""
 
-    offset: float  # encoder clock minus pose clock [s]; 0 where the motion doesn't show it
+    offset: float  # encoder clock minus pose clock [s]; 0 if the motion doesn't determine it
     share: float = 0.0  # share of the variance in speeds and yaw rates that the wheels explain at this offset
     distinct: bool = False  # true if every other offset leaves at least twice as much variance unexplained
 

@@ -26,7 +26,7 @@ _COMPARED = (1.0, 5.0)  # prediction horizons that decide the window length and 
 class DriveFit(FittedLaw):
     """A law fitted to whole drives."""
 
-    extras: dict[str, float]  # values of `path.EXTRAS`, held or fitted, in m, s and rad
+    extras: dict[str, float]  # values of the parameters in `path.EXTRAS`, held or fitted, in m, s and rad
     held: dict[str, str]  # the reason for each parameter that was held or that the driving doesn't determine
     noise: dict[str, float]
     """Standard deviations. Poses: position [m], heading [rad]. Varying slip: slip_forward and slip_sideways [m/√m],
@@ -88,7 +88,7 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # a machined radius, if not observable
+    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # a machined radius, if unobservable
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()

@@ -13,7 +13,7 @@ from trackslip.identification.gains import Gains, Window, rms, windows_of
 from trackslip.identification.preparation import FEW, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
-_EXACTLY = 0.05  # largest relative deviation of a gain from a wrong unit's: tracks lose no more, except on ice
+_EXACTLY = 0.05  # largest relative deviation of a gain from a wrong unit's factor: tracks slip no more, except on ice
 _CLEARLY = 0.8  # least correlation that leaves no doubt; swapped sides reach 0.6 in two-minute drives
 _BETTER = 0.2  # least increase in the sum of the correlations for which another reading counts as better
 _SLOW = 0.2  # rms belt speed at which no robot turns by an ambiguous angle between two poses [m/s]

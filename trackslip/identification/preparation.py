@@ -1,4 +1,4 @@
-"""Drives prepared for fits: encoder intervals and poses from one or more logs; encoders and poses have own clocks."""
+"""Drives prepared for fits: encoder intervals and poses from logs; encoders and poses have their own clocks."""
 
 from __future__ import annotations
 

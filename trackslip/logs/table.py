@@ -21,7 +21,7 @@ from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
-"""Required columns of a robot log, which also needs x and y, phi or all three. Without `run`, it is a single run."""
+"""Required columns of a robot log, besides x and y, phi or all three. A log without the column `run` is one run."""
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 LATERAL = "lateral"  # optional column of steady samples: speed to the left [m/s]
 BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog

@@ -280,7 +280,7 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
     """Add phi to a table that has the columns of a quaternion instead; raises LogError if z or w is missing."""
     matches = [match for name in table.column_names if (match := _QUATERNION.search(name))]
     parts = {match["part"].lower(): match.string for match in matches}
-    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # the last: several quaternions
+    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # last case: several quaternions
         return table
     missing = [part for part in "zw" if part not in parts]
     if missing:

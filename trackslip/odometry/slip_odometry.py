@@ -1,8 +1,8 @@
 """Odometry by a slip law: computes poses with covariance from encoder readings.
 
 Between two readings, the robot drives an arc with the twist that the law predicts from the sprocket speeds. To first
-order, the error of a pose is a sum over the arcs: arc k has an error e_k of the displacement, in the world frame, and
-an error d_k of the heading, which also turns the path after arc k,
+order, the errors dz_T and dphi_T of place and heading are sums over the arcs: arc k has an error e_k of its
+displacement, in the world frame, and an error d_k of its turn, which also turns the path after arc k,
 
     dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter turn
 
