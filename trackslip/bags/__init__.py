@@ -1,1 +1,1 @@
-"""ROS 1 and ROS 2 bags, read without ROS: their topics, their messages, and the logs of the drives in them."""
+"""ROS 1 and ROS 2 bags, read without ROS: topics, messages, and logs of drives."""

@@ -1,4 +1,4 @@
-"""Choice of the encoders, poses and scans to read from a bag."""
+"""The choice of encoders, poses and scans in a bag."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _TF = "tf:FRAME:FRAME, as in tf:map:base_link"
 
 @dataclass(frozen=True)
 class BagChoice:
-    """Topics and joints to read from a bag; None to choose automatically, where the bag leaves no doubt."""
+    """Topics and joints to read from a bag; None to choose automatically, if the bag is unambiguous."""
 
     encoders: str | None = None
-    """Topic of `sensor_msgs/JointState` with the wheels or sprockets, or of `nav_msgs/Odometry` computed from them.
+    """Topic of `sensor_msgs/JointState` with wheels or sprockets, or of `nav_msgs/Odometry` computed from encoders.
 
-    Several topics of `sensor_msgs/JointState`, separated by commas, if each has some of the joints.
+    If several topics of `sensor_msgs/JointState` have some joints each, they are separated by commas.
     """
     left: tuple[str, ...] | None = None
     """Names of the joints on the left; the mean of their speeds is used."""
@@ -30,15 +30,15 @@ class BagChoice:
     poses: str | None = None
     """Topic of poses, or tf:PARENT:CHILD for the pose of frame CHILD in frame PARENT."""
     imu: str | None = None
-    """Topic of `sensor_msgs/Imu` whose gyro to use; none for no gyro."""
+    """Topic of `sensor_msgs/Imu` with the gyro to use; "none" for no gyro."""
     scan: str | None = None
     """Topic of `sensor_msgs/LaserScan` from a stationary scanner that sees the plate."""
     plate: Plate | None = None
-    """The plate on the robot. If given, poses are those of the plate in the scans."""
+    """Plate on the robot. If given, poses are the plate's poses in the scans."""
     wheels: RobotGeometry | None = None
-    """The geometry that the odometry was computed with, to compute the wheels' speeds from the odometry."""
+    """Geometry with which the odometry was computed; needed to compute wheel speeds from odometry."""
     dead_reckoned: bool | None = None
-    """True to accept poses that repeat the wheels' dead reckoning: to look at them, not to identify slip."""
+    """True to accept poses that repeat the wheels' dead reckoning: for viewing, not for identification."""
 
     def __post_init__(self) -> None:
         for name in SIDES:

@@ -1,4 +1,4 @@
-"""Logs of drives from bags and from files of any kind."""
+"""Logs of drives, from bags and from files of any kind."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns
 
 REPEATED = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
-_STRIDE = 1.0  # time over which the motions of poses and wheels are compared [s]
-_MIN_STRIDES = 10  # as few motions as this, or fewer, prove nothing
-_EXACT = 5e-3  # largest relative residual of poses computed from the wheels; noise-free poses with slip have 6e-3
+_STRIDE = 1.0  # time step over which the motions of poses and wheels are compared [s]
+_MIN_STRIDES = 10  # number of strides up to which a comparison is inconclusive
+_EXACT = 5e-3  # largest relative residual of poses computed from the wheels; noise-free poses with slip reach 6e-3
 _PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
 def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
-    """The runs in a results folder, in a `.parquet` or `.csv` file, or in ROS 1 or ROS 2 bags.
+    """Load the runs in a results folder, in a `.parquet` or `.csv` file, or in ROS 1 or ROS 2 bags.
 
-    Rows and runs that cannot be read are left out, each with a LogWarning that says why. `bag` chooses topics and
-    joints in a bag where the choice is not clear.
+    Unreadable rows and runs are left out, each with a LogWarning that states the reason. `bag` chooses topics and
+    joints if these are ambiguous in a bag.
 
     Raises:
         LogError: if no run can be read, or the file is damaged; the message is one line.
@@ -46,7 +46,7 @@ def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
 
 
 def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
-    """The runs in a log of any kind, and notes on the parts left out; raises LogError if no run can be read."""
+    """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no run can be read."""
     if holds_bags(path):
         return read_bags(path, bag)
     refuse_choice(path, bag)
@@ -54,7 +54,7 @@ def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
 
 
 def holds_bags(path: Path) -> bool:
-    """True for a bag, or for a folder with bags that is not a results folder."""
+    """True for a bag, and for a folder of bags that is not a results folder."""
     try:
         return bool(bags_in(path)) and not (path / RUNS).is_file()
     except OSError:
@@ -62,16 +62,16 @@ def holds_bags(path: Path) -> bool:
 
 
 def refuse_choice(path: Path, bag: BagChoice) -> None:
-    """Raise InvalidValueError for any choice made for a log that is not a bag: it would have no effect."""
+    """Raise InvalidValueError if any choice is made for a log that is not a bag: the choice would have no effect."""
     for name, value in vars(bag).items():
         if value is not None:
             raise InvalidValueError(name, value, f"left out: {path} is no bag")
 
 
 def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
-    """The drives in a bag, or in all bags in a folder, each as a run with the bag's name.
+    """Read the drives in a bag, or in all bags in a folder, each as a run with the bag's name.
 
-    Raises LogError if nothing can be read, TrackslipError if the package rosbags is not installed.
+    Raises LogError if no drive can be read, TrackslipError if the package rosbags is not installed.
     """
     bags = open_bags(path)
     runs: list[RunLog] = []
@@ -101,7 +101,7 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
 
 def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict[str, Bag]:
-    """The drives in a bag called `name`: a single one, unless the clock of the encoders' topic restarts."""
+    """The drives in a bag called `name`: a single drive, unless the clock of the encoders' topic restarts."""
     topic = encoder_topics(bag, choice)[0][0].name
     starts = bag.table(topic, lambda _: (0.0,)).restarts()
     if not len(starts):
@@ -112,9 +112,9 @@ def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict
 
 
 def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tuple[RunLog, str]:
-    """The log of a drive, and a description of the sources used.
+    """Read the log of a drive; returns it with a description of the sources used.
 
-    Adds a line to `notes` for each part left out and each doubt. Raises LogError, which names topic and cause.
+    Adds a line to `notes` for each part left out and each doubt. Raises LogError, with topic and cause.
     """
     encoders = read_encoders(bag, choice, notes)
     if choice.plate is not None:
@@ -146,10 +146,10 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
 
 
 def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
-    """Whether the poses move, and turn, in proportion to the sprockets, as measured poses don't because tracks slip.
+    """Whether distances, and turns, of the poses follow the sprockets exactly; as tracks slip, measured poses don't.
 
     Distances don't depend on whether dead reckoning used the heading at the start or the end of a step. Odometry may
-    be late: linear combinations of the wheels' motions at two times approximate those at any delay.
+    be late: linear combinations of the wheels' motions at two delays approximate the motions at any delay.
     """
     rows = np.flatnonzero(log.has_place & log.has_heading)
     if not len(rows):

@@ -17,22 +17,22 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry, track_speeds
 from trackslip.logs.runlog import RunLog
 
-_MAX_ANGLE = 1e9  # larger angles aren't measurements [rad]
+_MAX_ANGLE = 1e9  # angle above which a value isn't a measurement [rad]
 _TOLERANCE = 0.01  # margin by which wrapped positions may leave their range because of rounding [rad]
-_MOVES = 1e-3  # speed above which a joint that reports it should move [rad/s]
-_STILL = 0.01  # turns, relative to those of the wheel that turns most, below which an encoder is dead [-]
-_MIN_WAY = 1.0  # total turn of the wheel that turns most, up to which no encoder is judged [rad]
+_MOVES = 1e-3  # reported speed above which a joint should move [rad/s]
+_STILL = 0.01  # ratio to the largest turn of a wheel on the same side, below which an encoder counts as dead [-]
+_MIN_WAY = 1.0  # largest turn of a wheel up to which no encoder counts as dead [rad]
 
 
 @dataclass(frozen=True)
 class Encoders(Readings):
-    """Sprocket speeds (T, 2), each a mean since the previous reading [rad/s]; the first equals the second."""
+    """Sprocket speeds (T, 2), means since the previous reading [rad/s]; the first reading equals the second."""
 
     joints: Sides
 
     @property
     def turned(self) -> Array:
-        """(T, 2) angles of the sprockets, starting at 0 [rad]."""
+        """Angles (T, 2) of the sprockets, starting at 0 [rad]."""
         steps = self.values[1:] * np.diff(self.stamp)[:, None] / 1e9
         return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
@@ -52,10 +52,10 @@ class Encoders(Readings):
 
 
 def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
-    """The encoders' readings.
+    """Read the encoders in a bag.
 
     Positions are preferred to velocities; speeds are averaged over the joints on a side. Adds a line to `notes` for
-    each part left out. Raises LogError if there are no encoders, or it is unclear which topics or joints they are.
+    each part left out. Raises LogError if there are no encoders, or if their topics or joints are ambiguous.
     """
     topics, names = encoder_topics(bag, choice)
     joints = _joints(bag, [topic.name for topic in topics], names, choice.wheels, notes)
@@ -81,9 +81,9 @@ def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
 def _joints(
     bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None, notes: list[str]
 ) -> dict[str, Readings]:
-    """Positions [rad] and velocities [rad/s] (N, 2) of each joint by name; NaN where not measured.
+    """Read positions [rad] and velocities [rad/s] (N, 2) of each joint by name; NaN where not measured.
 
-    Raises LogError for a joint that appears in no message.
+    Raises LogError for a joint that is not in any message.
     """
 
     def states(content: Any) -> Iterable[tuple[str, Any, tuple[float, float]]]:
@@ -116,7 +116,7 @@ def _has_positions(position: Array, velocity: Array) -> bool:
 
 
 def _angles(name: str, joint: Readings, by_position: bool) -> Readings:
-    """Angles (n,) of a joint [rad]; raises LogError if most messages don't state any."""
+    """Angles (n,) of a joint [rad]; raises LogError if most messages have neither positions nor velocities."""
     values = joint.values[:, 0 if by_position else 1]
     rows = np.flatnonzero(np.isfinite(values))
     if 2 * len(rows) <= len(values):
@@ -135,10 +135,10 @@ def unwrapped(position: Array) -> Array:
 
 
 def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], notes: list[str]) -> Array:
-    """Mean turns (n,) [rad] of a side's wheels in each interval, from the `turns` of each joint.
+    """Mean turns (n,) [rad] of the wheels on a side in each interval, from the `turns` of each joint.
 
-    An encoder that stands still while others turn is left out, with a note. Raises LogError, which names the topic and
-    the joints, if wheels turn against each other.
+    An encoder that stands still while other wheels turn is left out, with a line in `notes`. Raises LogError, with
+    topic and joints, if wheels turn against each other.
     """
     ways = {name: float(np.abs(turns[name]).sum()) for name in side}
     most = max(ways, key=lambda name: ways[name])
@@ -157,9 +157,9 @@ def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], note
 
 
 def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
-    """The log, with a row for each encoder reading and each pose between the first and the last reading.
+    """Join encoders and poses (N, 3) in a log, with a row for each encoder reading and for each pose between readings.
 
-    Poses (N, 3) get the sprocket speeds of the next reading.
+    A pose's row has the sprocket speeds of the next reading.
     """
     read, start = encoders.stamp, int(encoders.stamp[0])
     measured = np.isfinite(poses.values).any(axis=1)

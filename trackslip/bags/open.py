@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 bags: their topics and messages, read with rosbags."""
+"""ROS 1 and ROS 2 bags: topics and messages, read with rosbags."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ K = TypeVar("K", bound=Hashable)
 
 _METADATA = "metadata.yaml"
 _STORAGES = (".bag", ".mcap", ".db3")
-_WRAPPINGS = (".zstd", ".active")  # suffixes of files that are compressed as a whole, and that were not closed
+_WRAPPINGS = (".zstd", ".active")  # suffixes of files that are compressed as a whole, or were not closed
 _REPAIRS = {
     ".bag": "rosbag reindex {file}",
     ".active": "rosbag reindex {file}",
@@ -34,12 +34,12 @@ _REPAIRS = {
     ".zstd": "zstd -d {file}",
 }
 _MCAP_END = b"\x89MCAP0\r\n"
-_DEPTH = 4  # levels of folders that are searched for bags
-_SHOWN = 12  # most names listed in a message
+_DEPTH = 4  # number of folder levels that are searched for bags
+_SHOWN = 12  # largest number of names in an error message
 
 
 class Message(NamedTuple):
-    """A message, decoded if asked for."""
+    """A message, decoded on request."""
 
     topic: str
     arrival: int
@@ -49,7 +49,7 @@ class Message(NamedTuple):
 
     @property
     def stamp(self) -> int:
-        """The stamp in its header [ns]."""
+        """The stamp in the message's header [ns]."""
         return _stamp(self.content.header)
 
 
@@ -58,7 +58,7 @@ def _stamp(header: Any) -> int:
 
 
 Read = Callable[[Collection[str], bool], Iterator[Message]]
-"""Yields the messages of some topics by time of recording; the flag says whether to decode their content."""
+"""Yields the messages of some topics in order of recording; the flag is true to decode their content."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,13 @@ class Bag:
     """A recording in any supported format."""
 
     name: str
-    path: Path  # the bag's file, or its folder for ROS 2
-    topics: dict[str, Topic]  # by name, in alphabetical order
+    path: Path  # the bag's file or, for ROS 2, its folder
+    topics: dict[str, Topic]  # topics by name, in alphabetical order
     read: Read = field(repr=False)
-    notes: tuple[str, ...] = ()  # parts that are missing, one line each
+    notes: tuple[str, ...] = ()  # missing parts of the recording, one line each
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
-        """The topic with this name; raises LogError if there is none, or its messages are not of type `kind`."""
+        """Look up a topic by name; raises LogError if it doesn't exist or its messages are not of type `kind`."""
         bare = name.strip("/")
         topic = self.topics.get(name) or self.topics.get(f"/{bare}") or self.topics.get(bare)
         if topic is None:
@@ -91,17 +91,17 @@ class Bag:
         return topic
 
     def only(self, names: Sequence[str], what: str, option: str) -> str:
-        """The only one of `names`; if there are several, raises LogError, which tells the user to set `option`."""
+        """The only name in `names`; raises LogError, which suggests `option`, if there are several."""
         if len(names) > 1:
             raise LogError(f"{self.path}: {what} may be {', '.join(names)}: choose with {option}")
         return names[0]
 
     def of_type(self, *types: str) -> list[Topic]:
-        """The topics whose messages have one of the types, written like `sensor_msgs/msg/JointState`."""
+        """Topics whose messages have any of the types, such as `sensor_msgs/msg/JointState`."""
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def between(self, begin: int, end: int) -> Bag:
-        """The bag limited to messages recorded from `begin` to before `end` [ns], and all static transforms."""
+        """Limit the bag to static transforms and messages recorded from `begin` to before `end` [ns]."""
 
         def read(chosen: Collection[str], decode: bool) -> Iterator[Message]:
             for message in self.read(chosen, decode):
@@ -111,13 +111,13 @@ class Bag:
         return replace(self, read=read)
 
     def messages(self, *topics: str) -> Iterator[Message]:
-        """Decoded messages of topics, by time of recording; raises LogError for an unknown topic or a damaged bag."""
+        """Yield decoded messages in order of recording; LogError for an unknown topic or a damaged bag."""
         return self.read([self.topic(name).name for name in topics], True)
 
     def readings(
         self, topics: Sequence[str], parts: Callable[[Any], Iterable[tuple[K, Any, Iterable[float]]]]
     ) -> dict[K, Readings]:
-        """Numbers (N, k) by key, from messages; `parts` returns (key, header, numbers) for each part of a message."""
+        """Collect numbers (N, k) by key; `parts` returns (key, header, numbers) for each part of a message."""
         times: dict[K, array[int]] = defaultdict(lambda: array("q"))
         numbers: dict[K, array[float]] = defaultdict(lambda: array("d"))
         for message in self.messages(*topics):
@@ -131,36 +131,36 @@ class Bag:
         return found
 
     def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> Readings:
-        """The numbers (N, k) that `row` returns for each message of a topic; raises LogError without messages."""
+        """Collect the numbers (N, k) that `row` returns for a topic's messages; raises LogError without messages."""
         found = self.readings([topic], lambda content: [(topic, content.header, row(content))])
         if not found:
             raise LogError(f"topic {topic}: no messages")
         return found[topic]
 
     def first(self, topic: str, most: int) -> list[Message]:
-        """The first messages of a topic, `most` at most."""
+        """The first messages of a topic, at most `most`."""
         return list(islice(self.messages(topic), most))
 
     def arrivals(self) -> dict[str, np.ndarray]:
-        """For each topic, its messages' times of recording (n,), ascending [ns]; reads the whole bag."""
+        """Ascending times of recording (n,) [ns] of each topic's messages; reads the whole bag."""
         times = {name: array("q") for name in self.topics}
         for message in self.read(self.topics, False):
             times[message.topic].append(message.arrival)
         return {name: np.sort(np.array(some, np.int64)) for name, some in times.items()}
 
     def listed(self) -> str:
-        """The first topics and their types, as text for a message."""
+        """The first topics and their types, as text for an error message."""
         return listed([f"{topic.name} ({topic.type})" for topic in self.topics.values()])
 
 
 def listed(names: Sequence[str]) -> str:
-    """The first of some names, as text for a message."""
+    """The first few names, as text for an error message."""
     more = f", ... ({len(names)} of them)" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN] or ["none"]) + more
 
 
 def has_rosbags() -> bool:
-    """True if rosbags and the other packages from the extra `ros` are installed."""
+    """True if rosbags and the other packages of the extra `ros` are installed."""
     try:
         for package in ("rosbags.typesys", "mcap", "pymap3d"):
             importlib.import_module(package)
@@ -176,13 +176,13 @@ def require_rosbags() -> None:
 
 
 def open_bags(path: str | Path) -> list[Bag]:
-    """The bag in a file, or all bags in a folder: subfolders with a metadata.yaml, and single files elsewhere.
+    """Open the bag in a file, or all bags in a folder: subfolders with a metadata.yaml, and single files elsewhere.
 
     Files are `.bag` for ROS 1, `.mcap` or `.db3` for ROS 2. An MCAP file whose end is missing is read as far as it
-    goes, see `Bag.notes`. If some bags can be read, others that can't be are left out, with a note.
+    goes, see `Bag.notes`. Unreadable bags in a folder are left out, with a note, if another bag can be read.
 
     Raises:
-        LogError: if there is no bag, or none can be read: the message names a command that may repair it.
+        LogError: if there is no bag, or no bag can be read: the message names a command that may repair the file.
         TrackslipError: if rosbags is not installed.
     """
     require_rosbags()
@@ -207,7 +207,7 @@ def open_bags(path: str | Path) -> list[Bag]:
 
 
 def bags_in(path: Path) -> list[Path]:
-    """The paths of the bags in a folder (subfolders with metadata, or single files), or of the bag in a file."""
+    """Paths of the bags in a folder (subfolders with metadata, or single files), or the path of a single bag file."""
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
     patterns = ("/".join("*" * depth) for depth in range(1, _DEPTH + 1))
@@ -223,7 +223,7 @@ def _is_bag_file(path: Path) -> bool:
 
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
-    """Turn exceptions from readers into a one-line LogError, which names a command that may repair the file."""
+    """Turn exceptions from readers into a one-line LogError with a command that may repair the file."""
     try:
         yield
     except LogError:
@@ -246,7 +246,7 @@ def _open(path: Path) -> Bag:
 
 
 def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...] = ()) -> Bag:
-    """A bag with these topics, except those without messages."""
+    """Make a bag with all topics that have messages; raises LogError if there are none."""
     by_name = {topic.name: topic for topic in sorted(topics, key=lambda topic: topic.name) if topic.count}
     if not by_name:
         raise LogError(f"{path}: it has no messages")
@@ -265,7 +265,7 @@ def _indexed(path: Path) -> Bag:
             topics = [
                 Topic(name, topic.msgtype, topic.msgcount)
                 for name, topic in reader.topics.items()
-                if topic.msgtype is not None  # messages of several types
+                if topic.msgtype is not None  # None if messages have several types
             ]
         return _bag(path, topics, partial(_read_indexed, path))
 
@@ -279,7 +279,7 @@ def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator
 
 
 def _reader(path: Path) -> Any:
-    """A reader for a file or folder; message types are those of ROS 2 Humble if the bag doesn't define them."""
+    """A reader for a file or folder; uses the message types of ROS 2 Humble if the bag doesn't define its own."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
@@ -287,7 +287,7 @@ def _reader(path: Path) -> Any:
 
 
 def _streamed(path: Path) -> Bag:
-    """The bag in an MCAP file without an index, such as a recorder leaves behind when its battery goes flat."""
+    """Open the bag in an MCAP file without an index, such as from a recorder with a flat battery."""
     counts: Counter[tuple[str, str]] = Counter()
     with _refusing(path):
         size = regular_file(path).stat().st_size
@@ -318,7 +318,7 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
 
 
 def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
-    """Schema, channel and message of each record, as far as the file goes."""
+    """Yield schema, channel and message of each complete record in an MCAP file."""
     from mcap.exceptions import RecordLengthLimitExceeded
     from mcap.reader import NonSeekingReader
 

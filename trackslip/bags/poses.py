@@ -1,4 +1,4 @@
-"""Measured poses, projected onto the plane, and the yaw rate from an IMU's gyro, from the messages in a bag."""
+"""Poses in the plane, and yaw rates from an IMU's gyro, from the messages in a bag."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import paired_turns
 from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
-_NO_FIX = 0  # status below which a message has no fix: sensor_msgs/NavSatStatus
-_MAX_ALTITUDE = 1e5  # altitudes above this mean nothing [m]
-_MIN_WAY = 0.1  # distance beyond which a constant heading is doubtful [m]
+_NO_FIX = 0  # least status of a message with a fix: sensor_msgs/NavSatStatus
+_MAX_ALTITUDE = 1e5  # altitude above which a value is invalid [m]
+_MIN_WAY = 0.1  # extent of a path above which a constant heading is doubtful [m]
 
 
 def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
-    """The poses (N, 3) in the plane from a topic or from tf:PARENT:CHILD [m, m, rad]; NaN where not measured.
+    """Read poses (N, 3) in the plane from a topic or from tf:PARENT:CHILD [m, m, rad]; NaN where not measured.
 
     Headings are not unwrapped. Adds a line to `notes` for each part left out and each doubt. Raises LogError if there
     are no poses.
@@ -45,7 +45,7 @@ def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
 
 
 def _read(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
-    """Positions and quaternions (N, 7) of a topic's poses, NaN where not measured; meaningless poses are left out."""
+    """Positions and quaternions (N, 7) from a topic, NaN where not measured; poses with invalid x or y are left out."""
     if topic.type == FIX:
         return _fixes(bag, topic, notes)
     if topic.type == IMU:
@@ -63,14 +63,14 @@ def _read(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
 
 
 def _orientation(imu: Any) -> tuple[float, ...]:
-    """An IMU's quaternion, without a position; NaN if a covariance of -1 says that it is not measured."""
+    """An IMU's quaternion, after a NaN position; NaN, too, if a covariance of -1 marks it as not measured."""
     turn, unknown = imu.orientation, (np.nan,) * 3
     measured = imu.orientation_covariance[0] != -1
     return (*unknown, turn.x, turn.y, turn.z, turn.w) if measured else (np.nan,) * 7
 
 
 def _place_and_turn(content: Any) -> tuple[float, ...]:
-    """Position [m] and quaternion from a message with a pose."""
+    """Position [m] and quaternion from a message that contains a pose."""
     if hasattr(content, "transform"):
         return pose_numbers(content.transform.translation, content.transform.rotation)
     pose = content.pose.pose if hasattr(content.pose, "covariance") else content.pose
@@ -78,7 +78,7 @@ def _place_and_turn(content: Any) -> tuple[float, ...]:
 
 
 def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
-    """The positions of satellite fixes, east and north of the first fix, without quaternions."""
+    """Positions of satellite fixes relative to the first fix (east, north, up) [m], with NaN quaternions."""
     from pymap3d import geodetic2enu
 
     def numbers(fix: Any) -> tuple[float, ...]:
@@ -99,7 +99,7 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
 
 
 def _headings(name: str, poses: Array, notes: list[str]) -> Array:
-    """Headings (N,) of poses (N, 7), NaN where not measured; meaningless headings are also NaN, with a note."""
+    """Headings (N,) of poses (N, 7), NaN where not measured; invalid headings are also NaN, with a line in `notes`."""
     place, turn = poses[:, :2], poses[:, 3:]
     heading = np.full(len(poses), np.nan)
     if np.isnan(turn).all():
@@ -121,7 +121,7 @@ def _headings(name: str, poses: Array, notes: list[str]) -> Array:
 def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
     """Headings (n,) of the x axes of quaternions (n, 4), counter-clockwise seen from above [rad].
 
-    All are NaN if most rotations are tilted too much for a heading. Adds a line to `notes` for tilts above 20°.
+    All headings are NaN if most rotations are tilted too much. Adds a line to `notes` for tilts above 20°.
     """
     heading, tilt = heading_and_tilt(Rotation.from_quat(quaternion))
     steep = tilt > MAX_TILT
@@ -136,15 +136,15 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
     return np.full(len(heading), np.nan)
 
 
-_MAX_GAP = 0.2  # longest time between readings that counts as measured [s]
+_MAX_GAP = 0.2  # longest interval between readings that counts as measured [s]
 _CLEARLY = 0.8  # least correlation of turns that leaves no doubt [-]
-_ALONG = 0.98  # component of the yaw axis above which it is one of the IMU's own axes: within 11° [-]
+_ALONG = 0.98  # component above which the yaw axis counts as an axis of the IMU, for an angle below 11° [-]
 
 
 def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
-    """The gyro's angular velocities (n, 3) about its frame's axes [rad/s]; None without any, noted if there is an IMU.
+    """Read a gyro's angular velocities (n, 3) about its frame's axes [rad/s]; None if the bag has none.
 
-    Their `source` is a text with the topic and the frame.
+    The readings' `source` contains topic and frame. Adds a line to `notes` for an IMU without angular velocities.
     """
     topic = imu_topic(bag, choice)
     if topic is None:
@@ -160,15 +160,15 @@ def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
 
 
 def _rates(imu: Any) -> tuple[float, ...]:
-    """An IMU's angular velocities; NaN if a covariance of -1 says that they are not measured."""
+    """An IMU's angular velocities [rad/s]; NaN if a covariance of -1 marks them as not measured."""
     rate = imu.angular_velocity
     return (rate.x, rate.y, rate.z) if imu.angular_velocity_covariance[0] != -1 else (np.nan,) * 3
 
 
 def with_gyro(log: RunLog, imu: Readings, start: int, notes: list[str]) -> tuple[RunLog, str]:
-    """The log, whose time begins at `start` [ns], with the IMU's yaw rate, and a description of the rate's source.
+    """Add the IMU's yaw rate to a log that starts at `start` [ns]; returns the log and a description of the source.
 
-    The yaw axis is the one about which the IMU turns when the headings do (without headings, the sprockets); z if
+    The yaw axis is the axis about which the IMU turns when headings (or, without these, sprockets) turn; it is z if
     nothing turns. If no axis follows the turns, adds a line to `notes` and returns the log without gyro.
     """
     time = seconds(imu.stamp, start)

@@ -1,4 +1,4 @@
-"""Runs from encoders and scans in a bag, of a robot with a plate in front of a stationary laser range finder."""
+"""Runs from a bag with encoders and scans, where a stationary laser range finder sees a plate on the robot."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from trackslip.logs.runlog import RunLog, ScanLog
 
 @dataclass(frozen=True)
 class Scans(Readings):
-    """Ranges (S, B) of scans, all with the same beams, stamped at their first rays [m]."""
+    """Ranges (S, B) of scans with the same beams [m], stamped at the first beam of each scan."""
 
-    first: Any  # the first message, with angles, limits and frame
+    first: Any  # first message, with angles, limits and frame
 
 
 def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
-    """The scans of a topic.
+    """Read the scans of a topic.
 
-    Scans whose beams differ from those of most are left out, with a line in `notes`. Raises LogError without scans.
+    Scans whose beams differ from most scans' are left out, with a line in `notes`. Raises LogError without scans.
     """
     topic = scan_topic(bag, name)
     first: dict[Any, Any] = {}
@@ -51,9 +51,9 @@ def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
 def plate_log(
     bag: Bag, run: str, encoders: Encoders, scans: Scans, plate: Plate, notes: list[str]
 ) -> tuple[RunLog, str]:
-    """The log of a run, with the plate's poses and ranges, and a description of the sources used.
+    """Make the log of a run with the plate's poses and ranges; returns it with a description of the sources used.
 
-    Adds a line to `notes` for each doubt. Raises LogError, which names topic and cause.
+    Adds a line to `notes` for each doubt. Raises LogError, with topic and cause, if the plate can't be followed.
     """
     notes += clocks_apart(encoders, scans)
     mount, upside_down, source = _mount(bag, scans, notes)
@@ -79,7 +79,7 @@ def plate_log(
 
 
 def _mount(bag: Bag, scans: Scans, notes: list[str]) -> tuple[Array, bool, str]:
-    """Pose (3,) of the scanner from the transforms or, without any, 0; whether it is upside down; the pose's source."""
+    """The scanner's pose (3,), from transforms or 0; whether the scanner is upside down; the source of its pose."""
     frame = scans.first.header.frame_id
     try:
         fixed = read_fixed(bag, frame, notes) if frame else None

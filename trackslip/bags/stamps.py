@@ -1,4 +1,4 @@
-"""Checks on message stamps: in order, from one clock, not zero, and not in bursts."""
+"""Checks on message stamps: order, zeros, bursts, and clocks that restart or differ."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, restarts
 
 _SIMULATED = 10**17  # stamps before this time, in 1973, are from a simulation [ns]
-_APART = 1.0  # difference of delays above which clocks differ: matching a scan takes less [s]
-_BURST = 0.1  # interval, relative to the usual one, below which readings came in a burst: speeds would be ten-fold
-_SHORTEST = 500_000  # least usual interval, half that of the fastest controllers, which run at 1 kHz [ns]
+_APART = 1.0  # difference between delays above which clocks differ: matching a scan takes less time [s]
+_BURST = 0.1  # ratio to the usual interval below which readings are in a burst, with more than tenfold speeds
+_SHORTEST = 500_000  # least usual interval: half that of the fastest controllers, which run at 1 kHz [ns]
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Numbers from stamped messages."""
+    """Numbers read from stamped messages."""
 
     source: str  # the topic, or tf:PARENT:CHILD
     stamp: np.ndarray  # (N,) int: stamps in the headers [ns]
@@ -28,22 +28,22 @@ class Readings:
 
     @property
     def delay(self) -> Array:
-        """(N,) times from the stamps to the recording [s]."""
+        """Delays (N,) from stamps to times of recording [s]."""
         return np.asarray((self.arrival - self.stamp) / 1e9)
 
     @property
     def changes(self) -> np.ndarray:
-        """The first row, and all rows whose values differ from the row before (n,)."""
+        """Rows (n,) whose values differ from the row before, including the first row."""
         return np.flatnonzero(np.append(True, (self.values[1:] != self.values[:-1]).any(axis=1)))
 
     def take(self, rows: np.ndarray) -> Self:
-        """Some of the readings, given by their rows (n,) or a mask (N,)."""
+        """Select readings by rows (n,) or by a mask (N,)."""
         return replace(self, stamp=self.stamp[rows], arrival=self.arrival[rows], values=self.values[rows])
 
     def ascending(self, notes: list[str]) -> Self:
-        """The largest set of readings whose stamps ascend in the order of recording.
+        """Select the largest set of readings whose stamps ascend in the order of recording.
 
-        Adds a line to `notes`, once, for each kind of reading left out. Raises LogError if most stamps are 0.
+        Adds a line to `notes`, once, for each reason why readings are left out. Raises LogError if most stamps are 0.
         """
         stamp, lines, zero = self.stamp, [], self.stamp == 0
         if zero.mean() > 0.5:
@@ -73,14 +73,14 @@ class Readings:
 
 
 def seconds(stamp: np.ndarray, origin: int) -> Array:
-    """Times (n,) of stamps (n,) [ns] since the origin [s]."""
+    """Convert stamps (n,) [ns] to times (n,) since `origin` [ns] in seconds."""
     return np.asarray((stamp - origin) / 1e9)
 
 
 def without_bursts(stamp: np.ndarray) -> np.ndarray:
-    """The row of the last reading in each burst, given ascending stamps (N,) [ns].
+    """Rows of readings without bursts, given ascending stamps (N,) [ns]: only the last reading of each burst is kept.
 
-    Messages that waited in a queue may be stamped microseconds apart. The last of them is the latest reading, and a
+    Messages that waited in a queue may be stamped microseconds apart. The last message is the latest reading, and a
     mean since the last reading of the previous burst is a valid speed.
     """
     interval = np.diff(stamp)
@@ -90,10 +90,10 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
 
 
 def clocks_apart(ours: Readings, theirs: Readings) -> list[str]:
-    """A line if two topics' clocks differ by a constant, as the delays of their messages show; otherwise none.
+    """Notes (one, or none) on clocks of two topics that differ by a constant, according to the messages' delays.
 
-    A delay is the time from the stamp in a header to the recording, whose clock is the same for both. Raises LogError
-    if the stamps of the two topics do not overlap.
+    A delay is the time from the stamp in a header to the recording, which has a common clock for both topics. Raises
+    LogError if the stamps of the two topics do not overlap.
     """
     apart = abs(float(np.median(ours.delay) - np.median(theirs.delay)))
     spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))

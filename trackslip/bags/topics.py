@@ -1,4 +1,4 @@
-"""The encoders, poses, gyros and scans that a bag offers, and the choice among them."""
+"""The encoders, poses, gyros and scans in a bag, and the choice among them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ POSE_TYPES = (
     "geometry_msgs/msg/TransformStamped",
     FIX,
 )
-"""Message types that poses are read from, besides transforms."""
+"""Message types with poses, besides transforms."""
 _TICKS = re.compile(r"std_msgs/msg/U?Int\d+(MultiArray)?")
 Sides = tuple[tuple[str, ...], tuple[str, ...]]  # names of the joints on the left and on the right
-WHEELS: Sides = ("left wheels",), ("right wheels",)  # stand for the joints if odometry is used
+WHEELS: Sides = ("left wheels",), ("right wheels",)  # placeholders for joints if odometry is used
 
-# Words in the names of topics, joints and frames that ROS packages for robots and localization use.
+# Words in the names of topics, joints and frames from ROS packages for robots and localization.
 _WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
 _LESSER_IMU = r"camera|realsense|zed|oak|lidar|ouster|\bos\d?_|livox|velodyne|raw"
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -39,11 +39,11 @@ _LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc"
 _RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
 _FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
 _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
-_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000  # number of first messages that are searched for names
+_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000  # number of messages that are searched for names, from the start
 
 
 class PoseOrigin(Enum):
-    """Origins of poses, from independent of the wheels to computed from the wheels."""
+    """Origins of poses, in order of decreasing independence from the wheels."""
 
     CHOSEN = "as asked for"
     MOCAP = "motion capture"
@@ -67,16 +67,16 @@ _MARKS = {
 
 @dataclass(frozen=True)
 class PoseSource:
-    """A topic or a pair of frames with poses."""
+    """A topic or a pair of frames that has poses."""
 
     name: str  # the topic, or tf:PARENT:CHILD
     origin: PoseOrigin
 
 
 def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
-    """The topic or topics with the encoders, and the joints on the left and on the right.
+    """The topics with the encoders, and the joints on the left and on the right.
 
-    Raises LogError if the choice doesn't fit the bag, or is not clear: the message lists what the bag has.
+    Raises LogError if the choice doesn't fit the bag or is ambiguous: the message lists the bag's topics or joints.
     """
     if choice.encoders is not None:
         topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
@@ -106,7 +106,7 @@ def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
 
 
 def _instead(bag: Bag) -> str:
-    """Advice for a bag without joint states, to end an error message."""
+    """Advice on a bag without joint states, as the end of an error message."""
     ticks = [topic for topic in bag.topics.values() if _TICKS.fullmatch(topic.type)]
     if ticks:
         named = listed([f"{topic.name} ({topic.type})" for topic in ticks])
@@ -120,7 +120,7 @@ def _instead(bag: Bag) -> str:
 
 
 def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | None:
-    """The chosen joints, or those recognised by their names; None if none are recognised."""
+    """The chosen joints or, by default, joints recognised by name; None if no joints are recognised."""
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
     return sides(_joint_names(bag, topics))
@@ -132,9 +132,9 @@ def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
 
 
 def sides(names: Sequence[str]) -> Sides | None:
-    """Names of the driven joints on the left and on the right; None if they aren't recognised.
+    """Names of the driven joints on the left and on the right; None if these are not recognised.
 
-    Joints with names of wheels or tracks are preferred; joints of arms, steering and the like are ignored.
+    Joints named after wheels or tracks are preferred; joints of arms, steering and similar parts are ignored.
     """
     candidates = [name for name in names if not any(_OTHER.fullmatch(word) for word in _words(name))]
     for some in ([name for name in candidates if _DRIVES.search(name)], candidates):
@@ -145,7 +145,7 @@ def sides(names: Sequence[str]) -> Sides | None:
 
 
 def _side(name: str) -> str:
-    """The side in a joint's name: left, right, or an empty text if the name contains neither or both."""
+    """The side in a joint's name: left, right, or an empty string if the name contains neither or both."""
     words, plain = _words(name), name.lower()
     left = bool(words & _LEFT) or "left" in plain
     right = bool(words & _RIGHT) or "right" in plain
@@ -155,19 +155,19 @@ def _side(name: str) -> str:
 
 
 def _words(name: str) -> set[str]:
-    """The words in a name, in lower case: front, left and wheel for front_leftWheel2."""
+    """The words in a name, in lower case, such as front, left and wheel for front_leftWheel2."""
     return {word.lower() for word in _WORDS.findall(name)}
 
 
 def pose_sources(bag: Bag) -> list[PoseSource]:
-    """All sources of poses in a bag, the best first."""
+    """All sources of poses in a bag, best first."""
     topics = [topic for topic in bag.of_type(*POSE_TYPES) if not re.search(_WANTED, topic.name, re.IGNORECASE)]
     found = [*(PoseSource(topic.name, _origin(bag, topic)) for topic in topics), *_in_transforms(bag)]
     return sorted(found, key=lambda source: list(PoseOrigin).index(source.origin))
 
 
 def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
-    """The source chosen, or else the best; an IMU's headings come last. LogError if there is none or no single best."""
+    """The chosen pose source or, by default, the best; IMUs come last. LogError if there is none or no single best."""
     if choice.poses is not None:
         name = choice.poses if choice.poses.startswith("tf:") else bag.topic(choice.poses).name
         return PoseSource(name, PoseOrigin.CHOSEN)
@@ -180,13 +180,13 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
         needed = f"no other topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
         raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
     best = [source for source in sources if source.origin is sources[0].origin]
-    best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state
+    best = [source for source in best if source.name in bag.topics] or best  # transforms repeat topics' poses
     bag.only([source.name for source in best], "poses", "--poses TOPIC")
     return best[0]
 
 
 def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
-    """The origin of a topic's poses, according to its name, type and frame."""
+    """The origin of a topic's poses, according to the topic's name, type and frame."""
     usual = {FIX: PoseOrigin.FIX, ODOMETRY: PoseOrigin.WHEELS}.get(topic.type, PoseOrigin.MATCHED)
     origin = next((origin for origin, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
     if origin in (PoseOrigin.FUSED, PoseOrigin.WHEELS) and topic.type == ODOMETRY:
@@ -197,7 +197,7 @@ def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
 
 
 def _in_transforms(bag: Bag) -> list[PoseSource]:
-    """The poses of robot bodies in the root frames of the transforms, if the transforms have such bodies."""
+    """Sources in the transforms: robot bodies with their root frames."""
     parents = parents_of(frames_of(bag, _FRAME_MESSAGES))
     of_name = ([child for child in sorted(parents) if _last(child) == name] for name in _BODIES)
     sources = []
@@ -214,7 +214,7 @@ def _last(frame: str) -> str:
 
 
 def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
-    """The topic chosen, or else the one with most messages, but IMUs inside other sensors last; None without any."""
+    """The chosen IMU topic or, by default, the one with most messages; IMUs in other sensors come last. May be None."""
     if choice.imu is not None:
         return None if choice.imu == "none" else bag.topic(choice.imu, IMU)
 
@@ -225,7 +225,7 @@ def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
 
 
 def scan_topic(bag: Bag, name: str | None = None) -> Topic:
-    """The topic of scans, by default the only one; raises LogError if there is none, or several."""
+    """The topic of scans called `name` or, by default, the only one; raises LogError if there is none, or several."""
     if name is not None:
         return bag.topic(name, LASER_SCAN)
     topics = bag.of_type(LASER_SCAN)

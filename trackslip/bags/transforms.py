@@ -1,4 +1,4 @@
-"""Poses of one frame in another over time, from the transforms (tf) in a bag."""
+"""Poses of a frame in another frame over time, from the transforms (tf) in a bag."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-MAX_PLACE = 1e9  # places farther away mean nothing [m]
+MAX_PLACE = 1e9  # coordinate above which a place is invalid [m]
 MAX_TILT = np.radians(20.0)
 """Tilt from the vertical above which the heading and the planar path of a robot or a scanner are doubtful [rad]."""
-_TOLERANCE = 0.02  # most that a quaternion's norm may differ from 1: single precision and rounded text stay below
+_TOLERANCE = 0.02  # largest deviation of a quaternion's norm from 1: single precision and rounded text stay below
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
-_USUAL_GAPS = 5.0  # the same, in usual intervals of the transform; the longer of both counts [-]
+_USUAL_GAPS = 5.0  # longest time in usual intervals of the transform; the longer of both limits applies [-]
 
-Pair = tuple[str, str]  # a frame, and a frame whose pose is given in it
+Pair = tuple[str, str]  # a parent frame, and the child frame with its pose in the parent
 Link = tuple[Readings, bool]
-"""Transforms (n, 7) between two frames, a single one if constant, and whether a chain follows them forwards."""
+"""Transforms (n, 7) between two frames (n = 1 if constant), and whether they lead from parent to child in a chain."""
 
 
 def frames_of(bag: Bag, most: int) -> list[Pair]:
-    """The pairs of frames linked by the first `most` transform messages of each topic."""
+    """Pairs of frames that the first `most` transform messages of each topic link."""
     messages = (message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most))
     return [*dict.fromkeys(_pair(link) for message in messages for link in message.content.transforms)]
 
 
 def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:
-    """The parent of each frame: the frame in which its pose is given."""
+    """Map each child frame to its parent frame, in which its pose is given."""
     return {child: parent for parent, child in pairs}
 
 
@@ -48,10 +48,10 @@ def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
 
 
 def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
-    """The poses of `child` in `parent`: places [m] and quaternions x, y, z, w (n, 7).
+    """Read the poses of `child` in `parent`: places [m] and quaternions x, y, z, w (n, 7).
 
-    There is one for each change of the link that changes least often (map to odom, for example, changes when a scan is
-    matched); the other links are interpolated. Raises LogError if the frames are unknown or not connected, or no
+    A pose is computed at each change of the link that changes least often (for example, map to odom changes when a scan
+    is matched); all other links are interpolated. Raises LogError if the frames are unknown or not connected, or no
     transform between them can be read.
     """
     transforms = read_transforms(bag)
@@ -64,9 +64,9 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
 
 
 def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rotation] | None:
-    """The outermost frame in which a frame is fixed, and the frame's place (3,) [m] and rotation there.
+    """The outermost frame above a fixed frame, and the fixed frame's place (3,) [m] and rotation in it.
 
-    None if the frame has no transforms. Raises LogError if the frame moves in the outermost one.
+    None if the frame has no parent. Raises LogError if the frame moves in the outermost frame.
     """
     frame = frame.strip("/")
     transforms = read_transforms(bag)
@@ -85,7 +85,7 @@ def _pair(transform: Any) -> Pair:
 
 
 def read_transforms(bag: Bag) -> dict[Pair, Readings]:
-    """Transforms (n, 7) for each pair of frames: places [m] and quaternions x, y, z, w."""
+    """Read the transforms (n, 7) for each pair of frames: places [m] and quaternions x, y, z, w."""
 
     def numbers(content: Any) -> Iterator[tuple[Pair, Any, tuple[float, ...]]]:
         for link in content.transforms:
@@ -95,14 +95,14 @@ def read_transforms(bag: Bag) -> dict[Pair, Readings]:
 
 
 def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
-    """Coordinates x, y, z and quaternion x, y, z, w from the corresponding parts of a message."""
+    """Coordinates x, y, z and quaternion x, y, z, w from the two parts of a message's pose."""
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
 def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: str, notes: list[str]) -> list[Link]:
     """The links that lead from frame `parent` to frame `child`.
 
-    Raises LogError if one of the frames doesn't exist, or no links connect them.
+    Raises LogError if either frame doesn't exist or no links connect the frames.
     """
     frames = {frame for pair in transforms for frame in pair}
     for frame in (parent, child):
@@ -122,7 +122,7 @@ def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: st
 
 
 def _link(pair: Pair, transforms: Readings, notes: list[str]) -> Readings:
-    """The transforms between two frames; only the last one if they never change."""
+    """The valid transforms between two frames; only the last if they never change. LogError if none is valid."""
     name = f"tf {pair[0]} -> {pair[1]}"
     good = are_unit(transforms.values[:, 3:]) & (np.abs(transforms.values[:, :3]) <= MAX_PLACE).all(axis=1)
     if not good.any():
@@ -138,7 +138,7 @@ def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:
 
 
 def are_unit(quaternion: Array) -> np.ndarray:
-    """(n,) bool: which quaternions (n, 4) are of unit length."""
+    """(n,) bool: true for quaternions (n, 4) of unit length."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) <= _TOLERANCE)
 
@@ -171,7 +171,7 @@ def _composed(links: Sequence[Link], stamp: np.ndarray) -> tuple[Array, Rotation
 
 
 def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether each stamp (n,) lies between two of a link's transforms that aren't far apart."""
+    """(n,) bool: true for stamps (n,) between two transforms of a link that are close enough for interpolation."""
     after = np.clip(np.searchsorted(link.stamp, stamp), 1, len(link.stamp) - 1)
     before, next_ = link.stamp[after - 1], link.stamp[after]
     longest = max(_MAX_GAP, _USUAL_GAPS * float(np.median(np.diff(link.stamp))) / 1e9)
@@ -180,7 +180,7 @@ def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
 
 
 def _at(link: Readings, stamp: np.ndarray) -> tuple[Array, Rotation]:
-    """Places (n, 3) and rotations (n) of a link at stamps (n,) within its range; a single one if it never changes."""
+    """Places (n, 3) and rotations (n) of a link at stamps (n,) in its range; a single place and rotation if fixed."""
     place, turn = link.values[:, :3], Rotation.from_quat(link.values[:, 3:])
     if len(link.stamp) == 1:
         return place[0], turn[0]

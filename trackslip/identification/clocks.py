@@ -1,6 +1,6 @@
-"""The offset between the encoder and pose clocks, from the correlation of speeds and of turns at all shifts.
+"""The offset between the encoder and pose clocks, from the correlations of speeds and of turns at all time shifts.
 
-Neither gains nor the signs of turns affect it.
+The offset is independent of gains and of the signs of turns.
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.checks import unwrapped
 
-NEAR = 2.0  # largest offset that a fit finds by itself, equal to the prior's width in `path.EXTRAS` [s]
-GRID = 0.1  # step of the common grid, and the clock error that gains allow for [s]
+NEAR = 2.0  # largest offset that a fit finds by itself; also the prior's standard deviation in `path.EXTRAS` [s]
+GRID = 0.1  # step of the common time grid, and the clock error that gains allow for [s]
 _HALF = 0.5  # half the time over which velocities are computed: noise of 2 cm then becomes 3 cm/s [s]
 _FITS = 0.5  # least share of the variance that a credible clock offset explains
 
 
 @dataclass(frozen=True)
 class Clock:
-    """How far apart the encoder and pose clocks of a drive are."""
+    """The offset between the encoder and pose clocks of a drive."""
 
-    offset: float  # encoder clock minus pose clock [s]; 0 where the motion doesn't show it
-    share: float = 0.0  # share of the variance in speeds and yaw rates that the wheels explain with this offset
-    distinct: bool = False  # true if no other offset leaves less than twice the variance
+    offset: float  # encoder clock minus pose clock [s]; 0 if the motion doesn't determine it
+    share: float = 0.0  # share of the variance in speeds and yaw rates that the wheels explain at this offset
+    distinct: bool = False  # true if every other offset leaves at least twice as much variance unexplained
 
 
 def median_offset(clocks: Iterable[Clock]) -> float:
-    """The median of the offsets of at most NEAR that the motion shows [s]; 0 if there are none."""
+    """Median of the clock offsets up to NEAR that could be determined from motion [s]; 0 if there are none."""
     return float(np.median([each.offset for each in clocks if each.share > 0 and abs(each.offset) <= NEAR] or [0.0]))
 
 
 def clock_of_drive(drive: PreparedDrive) -> Clock:
-    """The clock offset at which a drive's encoders and poses fit best; more than NEAR only if that is much better."""
+    """The clock offset at which a drive's encoders and poses match best; offsets above NEAR must match much better."""
     poses = np.column_stack([drive.time, drive.pose])
     if drive.beyond is not None:
         poses = np.concatenate([poses, drive.beyond])
@@ -70,7 +70,7 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
 
 
 def _velocities(time: Array, pose: Array, grid: Array, half: float) -> tuple[Array, Array]:
-    """Measured speeds [m/s] and yaw rates [rad/s] (N,) around the times `grid` (N,), NaN where not known."""
+    """Measured speeds (N,) [m/s] and yaw rates (N,) [rad/s] around the times `grid` (N,); NaN where unknown."""
     placed, headed = np.isfinite(pose[:, 0]), np.isfinite(pose[:, 2])
     speed, turn = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
     if placed.sum() > 2:
@@ -90,7 +90,7 @@ def _velocities(time: Array, pose: Array, grid: Array, half: float) -> tuple[Arr
 
 
 def _limited(values: Array) -> Array:
-    """Values (N,), with NaN for values out of all proportion, such as where poses jump."""
+    """Replace outliers in values (N,), such as those from jumps in poses, with NaN."""
     size = np.abs(values)
     if np.isnan(size).all():
         return values
@@ -98,15 +98,15 @@ def _limited(values: Array) -> Array:
 
 
 def _far(time: Array, grid: Array, half: float) -> np.ndarray:
-    """(N,) bool: whether each time of the grid lies in a gap."""
+    """(N,) bool: true for times `grid` (N,) that lie in a gap between successive values of `time`."""
     row = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     return np.asarray(time[row] - time[row - 1] > 2 * half)
 
 
 def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Array:
-    """Squared correlation (S,) of values (N,) with the wheels' values `by` (M,), for each shift (S = N + M - 1).
+    """Squared correlation (S,) of values (N,) with the wheels' values `by` (M,), at each shift (S = N + M - 1).
 
-    It is 0 if less than half of the shorter series, or fewer than `least` points, overlap, or `positive` excludes it.
+    It is 0 if fewer than `least` points or half the shorter series overlap and, with `positive`, if it is negative.
     """
     known = np.isfinite(values)
     if known.sum() < least:

@@ -1,4 +1,4 @@
-"""Laws with 95 % intervals, compared on the same data: the best, and the best of those that odometry can express."""
+"""Laws with 95 % intervals, compared on the same data: the best law, and the best that odometry can express."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 
-FEWEST_BLOCKS = 6  # independent parts of driving needed for an interval
-_SINGULAR = 1e-12  # ratio of an eigenvalue to the largest, below which the data determine nothing
-_FEWEST_EFFECTIVE = 3.0  # with fewer effective blocks, Student's t says nothing about a parameter
+FEWEST_BLOCKS = 6  # least number of independent parts of driving for an interval
+_SINGULAR = 1e-12  # ratio to the largest eigenvalue below which the data determine nothing
+_FEWEST_EFFECTIVE = 3.0  # least number of effective blocks for which Student's t is meaningful
 
 
 class Gain(NamedTuple):
-    """A value with a 95 % interval, whose ends are NaN if there is too little driving."""
+    """A value with a 95 % interval; both ends are NaN if there is too little driving."""
 
     value: float
     low: float
@@ -32,20 +32,20 @@ class Gain(NamedTuple):
         return (self.high - self.low) / 2
 
     def to_json(self) -> dict[str, float | None]:
-        """The three numbers; None for NaN."""
+        """The value and both ends of the interval, with None for NaN."""
         return {name: None if np.isnan(value) else value for name, value in self._asdict().items()}
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedLaw:
-    """A law with values identified from steady samples or whole drives."""
+    """A law with parameter values identified from steady samples or whole drives."""
 
     name: str  # name of the law's family
     law: SlipLaw  # the law with the values below
     values: dict[str, float]  # parameters of the law by name, in their units
     stderr: dict[str, float]  # standard errors of the fitted parameters
     interval95: dict[str, tuple[float, float]]  # 95 % intervals of the fitted parameters
-    correlation: Array  # of the fitted parameters, in the order of stderr
+    correlation: Array  # correlation matrix of the fitted parameters, in the order of stderr
 
 
 def uncertainty(
@@ -64,10 +64,10 @@ def uncertainty(
 
 
 def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
-    """Steps (G, f) of f parameters from the minimum without each of G parts of the data to the minimum with all data.
+    """Newton steps (G, f) of f parameters from the minimum without each of G data parts to the minimum with all data.
 
-    They are by Newton's method. `rest` (G, f, f) has the normal equations without each part, `score` (G, f) the right
-    side from each part. Steps are 0 where the remaining data determine nothing.
+    `rest` (G, f, f) has the normal equations without each part, `score` (G, f) the right-hand side from each part.
+    Steps are 0 where the remaining data determine nothing.
     """
     scale = np.sqrt(np.maximum(np.einsum("gaa->ga", rest), 1e-200))
     inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True)
@@ -75,7 +75,7 @@ def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
 
 
 def cr3(apart: Array) -> Array:
-    """Covariance (f, f) of parameters, from the changes `apart` (G, f) without each block; NaN for too few blocks.
+    """Covariance (f, f) of parameters from their changes `apart` (G, f) without each block; NaN for too few blocks.
 
     CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.
     """
@@ -87,8 +87,8 @@ def cr3(apart: Array) -> Array:
 def student(blocks: Array, normal: Array) -> Array:
     """Student's t (f,) for 95 % intervals of f parameters, from normal equations: per block (G, f, f) and total (f, f).
 
-    A parameter that few blocks determine has few degrees of freedom: one less than the effective number of blocks, by
-    their shares of information on it (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
+    A parameter that few blocks determine has few degrees of freedom: the effective number of blocks, from their shares
+    of the information, minus one (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
     """
     inverse = np.linalg.inv(normal)
     share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
@@ -97,26 +97,26 @@ def student(blocks: Array, normal: Array) -> Array:
 
 
 REFERENCE = "icr_radius"
-"""The law that is fitted first, as the start for other laws, and the best law where nothing can be compared."""
+"""The law that is fitted first, as the start for other laws; it is also the best law if laws can't be compared."""
 LEAST_ERROR = 1e-3
-"""Mean prediction error, or difference of mean errors, too small to notice [m, rad, or relative]."""
+"""Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or relative]."""
 Fit = TypeVar("Fit", bound=FittedLaw)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """The best law out of several."""
+    """The best law among several."""
 
     best: str  # the law that predicts motion best or, among laws that predict it equally well, the simplest
-    reason: str  # why it is best, in one sentence
-    score: Mapping[str, float]  # by law, its mean error over the smallest of any law, averaged over the criteria [-]
+    reason: str  # why `best` is best, in one sentence
+    score: Mapping[str, float]  # by law: mean error relative to the smallest of any law, averaged over criteria [-]
     expressible: str | None = None
-    """The best law that a differential drive's odometry can express, chosen likewise; None if there is none."""
+    """The law, chosen like `best`, that a differential drive's odometry can express; None if there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Choice):
-    """Laws identified from the same data."""
+    """Laws identified from the same data, with the choice of the best."""
 
     laws: Mapping[str, FittedLaw]  # fits by law name, the best first
     warnings: tuple[str, ...]  # remarks on the fits, one line each
@@ -124,17 +124,17 @@ class Comparison(Choice):
 
 @dataclass(frozen=True)
 class Criterion:
-    """Errors of laws on the same data."""
+    """Prediction errors of laws on the same data."""
 
     errors: Mapping[str, Array]  # (n,) errors by law
-    block: np.ndarray  # (n,) index of the independent part of the data that each error is from
-    unnoticed: float  # largest difference of mean errors that doesn't matter
+    block: np.ndarray  # (n,) for each error, index of the independent part of the data
+    unnoticed: float  # largest difference between mean errors that doesn't matter
 
     def as_good_as(self, errors: Array, leader: int) -> np.ndarray:
-        """(L,) bool: whether each law's mean of `errors` (L, n) exceeds the leader's by no more than chance explains.
+        """(L,) bool: true for laws whose mean of `errors` (L, n) exceeds the leader's mean by no more than chance.
 
-        A difference up to `unnoticed` doesn't count. Chance is one standard error, from the scatter of the sums over
-        blocks. With fewer than five blocks, whose scatter is unknown, it is a quarter of the leader's mean error.
+        A difference up to `unnoticed` doesn't count. Chance is one standard error, from the scatter of block sums. With
+        fewer than five blocks, whose scatter is unknown, chance is a quarter of the leader's mean error.
         """
         worse = errors - errors[leader]
         mean, (number, block) = worse.mean(axis=1), np.unique(self.block, return_inverse=True)
@@ -147,9 +147,9 @@ class Criterion:
 
 
 def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]) -> Choice | None:
-    """The best law, and the best that odometry can express, according to `rank`; None if `rank` can't decide.
+    """Choose the best law and the best that odometry can express, according to `rank`; None if `rank` returns None.
 
-    A law that odometry can't express is best only if a parameter that those laws don't have differs from zero.
+    A law that odometry can't express is best only if a parameter that no law for odometry has differs from zero.
     """
     linear = {name: law for name, law in laws.items() if is_expressible(name)}
     choice, among = rank(laws), rank(linear) if linear else None
@@ -165,10 +165,10 @@ def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice |
 
 
 def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choice | None:
-    """The best law according to criteria, one for each time ahead; None without criteria.
+    """Choose the best law according to criteria, one per prediction horizon; None without criteria.
 
-    The leader has the smallest errors by most criteria. Laws as good as the leader by most criteria, within a standard
-    error of the mean difference over blocks, count as equal; the simplest of them is best.
+    The leader has the smallest errors by most criteria. Laws that are as good as the leader by most criteria, within
+    one standard error of the mean difference over blocks, count as equal; the simplest of these laws is best.
     """
     if not criteria:
         return None
@@ -188,7 +188,7 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
 
 
 def _terms(name: str, law: FittedLaw) -> float:
-    """The number of a law's parameters, plus a half if odometry can't express the law."""
+    """Number of a law's parameters, plus a half if odometry can't express the law."""
     return len(law.values) + 0.5 * (not is_expressible(name))
 
 
@@ -198,6 +198,6 @@ def is_expressible(name: str) -> bool:
 
 
 def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
-    """True if sprocket speeds (n, 2) [rad/s] often imply lateral accelerations that may affect slip: above 0.5 m/s²."""
+    """True if sprocket speeds (n, 2) [rad/s] often imply lateral accelerations that may affect slip (> 0.5 m/s²)."""
     v, w = body_twist(omega, 0.0, geometry).T
     return bool(np.mean(np.abs(v * w) > 0.5) > 0.05)

@@ -1,4 +1,4 @@
-"""Laws fitted to whole drives and compared by their predictions, and reasons to doubt them."""
+"""Comparison of laws fitted to whole drives by their predictions, and reasons to doubt the best law."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ TODAY = "today"  # name of the prediction without identification: dead reckoning
 
 @dataclass(frozen=True, kw_only=True)
 class DriveComparison(Comparison):
-    """Laws identified from drives, compared by their predictions of driving that they were not fitted to."""
+    """Laws identified from whole drives, compared by their predictions of held-out driving."""
 
     look: Look  # first look at the drives, before any law is fitted
     laws: Mapping[str, DriveFit]  # fits by law name, the best first
     errors: Mapping[str, Mapping[float, PredictionErrors]]
-    """Errors of held-out predictions by law and horizon [s], preceded by those of TODAY and GAINS."""
+    """Held-out prediction errors for each law and horizon [s]; TODAY and GAINS come first."""
     alarms: tuple[Alarm, ...]  # reasons not to trust the best law
 
 
@@ -48,10 +48,10 @@ def compare_drives(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> DriveComparison:
-    """Fit laws to the drives of a first look and predict driving that they were not fitted to.
+    """Fit laws to the drives of a first look and compare their predictions of held-out driving.
 
-    `names` are the laws, by default all families made for drives. `step(1.0)` is called after each law. Raises LogError
-    if no law can be fitted.
+    `names` are the laws, by default all families made for drives. `step(1.0)` is called after each fitted law. Raises
+    LogError if no law can be fitted.
     """
     fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
     start = look.gains.start(geometry, look.clock)
@@ -95,12 +95,12 @@ def compare_drives(
 
 
 def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
-    """The gains of a first look, in the form of a fitted law."""
+    """The first look's gains in the form of a fitted law."""
     model, values = reference.fit.model, look.gains.law(reference.fit.model.geometry)
     speed, turn = (gain or Gain(1.0, np.nan, np.nan) for gain in (look.gains.speed, look.gains.turn))
     wide = model.geometry.half_gauge * speed.value / turn.value
     slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
-    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # from the half widths of intervals
+    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # from the intervals' half-widths
     return replace(
         reference,
         name=GAINS,
@@ -114,19 +114,19 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
 
 
 def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
-    """The values (p,) of a model's parameters, given some by name; 0 for the others."""
+    """Values (p,) of a model's parameters: from `known` by name, otherwise 0."""
     return np.array([known.get(name, 0.0) for name in model.names])
 
 
 def _alarms(law: DriveFit, known: Mapping[str, Array]) -> list[Alarm]:
-    """Reasons not to trust the best law, some from errors (n, 3) of predictions without it."""
+    """Reasons not to trust the best law; `known` has the prediction errors (n, 3) of TODAY and GAINS."""
     alarms = [
         Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}") for name in law.at_limit
     ]
     if law.blocks < FEWEST_BLOCKS:
         what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
         return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
-    fitted = law.pairs.errors(law.fit.model, law.fit.values[None])  # two gains are fitted to all of the driving, too
+    fitted = law.pairs.errors(law.fit.model, law.fit.values[None])  # GAINS are fitted to all driving, too
     for name, ours, others in ((TODAY, law.missed, "the robot does today"), (GAINS, fitted, "two gains do")):
         for criterion in law.pairs.criteria({name: known[name], law.name: ours}):
             both = np.stack([criterion.errors[name], criterion.errors[law.name]])

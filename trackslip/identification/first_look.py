@@ -1,8 +1,8 @@
 """A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the driving can determine.
 
-Unusable logs are refused in one line that names the quantity, its value and what to do. All else is only reported: a
-gain far from 1 is no error, as wheels may slip on ice or be smaller than thought. Poses that jump off the wheels' path
-and soon return are wild, and left out; where poses stay off, as after a relocalisation, the drive is cut.
+Unusable logs are refused in one line that names the quantity, its value and a remedy. Other findings are only reported:
+a gain far from 1 is no error, as wheels may slip on ice or be smaller than assumed. Poses that leave the wheels' path
+and soon return are wild and left out; where poses stay off it, as after a relocalisation, the drive is cut.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from trackslip.identification.misread import matches_of, refuse_cells, refuse_re
 from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
-MOST_WILD = 3  # most successive poses that are wild, or placeholders; more are a path of their own
-_NOISE = 0.1  # share of outlying motions above which all outliers count as noise
+MOST_WILD = 3  # most successive poses that may be wild or placeholders; a longer series is a path of its own
+_NOISE = 0.1  # largest share of outlying motions; above it, all outliers count as noise
 
 Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]
-"""For n motions, from the indices (n,) of their first and last poses: how far they miss the wheels' path, and how much
-of that slip explains, (2, n) each [m, rad]."""
+"""Maps the indices (n,) of the first and last poses of n motions to deviations from the wheels' path (2, n), and to the
+largest deviations that slip explains (2, n) [m, rad]."""
 
 
 def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], list[int]]:
-    """Indices of wild poses out of `count`, and of the first pose after each lasting jump.
+    """Find the wild poses among `count` poses and the first pose after each lasting jump; returns their indices.
 
-    A motion is not a jump if slip explains it to within `limit` (2,) [m, rad].
+    A motion isn't a jump if slip explains its deviation to within `limit` (2,) [m, rad].
     """
     step, limit = np.arange(1, count), limit[:, None]
     size, slip = missed(step - 1, step)
@@ -58,7 +58,7 @@ _OUTLYING = 10.0  # limit for jumps [robust standard deviations]: bursts of slip
 
 @dataclass(frozen=True)
 class Alarm:
-    """A warning that a user must see before trusting any law."""
+    """A warning that users must see before they trust a law."""
 
     kind: str  # one word, such as match, units or little
     line: str
@@ -66,19 +66,19 @@ class Alarm:
 
 @dataclass(frozen=True)
 class Look:
-    """What the drives show before any law is fitted."""
+    """Findings from drives before any law is fitted."""
 
     drives: tuple[PreparedDrive, ...]  # without wild poses, cut at lasting jumps
-    gains: Gains  # ratios of measured distances and turns to the wheels', and the sensor's rough place
-    clock: float  # encoder clock minus pose clock at which encoders and poses fit best, a start value for fits [s]
-    left_turns: float  # sum of turns to the left [rad]
-    right_turns: float  # sum of turns to the right, not negative [rad]
+    gains: Gains  # ratios of measured distances and turns to the wheels', and the sensor's approximate place
+    clock: float  # encoder clock minus pose clock for the best match, a start value for fits [s]
+    left_turns: float  # sum of all turns to the left [rad]
+    right_turns: float  # sum of all turns to the right, as a positive angle [rad]
     duration: float  # total duration of the drives with poses [s]
     notes: tuple[str, ...]  # remarks on the log, one line each
     alarms: tuple[Alarm, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The content as plain numbers and texts, with None for NaN."""
+        """The fields, except `drives`, as plain numbers and strings, with None for NaN."""
         content = {name: value for name, value in vars(self).items() if name not in ("drives", "gains")}
         content["alarms"] = [vars(alarm) for alarm in self.alarms]
         gains = ("speed", self.gains.speed), ("turn", self.gains.turn)
@@ -86,7 +86,7 @@ class Look:
 
 
 def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look:
-    """Look at drives; raises LogError, with one line that says what to do, if the log can't be used."""
+    """Inspect drives; raises LogError, with a one-line remedy, if the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
     clocks = [_checked_clock(drive) for drive in drives]
@@ -126,7 +126,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
 
 
 def _checked_clock(drive: PreparedDrive) -> Clock:
-    """The clock of a drive; raises LogError if encoders and poses are too far apart in time for a fit to align them."""
+    """A drive's clock offset; raises LogError if encoders and poses are too far apart for fits to align them."""
     clock = clock_of_drive(drive)
     ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
     if clock.distinct and differ > NEAR:
@@ -144,7 +144,7 @@ def _checked_clock(drive: PreparedDrive) -> Clock:
 
 
 def _alarms(drives: Sequence[PreparedDrive], gains: Gains, duration: float, matches: Array) -> list[Alarm]:
-    """Reasons to doubt any law."""
+    """Reasons to doubt any law fitted to the drives."""
     alarms = list[Alarm]()
     match = float(np.abs(matches).mean()) if len(matches) else 1.0
     if match < 0.5:
@@ -164,7 +164,7 @@ def _alarms(drives: Sequence[PreparedDrive], gains: Gains, duration: float, matc
 
 
 def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: float) -> list[str]:
-    """What the log is, which shows turns to the left and to the right [rad]."""
+    """Remarks on the log's content; `left` and `right` are the sums of turns to each side [rad]."""
     headed, placed = (np.mean([np.isfinite(d.pose[:, k]).any() for d in drives]) for k in (2, 0))
     interval = float(np.median([drive.interval for drive in drives]))
     step = float(np.median(np.concatenate([np.diff(drive.edges) for drive in drives])))
@@ -191,7 +191,7 @@ def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: fl
 def without_jumps(
     drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
 ) -> tuple[list[PreparedDrive], list[str]]:
-    """A drive's parts, without wild poses and cut at lasting jumps, and a line on each; short parts are left out."""
+    """Drop wild poses and cut the drive at lasting jumps; returns all parts that are long enough, and notes."""
     wild, lasting = _jumps(drive, geometry, gains, clock)
     notes, cut = [], ": the drive is cut there"
     for rows, what, then in ((wild, "wild pose", ""), (lasting, "lasting jump", cut)):
@@ -211,9 +211,9 @@ def without_jumps(
 
 
 def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of wild poses, and of the first pose after each lasting jump, compared to dead reckoning with gains.
+    """Indices of wild poses and of the first pose after each lasting jump, judged by dead reckoning with gains.
 
-    As wheels may slip completely and a stamp may be off by one step, a deviation that these explain is no jump.
+    A deviation isn't a jump if complete slip of the wheels or a stamp that is off by one step can explain it.
     """
     steps = Steps.of(Drives.of([drive]), geometry, clock, margin=NEAR)
     speed, turn = gains.factors
@@ -235,14 +235,14 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
     if len(steps.time) < 2:
         return steps.rows[:0], steps.rows[:0]
     step = np.arange(1, len(steps.time))
-    harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # jumps that don't matter to a robust loss [m, rad]
+    harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # jumps small enough for a robust loss [m, rad]
     limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed(step - 1, step)[0], axis=1), harmless)
     wild, lasting = find_jumps(len(steps.time), missed, limit)
     return steps.rows[wild], steps.rows[lasting]
 
 
 def _part(drive: PreparedDrive, rows: np.ndarray, clock: float) -> PreparedDrive:
-    """The drive limited to some rows of poses, and to encoder intervals within a few seconds of these."""
+    """The drive limited to some rows of poses, and to encoder intervals within three seconds of these poses."""
     first, last = drive.time[rows[[0, -1]]] + clock + np.array([-3.0, 3.0])
     begin = max(int(np.searchsorted(drive.edges, first)) - 1, 0)
     end = min(int(np.searchsorted(drive.edges, last)) + 1, len(drive.edges))

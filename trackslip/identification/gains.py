@@ -1,7 +1,7 @@
 """Gains: how far a robot moves and turns per metre and radian of its wheels, by robust regression over windows.
 
-People compute the same by hand: the measured distance divided by the wheels', and the measured turn divided by the
-wheels'. Without headings, a turn is the angle between successive chords of the path.
+By hand, a gain is the measured distance (or turn) divided by that of the wheels. Without headings, a turn is the angle
+between successive chords of the path.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW = 2.0
-"""Duration of windows [s]: noise of 2 cm is then 5 % of a slow robot's distance, and arcs stay below half a turn."""
+"""Duration of windows [s]: noise of 2 cm is then 5 % of a slow robot's distance, and arcs are below half a circle."""
 _HUBER = 1.345  # [standard deviations]: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of distances and of turns; None if the driving doesn't determine a gain."""
+    """The gains of distances and of turns, and the sensor's place."""
 
-    speed: Gain | None
-    turn: Gain | None
-    heading: float = 0.0  # direction of forward motion in the frame of the headings [rad]; 0 without headings
+    speed: Gain | None  # gain of distances; None if the driving doesn't determine it
+    turn: Gain | None  # gain of turns; None if the driving doesn't determine it
+    heading: float = 0.0  # heading of the sensor in the robot [rad]; 0 without headings
     arm: complex = 0j  # place of the sensor in the robot, x + i y [m]; 0 without headings
 
     @property
@@ -37,7 +37,7 @@ class Gains:
         return self.speed.value if self.speed else 1.0, self.turn.value if self.turn else 1.0
 
     def law(self, geometry: RobotGeometry) -> dict[str, float]:
-        """The gains as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
+        """The gains as constant ICRs: 1 + ε is the gain of speed, (1 + ε) b / (b + D) that of yaw rate."""
         speed = self.factors[0]
         turn = self.turn.value if self.turn else speed
         if min(speed, turn) <= 0:  # the poses hardly match the wheels
@@ -45,31 +45,31 @@ class Gains:
         return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
 
     def start(self, geometry: RobotGeometry, clock: float) -> dict[str, float]:
-        """Start values for fits, by name, with a clock offset [s]; values of the law only if distances are known."""
+        """Start values for fits, by name, including a clock offset [s]; law parameters only if `speed` is known."""
         place = {"sensor_x": self.arm.real, "sensor_y": self.arm.imag, "sensor_yaw": self.heading}
         return (self.law(geometry) if self.speed else {}) | place | {"clock_offset": clock}
 
 
 class Window(NamedTuple):
-    """Motion in n windows of drives."""
+    """Motion of drives in n windows."""
 
     distance: Array  # (n,) distance of the wheels [m]
-    turn: Array  # (n,) turn of the wheels [rad]; without headings, from this window's mean direction to the next one's
-    moved: np.ndarray  # (n,) measured motion in the sensor frame, complex; without headings, the chord's length [m]
-    turned: Array  # (n,) measured turn [rad]; without headings, from this chord to the next one; NaN where not known
+    turn: Array  # (n,) turn of the wheels [rad]; without headings, between mean directions of this window and the next
+    moved: np.ndarray  # (n,) measured motion in the sensor frame, complex [m]; without headings, the chord's length
+    turned: Array  # (n,) measured turn [rad]; without headings, from this chord to the next; NaN where unknown
     block: np.ndarray  # (n,) index of the block of driving
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The poses of drives that encoders cover, and the wheels' motion up to each pose."""
+    """The poses between the first and last encoder readings of drives, and the wheels' motion up to each pose."""
 
     rows: np.ndarray  # (K,) indices of the poses
     drive: np.ndarray  # (K,) index of the drive
     time: Array  # (K,) times of the poses [s]
-    place: np.ndarray  # (K,) positions, complex [m]; NaN where not known
-    heading: Array  # (K,) headings, interpolated to positions [rad]; NaN in drives without headings
-    distance: Array  # (K,) distance of the wheels [m]
+    place: np.ndarray  # (K,) positions, complex [m]; NaN where unknown
+    heading: Array  # (K,) headings, interpolated at positions [rad]; NaN in drives without headings
+    distance: Array  # (K,) distance driven by the wheels [m]
     turn: Array  # (K,) turn of the wheels [rad]
     moment: Array  # (K,) integral of the wheels' turn over the distance [rad m]
 
@@ -77,7 +77,7 @@ class Steps:
     def of(
         cls, drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, margin: float = 0.0
     ) -> Steps:
-        """The steps, with wheels read `shift` [s] later than this clock says, and going on for `margin` [s] at ends."""
+        """Steps of drives, with wheels read `shift` [s] later than by `clock`, and `margin` [s] added at both ends."""
         of, at = drives.drive, drives.time + clock
         placed = (np.bincount(of, drives.known[0], len(drives.drives)) > 1)[of]
         edges, ends = drives.edges.copy(), np.append(drives.begins[1:], len(drives.edges)) - 1
@@ -100,13 +100,13 @@ class Steps:
 
     @property
     def moved(self) -> np.ndarray:
-        """(K - 1,) measured motions along arcs, relative to the headings, complex [m]; NaN where not known."""
+        """Measured motions (K - 1,) along arcs, relative to the headings, complex [m]; NaN where unknown."""
         turn = np.diff(self.heading)
         chord = np.diff(self.place) * np.exp(-0.5j * (self.heading[1:] + self.heading[:-1]))
         return chord / np.maximum(np.sinc(turn / (2 * np.pi)), 0.1)
 
     def ends(self, length: Array) -> np.ndarray:
-        """Poses (n + 1,) that bound windows of about the duration `length` (K,) [s]; windows end with their drive."""
+        """Poses (n + 1,) that bound windows of about `length` (K,) [s]; windows end with their drive."""
         begin = self.time[np.searchsorted(self.drive, self.drive)]
         number = np.floor((self.time - begin + 1e-9) / length)
         other = np.diff(self.drive) != 0
@@ -117,9 +117,9 @@ class Steps:
 def windows_of(
     drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
 ) -> Window:
-    """Motion of drives in windows, with the wheels read `shift` [s] later than this clock offset says.
+    """Motion of drives in windows, with wheels read `shift` [s] later than by the clock offset `clock` [s].
 
-    If no drive has headings, distances are lengths of chords, for arcs that turn by `turn_gain` times the wheels' turn.
+    If no drive has headings, distances are chord lengths of arcs that turn by `turn_gain` times the wheels' turn.
     """
     steps = Steps.of(drives, geometry, clock, shift)
     length = np.maximum(WINDOW, 2 * np.array([drive.interval for drive in drives.drives]))[steps.drive]
@@ -147,19 +147,19 @@ def windows_of(
         direction = (steps.moment[end] - steps.moment[begin]) / np.where(moving, distance, 1.0)
         distance, moved = np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))), np.abs(chord) + 0j
         turn = np.append(np.diff(direction), 0.0)
-        turned[np.abs(turn) > 2.0] = np.nan  # chords are ambiguous for turns of half a circle and more
+        turned[np.abs(turn) > 2.0] = np.nan  # chords are ambiguous for turns by half a circle or more
     return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
 
 
 def _longest(chord: np.ndarray, distance: Array, aside: Array) -> float:
-    """Length of chords (n,) that only jumps of the poses exceed [m], by the wheels' motion (n,) along and aside [m]."""
+    """Largest plausible length of chords (n,) [m], given the wheels' `distance` (n,) and motion `aside` (n,) [m]."""
     moving = np.isfinite(chord) & (np.abs(distance) > 0.3 * rms(distance))
     usual = np.median(np.abs(chord[moving] / distance[moving])) if moving.any() else 0.0
     return float(3 * usual * (np.abs(distance) + np.abs(aside)).max(initial=0.0)) or np.inf
 
 
 def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
-    """Gains from the drives with headings, or from all drives if none has headings."""
+    """Compute gains from the drives with headings, or from all drives if none has headings."""
     headed = [drive for drive in drives.drives if drive.has_heading]
     if 0 < len(headed) < len(drives.drives):
         drives = Drives.of(headed)
@@ -176,10 +176,10 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     known = np.isfinite(window.moved) & (np.isfinite(window.turned) if headed else True)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
         way, turned = window.distance[known], window.turned[known]
-        unit = max(rms(window.moved[known]) / rms(way), 1.0)  # of x and y, as mm
-        aside = (2 * geometry.half_gauge * unit) ** -2  # of the sensor
+        unit = max(rms(window.moved[known]) / rms(way), 1.0)  # unit of x and y, such as mm
+        aside = (2 * geometry.half_gauge * unit) ** -2  # prior precision of the sensor's place
         if not headed or (way @ turned) ** 2 > 0.9 * (way @ way) * (turned @ turned):
-            aside = 1e12  # nearly on a circle, an offset to the side looks like a gain
+            aside = 1e12  # nearly on a circle, a sideways offset looks like a gain
         across = window.turned if headed else np.zeros(len(known))
         columns = np.column_stack([window.distance, across, late[:, 0]])
         moved = window.moved if headed else window.moved.real
@@ -192,12 +192,12 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
 
 
 def _tells(values: Array, least: float) -> bool:
-    """True if the sizes of values (n,) add up to more than `least`, with more than two values."""
+    """True if there are more than two values (n,) and their absolute values sum to more than `least`."""
     return len(values) > 2 and np.abs(values).sum() > least
 
 
 def rms(values: np.ndarray) -> float:
-    """Root mean square of values (n,) without NaN; 0 for no values."""
+    """Root mean square of values (n,), ignoring NaN; 0 without values."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(np.abs(known) ** 2))) if len(known) else 0.0
 
@@ -211,19 +211,19 @@ class _Regression(NamedTuple):
 def _regression(
     columns: Array, values: np.ndarray, window: Window, rows: np.ndarray, prior: Sequence[float]
 ) -> _Regression:
-    """Regression of values (n,) on columns (n, k), with Huber's loss, over the windows selected by `rows` (n,).
+    """Regress values (n,) on columns (n, k) with Huber's loss, over the windows selected by `rows` (n,).
 
     Complex values have complex coefficients. `prior` (k,) has the precisions of the coefficients' priors around 0.
     """
     columns, values = columns[rows], values[rows]
     weight, scale = np.ones(len(values)), 0.0
-    for _ in range(20):  # until weights hardly change
+    for _ in range(20):  # enough for the weights to converge
         normal = columns.T @ (weight[:, None] * columns) + np.diag(np.multiply(prior, scale**2) + 1e-12)
         fit = np.linalg.solve(normal, columns.T @ (weight * values))
         size = np.abs(values - columns @ fit)
         scale = max(1.4826 * float(np.median(size)), 1e-9)
         weight = np.minimum(1.0, _HUBER * scale / np.maximum(size, 1e-12))
-    # without a block, by one step of Newton's method with first and second derivatives of the loss, not the weights
+    # fits without a block take one Newton step with derivatives of the loss instead of the weights
     bend = np.where(size > _HUBER * scale, 0.5 * weight * np.iscomplexobj(values), 1.0)
     _, number = np.unique(window.block[rows], return_inverse=True)
     hessian = np.zeros((int(number.max()) + 1, len(fit), len(fit)))
@@ -236,6 +236,6 @@ def _regression(
 
 
 def _gain(value: float, without: Array, quantile: float) -> Gain:
-    """A gain with its interval, from values (G,) without each block of driving and Student's t."""
+    """A gain with its interval, from the values (G,) without each block of driving and Student's t."""
     half = float(quantile * np.sqrt(cr3(without[:, None] - value)[0, 0]))
     return Gain(float(value), float(value) - half, float(value) + half)

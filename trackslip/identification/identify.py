@@ -38,13 +38,13 @@ def identify(
     """Identify slip laws from steady runs or from any driving.
 
     Args:
-        source: a folder of results, a `.parquet` or `.csv` file of traces or steady samples, a bag of ROS 1 or ROS 2, a
+        source: a results folder, a `.parquet` or `.csv` file of traces or steady samples, a ROS 1 or ROS 2 bag, a
             folder of bags, or runs in memory.
         geometry: the robot's geometry; needed if the log does not state it.
-        method: steady, from stretches of constant sprocket speeds, or drive, from whole drives. By default steady if
-            most of the driving is, otherwise drive.
-        sensor: place and yaw, on the robot, of the sensor that measured the poses, if known.
-        lag: whether to estimate, from whole drives, the time by which the motion lags behind the belts.
+        method: "steady" uses stretches of constant sprocket speeds, "drive" whole drives. The default is "steady" if
+            most of the driving is steady, otherwise "drive".
+        sensor: place and yaw, in the robot's frame, of the sensor that measured the poses, if known.
+        lag: whether to estimate the time by which the motion lags behind the belts; only from whole drives.
         gear, settle, motion, bag, multiplier: see `ReadOptions`.
 
     Raises:
@@ -67,7 +67,7 @@ def identify_source(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> Identification:
-    """Identify laws from a source already read, like `identify`; `step(1.0)` is called after each stage or law."""
+    """Identify laws as `identify` does, from a source in memory; `step(1.0)` is called after each stage or law."""
     require(method in (None, "steady", "drive"), "method", method, "steady or drive")
     if method == "drive" and not source.logs:
         raise LogError("holds steady samples, not traces: only method steady can be used")
@@ -100,7 +100,7 @@ def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[Ru
 
 
 def _steady_runs(source: Source) -> bool:
-    """True if runs are mostly steady, with one stretch each as in the paper's grid, and at least four are usable."""
+    """True if runs are mostly steady, with one stretch each as in the paper's grid, and at least four can be used."""
     open_loop = [log for log in source.logs if "controller" not in log.metadata]
     if sum(map(turning_stretches, open_loop)) > len(source.logs):
         return False

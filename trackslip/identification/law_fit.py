@@ -1,4 +1,4 @@
-"""Laws fitted to drives in windows: window length, start values, intervals, and undetermined parameters."""
+"""Fits of laws to drives in windows: window length, start values, intervals, and undetermined parameters."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, family
 from trackslip.se2 import Mounting
 
-_LENGTHS = (10.0, 5.0, 2.0, 1.0)  # lengths of windows that are tried [s]
-_COMPARED = (1.0, 5.0)  # horizons of the predictions that decide the window length and show how slip varies [s]
+_LENGTHS = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
+_COMPARED = (1.0, 5.0)  # prediction horizons that decide the window length and show how slip varies [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveFit(FittedLaw):
-    """A law fitted to drives."""
+    """A law fitted to whole drives."""
 
-    extras: dict[str, float]  # parameters besides the law's (see `path.EXTRAS`), held or fitted, in m, s and rad
-    held: dict[str, str]  # for each parameter that was held or that the driving doesn't determine, the reason
+    extras: dict[str, float]  # values of the parameters in `path.EXTRAS`, held or fitted, in m, s and rad
+    held: dict[str, str]  # the reason for each parameter that was held or that the driving doesn't determine
     noise: dict[str, float]
-    """Standard deviations: of poses, position [m] and heading [rad]; of varying slip, slip_forward and slip_sideways
-    [m/√m], slip_turn [rad/√m]; with a gyro, also gyro [rad/√s]."""
-    poses: int  # poses used
+    """Standard deviations. Poses: position [m], heading [rad]. Varying slip: slip_forward and slip_sideways [m/√m],
+    slip_turn [rad/√m]. With a gyro: gyro [rad/√s]."""
+    poses: int  # number of poses used
     blocks: int  # number of blocks of driving, whose scatter determines the standard errors
-    fit: WindowFit  # the full fit
-    missed: Array  # (n, 3) prediction errors for `pairs`, each by a fit without the pair's own block [m, m, rad]
+    fit: WindowFit  # the complete fit
+    missed: Array  # (n, 3) prediction errors for `pairs`, from fits without each pair's own block [m, m, rad]
     pairs: Pairs  # pairs of poses for predictions
 
     @property
     def at_limit(self) -> tuple[str, ...]:
-        """Names of the law's parameters at or very near a limit; a lower limit of 0 doesn't count."""
+        """Names of law parameters at or very near a limit, except a lower limit of 0."""
         low, high, scale = self.fit.model.limits[:, : len(self.values)]
         values, near = self.fit.values[: len(self.values)], 0.3 * scale  # a fit may stop before it reaches a limit
         bound = ((values < low + near) & (low != 0)) | (values > high - near)
@@ -47,7 +47,7 @@ class DriveFit(FittedLaw):
 
     @property
     def sits_aside(self) -> bool:
-        """True if the driving shows that the sensor is off the middle, or that the two sides' ICRs differ as much."""
+        """True if the driving shows that the sensor is off-centre, or that the sides' ICRs differ with that effect."""
         low, high = self.interval95.get("sensor_y", (-np.inf, np.inf))
         matters = EXTRAS["sensor_y"].scale
         return low > matters or high < -matters
@@ -62,11 +62,11 @@ def fit_drives(
     start: Mapping[str, float] | None = None,
     lag: bool = False,
 ) -> DriveFit:
-    """Fit a law to whole drives, as `drives_of` prepares them; raises InvalidValueError for an unknown law.
+    """Fit a law to whole drives prepared by `drives_of`; raises InvalidValueError for an unknown law.
 
-    A `sensor` that is given isn't estimated; the motion's lag behind the belts is estimated only with `lag`.
-    `reference`, a fit of REFERENCE to the same drives, saves fitting it again. That fit starts from the values by name
-    in `start`, by default gains and clock by regression. Without radius_error in `start`, that error is taken as small.
+    A given `sensor` isn't estimated; the motion's lag behind the belts is estimated only with `lag`. `reference` is an
+    existing fit of REFERENCE to the same drives; without it, REFERENCE is fitted first, from the values by name in
+    `start` (by default gains and clock from regression). Without radius_error in `start`, the prior for it is narrow.
     """
     if reference is None:
         reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
@@ -84,11 +84,11 @@ def fit_drives(
 def _reference(
     drives: Drives, geometry: RobotGeometry, sensor: Mounting | None, start: Mapping[str, float] | None, lag: bool
 ) -> DriveFit:
-    """The fit of REFERENCE with the longest windows that predict as well as shorter ones and leave enough blocks."""
+    """Fit REFERENCE with the longest windows that predict as well as shorter windows and leave enough blocks."""
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # for a machined radius, if nothing shows it
+    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # a machined radius, if unobservable
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()
@@ -96,7 +96,7 @@ def _reference(
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
     starts = values[None]
-    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):  # front and rear may look alike
+    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):  # front and rear may look alike: try both
         starts = np.tile(values, (2, 1))
         starts[:, model.index("sensor_x")] = geometry.half_gauge, -geometry.half_gauge
     pairs = Pairs.of(drives, geometry)
@@ -104,7 +104,7 @@ def _reference(
     for length in _lengths(drives):
         windows = (fit_windows(model, drives, length, start, held, mean) for start in starts)
         fit = min((_described(each, held, pairs) for each in windows), key=_size)
-        if best is not None and _size(best) <= 1.01 * _size(fit):  # a hundredth doesn't matter
+        if best is not None and _size(best) <= 1.01 * _size(fit):  # 1 % doesn't matter
             break
         best = fit
     assert best is not None
@@ -112,7 +112,7 @@ def _reference(
 
 
 def _lengths(drives: Drives) -> list[float]:
-    """Lengths of windows [s], the longest first, that fit into the drives and leave enough blocks for intervals."""
+    """Window lengths [s], longest first, that fit into the drives and leave enough blocks for intervals."""
     longest = max(float(drive.time[-1] - drive.time[0]) for drive in drives.drives)
     blocks = [int(drives.blocks(2 * length)[-1]) + 1 for length in _LENGTHS]
     least = min(FEWEST_BLOCKS, blocks[-1])
@@ -121,7 +121,7 @@ def _lengths(drives: Drives) -> list[float]:
 
 
 def _size(fit: DriveFit) -> float:
-    """Geometric mean of a fit's mean errors in position and heading at the compared horizons; 0 without any."""
+    """Geometric mean of a fit's mean errors in position and heading at the compared horizons; 0 without errors."""
     size, horizon = sizes(fit.missed), fit.pairs.horizon
     ahead = set(horizon) & set(_COMPARED) or set(horizon)
     columns = [column[np.isfinite(column)] for h in sorted(ahead) for column in size[horizon == h].T]
@@ -131,7 +131,7 @@ def _size(fit: DriveFit) -> float:
 def held_parameters(
     model: DriveModel, drives: Drives, sensor: Mounting | None = None, lag: bool = False
 ) -> dict[str, str]:
-    """Parameters that are not fitted to the drives, each with the reason."""
+    """The parameters that are not fitted to the drives, with a reason for each."""
     held = dict[str, str]()
     if not drives.known[1].any():
         held["sensor_yaw"] = "no headings were measured"
@@ -146,12 +146,12 @@ def held_parameters(
     if "offset_left" in model.names:
         held["sensor_y"] = "an offset of the sensor and unequal ICRs can't be told apart"
     if sensor is not None:
-        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # not x: it is fitted from the turning centre
+        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # sensor_x, from the turning centre, is fitted
     return held
 
 
 def _means(model: DriveModel, sensor: Mounting | None) -> Array:
-    """Means (p,) of the parameters' priors."""
+    """Prior means (p,) of the parameters."""
     mean = np.zeros(len(model.names))
     if sensor is not None:
         mean[[model.index(f"sensor_{key}") for key in ("x", "y", "yaw")]] = sensor.x, sensor.y, sensor.yaw
@@ -159,16 +159,16 @@ def _means(model: DriveModel, sensor: Mounting | None) -> Array:
 
 
 def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float]) -> list[float]:
-    """Start values for a law with which a robot moves nearly as with the reference law."""
+    """Start values with which a law predicts nearly the same motion as the reference law."""
     starts = zip(FAMILIES[name].names, FAMILIES[name].starts(geometry.half_gauge)[0].tolist(), strict=True)
     return [reference.get(key.removesuffix("_left").removesuffix("_right"), value) for key, value in starts]
 
 
 def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:
-    """The fitted law with its values, intervals and prediction errors."""
+    """Make a DriveFit from a fit in windows: the law's values, intervals and prediction errors."""
     model, covariance = fit.model, fit.covariance
     names = [model.names[k] for k in fit.free]
-    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # standard errors above half of the prior's
+    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # standard errors above half the prior's
     unknown = [name for name, is_vague in zip(names, vague, strict=True) if is_vague]
     values = dict(zip(model.names, fit.values.tolist(), strict=True))
     parameters = {name: values.pop(name) for name in model.family.names}

@@ -1,4 +1,4 @@
-"""Refuses, with a line each, columns that hold the wrong data: zeros, angles, wrong units, swapped sides."""
+"""Refuses columns that hold the wrong data (zeros, angles, wrong units, swapped sides), with one-line messages."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from trackslip.identification.gains import Gains, Window, rms, windows_of
 from trackslip.identification.preparation import FEW, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
-_EXACTLY = 0.05  # relative deviation up to which a gain is that of a wrong unit: tracks lose no more, except on ice
-_CLEARLY = 0.8  # least correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes
-_BETTER = 0.2  # least increase in the sum of the correlations that makes another reading better
-_SLOW = 0.2  # rms belt speed at which no robot turns so far between poses that the turn is ambiguous [m/s]
+_EXACTLY = 0.05  # largest relative deviation of a gain from a wrong unit's factor: tracks slip no more, except on ice
+_CLEARLY = 0.8  # least correlation that leaves no doubt; swapped sides reach 0.6 in two-minute drives
+_BETTER = 0.2  # least increase in the sum of the correlations for which another reading counts as better
+_SLOW = 0.2  # rms belt speed at which no robot turns by an ambiguous angle between two poses [m/s]
 
 
 def refuse_cells(drive: PreparedDrive) -> None:
-    """Refuse single speeds that no wheel reaches, as when a counter restarts."""
+    """Refuse single speeds that no wheel reaches, such as those from a counter that restarts."""
     for name, speed in zip(("omega_l", "omega_r"), np.abs(drive.omega).T, strict=True):
         around = np.maximum(np.append(0.0, speed[:-1]), np.append(speed[1:], 0.0))
         usual = np.maximum(np.quantile(speed, 0.99), around)
@@ -37,7 +37,7 @@ def refuse_cells(drive: PreparedDrive) -> None:
 def refuse_readings(
     drives: Sequence[PreparedDrive], window: Window, now: Array, geometry: RobotGeometry, clock: float
 ) -> None:
-    """Refuse columns that match far better when read differently than as logged; `now` has the matches as logged."""
+    """Refuse columns that match far better if reinterpreted, as with swapped sides; `now` has the matches as logged."""
     if len(now) and now.min() > _CLEARLY:
         return
     readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]
@@ -53,11 +53,11 @@ def refuse_readings(
 
 
 _Reading = tuple[list[PreparedDrive], str, str]
-"""Drives as they are if their columns are read differently, what that reading means, and what to do about it."""
+"""Drives with reinterpreted columns, the error message if these match better, and advice to the user."""
 
 
 def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Reading:
-    """The drives as if their columns were angles or counters, which may restart: speeds are their scaled changes."""
+    """Reinterpret the speed columns as angles or counters that may wrap: speeds are their scaled changes."""
     others = []
     for drive in drives:
         change, span = np.diff(drive.omega, axis=0, prepend=drive.omega[:1]), np.ptp(drive.omega, axis=0)
@@ -70,13 +70,13 @@ def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Readin
 
 
 def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
-    """The drives with sides or signs exchanged, or with different headings."""
+    """Yield reinterpretations of drives: swapped sides, changed signs and other headings."""
     names = {(-1, 1): ("omega_l", "left"), (1, -1): ("omega_r", "right"), (-1, -1): ("omega_l and omega_r", "both")}
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
     for swapped, signs in [*product((False, True), ((1, 1), *names))][1:]:
         steps = ["change the sign of {}, for a bag by --reversed {}".format(*names[signs])] if signs in names else []
         advice = ", then ".join([*steps, "exchange omega_l and omega_r"] if swapped else steps)
-        if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't distinguish these
+        if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
             advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
         elif swapped and signs == (-1, -1):
             advice += ", or turn phi by pi"
@@ -107,7 +107,7 @@ def _with_heading(drive: PreparedDrive, factor: float, offset: float = 0.0) -> P
 
 
 def matches_of(window: Window) -> Array:
-    """Correlations of wheels and poses where the wheels move: for unsigned distances, for distances and for turns."""
+    """Correlations between wheels and poses while the wheels move: of unsigned distances, distances and turns."""
     matches, least = list[float](), 0.05  # [m or rad] in a window
     if np.isfinite(window.moved).sum() >= FEW and rms(window.distance) > least:
         matches.append(_alike(np.abs(window.moved), np.abs(window.distance)))
@@ -119,19 +119,19 @@ def matches_of(window: Window) -> Array:
 
 
 def _alike(first: np.ndarray, second: np.ndarray) -> float:
-    """Correlation of motions about zero, the real part if they are complex; NaN are left out."""
+    """Correlation of two motions about zero, or its real part for complex motions; NaN are left out."""
     known = np.isfinite(first) & np.isfinite(second)
     size = rms(first[known]) * rms(second[known])
     return float(np.mean(first[known] * second[known]).real / size) if size > 0 else 0.0
 
 
 def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotGeometry) -> None:
-    """Refuse a gain that matches a wrong unit; a degree of longitude is shorter by the cosine of the latitude."""
+    """Refuse a speed gain that matches a wrong unit; degrees of longitude shrink with the cosine of the latitude."""
     if gains.speed is None:
         return
     value, place = abs(gains.speed.value), np.concatenate([drive.pose[:, :2] for drive in drives])
     x, y = np.nanmean(place, axis=0)
-    latitude = min(max(abs(x), abs(y)), 80.0)  # at most, whichever it is
+    latitude = min(max(abs(x), abs(y)), 80.0)  # at most: either x or y may be the latitude
     if 0.8 <= 111_320.0 * value <= 1.2 / np.cos(np.radians(latitude)):  # metres per degree of latitude
         raise LogError(
             f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude: give metres in a plane, "

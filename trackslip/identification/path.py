@@ -1,8 +1,8 @@
-"""The model of a drive: a law, and the effects on the poses of the sensor's mounting, its clock and the robot's lag.
+"""The drive model: a law, and how the sensor's mounting, its clock and the robot's lag affect the poses.
 
-Its parameters are the law's, followed by EXTRAS. The turning centre may lie ahead of the middle of the tracks;
-sensor_x is the sensor's distance ahead of that centre. With a drift c, the lateral speed is -c v w. Encoder readings
-stamped t + clock_offset belong to poses stamped t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
+The model's parameters are those of the law, followed by EXTRAS. The turning centre may lie ahead of the middle of the
+tracks; sensor_x is the sensor's distance ahead of the turning centre. A drift c causes a lateral speed of -c v w.
+Encoder readings stamped t + clock_offset belong to poses stamped t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class Extra:
     """A parameter of a drive model that doesn't belong to the law."""
 
     unit: str
-    scale: float  # smallest change that matters
-    prior: float  # standard deviation of the prior around 0 or a given value; for a length, in half gauges
+    scale: float  # smallest change of the parameter that matters
+    prior: float  # prior standard deviation around 0 or a given value; in half gauges for a length
     low: float
     high: float
     title: str
@@ -45,12 +45,12 @@ GYRO = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 @dataclass(frozen=True)
 class DriveModel:
-    """A family of laws with EXTRAS, for one robot."""
+    """A law family with EXTRAS, for one robot."""
 
     family: LawFamily
     geometry: RobotGeometry
-    gyro: bool = False  # true for drives with a gyro; if false, the parameters GYRO are left out
-    radius_prior: float = 0.1  # standard deviation of the prior for the sprockets' radius errors [-]
+    gyro: bool = False  # true for drives with a gyro; otherwise the model is without the GYRO parameters
+    radius_prior: float = 0.1  # prior standard deviation of the sprockets' radius errors [-]
 
     @property
     def extras(self) -> dict[str, Extra]:
@@ -59,11 +59,11 @@ class DriveModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters, in the order of their values in arrays (p,)."""
+        """Names of all parameters, ordered as in value arrays (p,)."""
         return (*self.family.names, *self.extras)
 
     def index(self, name: str) -> int:
-        """Index of a parameter in arrays of values."""
+        """Index of a parameter in value arrays (p,)."""
         return self.names.index(name)
 
     @property
@@ -74,14 +74,14 @@ class DriveModel:
 
     @property
     def prior(self) -> Array:
-        """Standard deviations (p,) of the priors; the law's are too wide to matter where the data show anything."""
+        """Prior standard deviations (p,); those of law parameters are too wide to matter with informative data."""
         scale, b = self.family.limits(self.geometry.half_gauge)[2], self.geometry.half_gauge
         extras = [extra.prior * (b if extra.unit == "m" else 1.0) for extra in self.extras.values()]
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 
     def path(self, values: Array, drives: Drives, free: np.ndarray) -> Path:
-        """The sensor's path at the poses' times for `values` (p,), with derivatives by the parameters `free` (f,)."""
+        """The sensor's path at the pose times for `values` (p,), with derivatives by the parameters `free` (f,)."""
         law = len(self.family.names)
         extra = dict(zip(self.extras, values[law:], strict=True))
         moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
@@ -102,7 +102,7 @@ class DriveModel:
         return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
 
     def gyro_turns(self, values: Array, drives: Drives, free: np.ndarray) -> tuple[Array, Array, Array]:
-        """The gyro's turn (K,) up to each pose, without bias [rad]; derivatives (f, K); time with readings (K,) [s]."""
+        """Bias-free gyro turns (K,) up to each pose [rad], derivatives (f, K), and durations of readings (K,) [s]."""
         assert drives.gyro is not None
         time = drives.time + values[self.index("clock_offset")]
         turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
@@ -122,7 +122,7 @@ class DriveModel:
             by_law = self.family.twist_slopes(values[None], drives.omega, self.geometry)[0]
             slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), drives, lag)
         if (at_lag := free == self.index("lag")).any():
-            change = 1e-3  # [s], small beside any lag that shows
+            change = 1e-3  # [s], small relative to any noticeable lag
             slope[::2, at_lag] = ((_lagging(belts, drives, lag + change) - motion) / change)[:, None]
         slope[1] = -drift * (v * slope[2] + w * slope[0])
         slope[1, free == self.index("drift")] = -v * w
@@ -130,7 +130,7 @@ class DriveModel:
 
 
 def _lagging(values: Array, drives: Drives, lag: float) -> Array:
-    """Interval means (..., M) of values (..., M) after a first-order lag [s]; each drive starts in a settled state."""
+    """Apply a first-order lag [s] to interval means (..., M); each drive starts in a settled state."""
     if lag <= 0:
         return values
     step, begins = np.diff(drives.edges), drives.begins
@@ -147,7 +147,7 @@ def _lagging(values: Array, drives: Drives, lag: float) -> Array:
 
 @dataclass(frozen=True)
 class Path:
-    """A path at K times, with derivatives by f parameters; places are complex, x + i y."""
+    """A path at K times, with derivatives by f parameters; complex places are x + i y."""
 
     place: np.ndarray  # (K,) complex [m]
     heading: Array  # (K,) [rad]
@@ -158,10 +158,10 @@ class Path:
 
 
 def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
-    """The path from the origin, at times `time` (K,), of a robot with speeds v forwards, u to the left, yaw rate w.
+    """Path of a robot from the origin, at times `time` (K,), with motion at constant twists between `edges` (M + 1,).
 
-    `motion` (3, M), that is v, u, w, is constant in each interval between `edges` (M + 1,); its derivatives are `slope`
-    (3, f, M). `row` (K,) is the interval that each time lies in, or the interval whose motion continues up to it.
+    `motion` (3, M) has forward speeds, speeds to the left and yaw rates; `slope` (3, f, M) has the derivatives. `row`
+    (K,) is the interval that contains each time, or the interval whose motion continues up to that time.
     """
     step = np.diff(edges)
     turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
@@ -183,9 +183,9 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
 def _displaced(
     motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World displacements (M,) in motions (3, M) over times `step` (M,) from headings (M,), and derivatives (f, M).
+    """World displacements (M,) for motions (3, M) that last `step` (M,) from headings (M,), and derivatives (f, M).
 
-    An arc's chord points in its mean heading; its length is sin(t/2) / (t/2) times the arc's, where t is the turn.
+    An arc's chord points along the mean heading. It is sin(t/2) / (t/2) times as long as the arc, where t is the turn.
     """
     turn = motion[2] * step
     chord = np.sinc(turn / (2 * np.pi))

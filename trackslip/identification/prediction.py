@@ -1,4 +1,4 @@
-"""Predictions of driving: from each measured pose, using the belt speeds, to the pose some seconds later."""
+"""Predictions of driving: from each measured pose, by the belt speeds, to the pose some seconds later."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
 FOLDS = 5
-"""Number of parts, each of every fifth block of driving, that are predicted from the other parts."""
-HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times to predict ahead [s]
+"""Number of parts for held-out predictions; each part contains every fifth block of driving."""
+HORIZONS = (1.0, 2.0, 5.0, 10.0)  # prediction horizons [s]
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """Statistics of errors."""
+    """Statistics of error sizes, in the unit of the errors."""
 
     rms: float
     mean: float
@@ -31,14 +31,14 @@ class Statistics:
 
     @classmethod
     def of(cls, errors: Array) -> Statistics:
-        """Statistics of errors (n,), which are not negative."""
+        """Compute the statistics of error sizes (n,), which are non-negative."""
         mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
         return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
 
 
 @dataclass(frozen=True)
 class PredictionErrors:
-    """Errors of predictions that all cover the same time or distance."""
+    """Errors of predictions that all cover the same duration or distance."""
 
     count: int  # number of predictions, whose times overlap
     way: float  # median distance driven by the belts [m]
@@ -47,7 +47,7 @@ class PredictionErrors:
 
     @classmethod
     def of(cls, way: Array, position: Array, heading: Array) -> PredictionErrors:
-        """Errors (n,) of predictions over distances (n,); NaN where not known."""
+        """Summarise errors (n,) of predictions over distances (n,); NaN where unknown."""
         known = (errors[np.isfinite(errors)] for errors in (position, heading))
         statistics = [Statistics.of(errors) if errors.size else None for errors in known]
         count = int((np.isfinite(position) | np.isfinite(heading)).sum())
@@ -56,19 +56,19 @@ class PredictionErrors:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of measured poses between which the robot moves: every law predicts the second pose from the first."""
+    """Pairs of measured poses with motion between them; a law predicts the second pose from the first."""
 
     drives: Drives
     start: np.ndarray  # (n,) index of the first pose
     end: np.ndarray  # (n,) index of the second pose
-    horizon: Array  # (n,) time between the two, nominally [s]
-    way: Array  # (n,) mean distance that the belts drive between the two [m]
+    horizon: Array  # (n,) nominal time between both poses [s]
+    way: Array  # (n,) mean distance driven by the belts between both poses [m]
 
     @classmethod
     def of(cls, drives: Drives, geometry: RobotGeometry, horizons: Sequence[float] = HORIZONS) -> Pairs:
-        """All pairs that are one of the horizons apart, to within half the interval between poses.
+        """Find all pairs of poses that are a horizon apart, to within half the interval between poses.
 
-        If the interval between poses is longer than all horizons, pairs are neighbouring poses.
+        If the interval between poses exceeds all horizons, the pairs are neighbouring poses.
         """
         shortest = min(drive.interval for drive in drives.drives)
         if shortest > max(horizons):
@@ -88,9 +88,9 @@ class Pairs:
         return cls(drives, start[moving], end[moving], ahead[moving], (way[end] - way[start])[moving])
 
     def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
-        """Errors (n, 3) forwards, to the left and in heading [m, m, rad] for parameter sets (F, p); NaN if unknown.
+        """Errors (n, 3) forwards, to the left and in heading [m, m, rad] of F parameter sets (F, p); NaN if unknown.
 
-        `part` (n,) is the index of the set that predicts each pair.
+        `part` (n,) is the index of the parameter set that predicts each pair.
         """
         part = np.zeros(len(self.start), int) if part is None else part
         drives, error = self.drives, np.full((len(part), 3), np.nan)
@@ -108,29 +108,29 @@ class Pairs:
         return error
 
     def held_out_errors(self, fit: WindowFit) -> Array:
-        """Errors (n, 3) of pairs, each predicted by a fit without a fifth of the blocks, which includes the pair's."""
+        """Prediction errors (n, 3) by fits that leave out a fifth of all blocks, including the block of each pair."""
         count = len(fit.score)
         number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
         values = fit.without(fold == np.arange(len(number))[:, None])
         return self.errors(fit.model, values, fold[np.minimum(fit.block[self.start], count - 1)])
 
     def summaries(self, error: Array) -> dict[float, PredictionErrors]:
-        """Summaries of errors (n, 3) by horizon [s]."""
+        """Summarise errors (n, 3) by horizon [s]."""
         every = {horizon: self.horizon == horizon for horizon in np.unique(self.horizon).tolist()}
         return {h: PredictionErrors.of(self.way[rows], *sizes(error)[rows].T) for h, rows in every.items()}
 
     def criteria(self, errors: Mapping[str, Array]) -> list[Criterion]:
-        """A criterion for each horizon, from errors (n, 3) by law.
+        """Make a criterion for each horizon from errors (n, 3) by law.
 
-        A pair's error is the position's distance plus the heading's, each in units of the smallest mean of any law.
-        Distances are averaged, not squares: a wrong pose then changes the comparison by no more than laws differ there,
-        whereas with squares it could decide.
+        A pair's error is the sum of its position and heading errors, each relative to the smallest mean of any law.
+        Absolute errors are averaged, not squares: a wrong pose then matters no more than the laws' predictions differ
+        there, whereas its square could decide the comparison.
         """
         criteria, every = [], np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
         for horizon in np.unique(self.horizon):
             rows = self.horizon == horizon
             size = every[:, rows]
-            known = np.isfinite(size).all(axis=0)  # by every law
+            known = np.isfinite(size).all(axis=0)  # for every law
             if not known.any():
                 continue
             size = np.where(known, size, 0.0)
@@ -142,12 +142,12 @@ class Pairs:
 
 
 def sizes(error: Array) -> Array:
-    """Sizes (n, 2) of errors (n, 3), in position [m] and heading [rad]."""
+    """Sizes (n, 2) of errors (n, 3) in position [m] and heading [rad]."""
     return np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])])
 
 
 def _headings(drives: Drives, path: Path) -> Array:
-    """Headings (K,) of the sensor: measured or, in drives without any, those at which its path fits past positions."""
+    """Sensor headings (K,) [rad]: measured or, in drives without headings, from fits of the path to past positions."""
     heading = np.where(drives.known[1], drives.heading, np.nan)
     for drive, begin, end in zip(drives.drives, drives.first[:-1], drives.first[1:], strict=True):
         if not drive.has_heading:
@@ -158,10 +158,10 @@ def _headings(drives: Drives, path: Path) -> Array:
 
 
 def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, heading: Array) -> Array:
-    """Headings (n,) at which dead reckoning fits the positions of the last 10 s; NaN where these are too few.
+    """Headings (n,) at which dead reckoning fits the positions of the last 10 s; NaN if positions are too few.
 
-    Positions `measured` (n,), at `time` (n,), and `place` (n,) are complex, x + i y. `place` and `heading` (n,) are
-    from dead reckoning with any start.
+    The positions `measured` (n,) at `time` (n,) and the positions `place` (n,) are complex, x + i y. `place` and
+    `heading` (n,) are from dead reckoning with any start pose.
     """
     place = place - place[:1]
     values = [np.ones(len(place)), measured, place, measured * place.conj(), np.abs(place) ** 2]
@@ -169,16 +169,16 @@ def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, headi
     begin = np.searchsorted(time, time - 10.0)
     number, there, here, product, square = sums[:, 1:] - sums[:, begin]
     size = (square / number).real - np.abs(here / number) ** 2
-    known = (number.real >= 5) & (size > 0.15**2)  # positions over 0.5 m, which noise of 2 cm turns by few degrees
+    known = (number.real >= 5) & (size > 0.15**2)  # positions over 0.5 m: noise of 2 cm is a few degrees
     return np.where(known, np.angle(product - there * here.conj() / number) + heading, np.nan)
 
 
 def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float] = HORIZONS) -> dict[str, float]:
     """Varying slip as a random walk of the pose [m/√m, m/√m, rad/√m], estimated from prediction errors (n, 3).
 
-    The errors' variance, from medians, is that of two poses plus a part that grows with the distance driven, from the
-    shortest to the longest horizon in `ahead` [s]. With one horizon, `spread` (3,) is the poses'. Errors in the first
-    heading and in turns add to the sideways variance.
+    The variance of errors, from medians, is the variance of two poses plus a part that grows with the distance driven,
+    between the shortest and the longest horizon in `ahead` [s]. With a single horizon, `spread` (3,) has the standard
+    deviations of poses. Errors in the first heading and in turns add to the sideways variance.
     """
     names, horizons = ("slip_forward", "slip_sideways", "slip_turn"), np.intersect1d(pairs.horizon, ahead)
     if not len(horizons):
@@ -194,12 +194,12 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
     heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one heading
     aside = variance[:, 1] - (heading + per_way[2] * way / 3) * reach
     per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
-    # the growth is a difference of large numbers, of which medians don't resolve less than a hundredth
+    # the growth is a difference between large numbers: medians don't resolve less than 1 % of these
     per_way = np.maximum(per_way, 0.01 * variance[1] / max(way[1], 1e-9))
     return dict(zip(names, np.sqrt(per_way).tolist(), strict=True))
 
 
 def _robust_variance(values: Array) -> float:
-    """Variance of normally distributed numbers with the same median size as values (n,) without NaN; 0 for none."""
+    """Variance of values (n,) from their median size, as for a normal distribution; 0 without values other than NaN."""
     size = np.abs(values[np.isfinite(values)])
     return float((1.4826 * np.median(size)) ** 2) if len(size) else 0.0

@@ -1,4 +1,4 @@
-"""Drives prepared for fits: encoder intervals and poses from one or several logs, encoders and poses by own clocks."""
+"""Drives prepared for fits: encoder intervals and poses from logs; encoders and poses have their own clocks."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from trackslip.motion.steady import STANDING
 
 BLOCK = 10.0
 """Least duration of a block of driving; slip in different blocks is assumed to be independent [s]."""
-FEW = 5  # number of rows or windows that chance may explain
-_MAX_ROWS = 200_000  # most encoder intervals in total, to limit memory; more are merged
+FEW = 5  # number of rows or windows that may occur by chance
+_MAX_ROWS = 200_000  # most encoder intervals in total, to limit memory; surplus intervals are merged
 
 
 @dataclass(frozen=True)
 class PreparedDrive:
-    """One drive: encoder intervals and measured poses."""
+    """A drive: encoder intervals and measured poses."""
 
     name: str
     edges: Array  # (M + 1,) ends of the encoder intervals, by the encoder clock [s]
@@ -31,13 +31,13 @@ class PreparedDrive:
     time: Array  # (K,) times of the poses, by the pose clock [s]
     pose: Array  # (K, 3) measured poses [m, m, rad]; NaN where not measured, heading unwrapped
     interval: float  # usual time between poses [s]
-    gyro: Array | None = None  # (T, 3) times by the encoder clock [s], and `RunLog.gyro_sums`
+    gyro: Array | None = None  # (T, 3) times by the encoder clock [s] and `RunLog.gyro_sums`
     command: tuple[float, ...] | None = None  # commanded sprocket speeds, if constant throughout [rad/s]
-    beyond: Array | None = None  # (B, 4) times and poses without encoder readings, which show how clocks differ
-    repeated: int = 0  # number of poses left out because they repeat the previous one
-    interpolated: int = 0  # number of poses left out because they lie on the line between others
-    held: bool = False  # true if encoders are read less often than logged
-    whole: bool = False  # true if sprocket speeds are logged as whole numbers, as counts are
+    beyond: Array | None = None  # (B, 4) times and poses outside the encoder readings, used to align clocks
+    repeated: int = 0  # number of poses left out because they repeat the previous pose
+    interpolated: int = 0  # number of poses left out because they lie on the line between other poses
+    held: bool = False  # true if encoders are read less often than they are logged
+    whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
 
     @property
     def has_heading(self) -> bool:
@@ -45,23 +45,23 @@ class PreparedDrive:
         return bool(np.isfinite(self.pose[:, 2]).any())
 
     def angles(self, time: Array) -> Array:
-        """Angles (2, n) by which the sprockets have turned up to encoder times (n,) [rad]."""
+        """Angles (2, n) turned by the sprockets from the start to encoder times (n,) [rad]."""
         turned = np.cumsum(self.omega * np.diff(self.edges)[:, None], axis=0)
         return np.stack([np.interp(time, self.edges, np.append(0.0, side)) for side in turned.T])
 
     def blocks(self, time: Array, least: float = BLOCK) -> np.ndarray:
-        """Index (n,) of the block of driving that contains each pose time (n,); blocks last about `least` [s]."""
+        """Index (n,) of the block of driving at each pose time (n,); blocks last about `least` [s]."""
         begin, end = self.time[[0, -1]]
         count = max(1, round((end - begin) / least))
         return np.minimum(((time - begin) / max(end - begin, 1e-9) * count).astype(int), count - 1)
 
     def span(self, length: float) -> float:
-        """Duration of windows in the drive [s]: `length`, or longer for as many poses as `length` has at 2 Hz."""
+        """Duration of windows in the drive [s]: `length`, or longer to hold as many poses as `length` does at 2 Hz."""
         return length * max(1.0, 2 * self.interval)
 
 
 def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused]]:
-    """The drives that can be used, and those refused; raises LogError if none can be used."""
+    """Prepare the usable drives and list the refused logs; raises LogError if no drive is usable."""
     drives, refused, names = [], list[Refused](), dict[bytes, str]()
     rows = max(sum(len(log.time) for log in logs), _MAX_ROWS)
     for log in logs:
@@ -78,9 +78,9 @@ def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused
 
 
 def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
-    """The drive in a log; raises LogError if it stands still, has too few poses, or times that can't be seconds."""
+    """Prepare the drive in a log; raises LogError for a robot at rest, too few poses, or times not in seconds."""
     step = float(np.median(np.diff(log.time)))
-    if step > 10.0:  # more than in any log of a driving robot
+    if step > 10.0:  # longer than in any log of a driving robot
         raise LogError(f"run {log.run!r}: t rises by {step:.3g} per row: are these ms or ns? It must be in seconds")
     if not log.is_valid.any() and log.gyro is not None and log.beyond is None:
         log = replace(log, pose=_turned_by(log.gyro, log), valid=None, gyro=None)
@@ -96,7 +96,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     time, pose = measured_poses(log.time[rows], log.pose[rows])
     measured = len(time)
     usual = float(np.median(np.diff(time if len(time) > 1 or log.beyond is None else log.beyond[:, 0])))
-    every = slice(None, None, max(1, int(0.05 / usual + 0.1)))  # paths hardly bend in 0.05 s
+    every = slice(None, None, max(1, int(0.05 / usual + 0.1)))  # paths hardly bend within 0.05 s
     time, pose = time[every], pose[every].copy()
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = unwrapped(pose[headed, 2])
@@ -125,7 +125,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
 
 
 def _turned_by(gyro: Array, log: RunLog) -> Array:
-    """Poses (T, 3) without positions, with headings from a gyro (T,) [rad/s], whose bias the sprockets' turns show."""
+    """Poses (T, 3) with headings from a gyro (T,) [rad/s] and NaN positions; the bias comes from sprocket turns."""
     columns = np.column_stack([log.omega @ [-1, 1], np.ones(len(log.time))])
     read = np.isfinite(gyro)
     fit = np.linalg.lstsq(columns[read], gyro[read])[0]
@@ -135,7 +135,7 @@ def _turned_by(gyro: Array, log: RunLog) -> Array:
 
 
 def _refuse_zeros(run: str, columns: str, zero: np.ndarray, measured: str) -> None:
-    """Refuse columns that go to zero and back for single rows again and again; `zero` (n,) is true where they are 0."""
+    """Refuse columns that repeatedly drop to 0 for a single row; `zero` (n,) is true where the columns are 0."""
     alone = int(((zero[1:-1] != zero[:-2]) & (zero[1:-1] != zero[2:])).sum())
     if alone > max(FEW, 0.1 * len(zero)):
         raise LogError(
@@ -144,9 +144,9 @@ def _refuse_zeros(run: str, columns: str, zero: np.ndarray, measured: str) -> No
 
 
 def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
-    """(n,) bool: false where the pose in `rows` (n,) was held: it equals the previous one although sprockets turned.
+    """(n,) bool: false for a held pose in `rows` (n,), which equals the previous pose although the sprockets turned.
 
-    Poses without positions are not judged, as headings stay the same on a straight.
+    Poses without positions always count as changing, since headings are constant on a straight.
     """
     turned = np.append(0.0, np.cumsum(np.abs(log.omega[1:]).max(axis=1) * np.diff(log.time)))[rows]
     pose = np.nan_to_num(log.pose[rows])
@@ -155,9 +155,9 @@ def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
 
 
 def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
-    """Drop poses interpolated linearly between measured ones, keeping only the ends of straight stretches.
+    """Drop poses that were interpolated linearly between measured poses: only ends of straight stretches are kept.
 
-    If a stretch ends between two rows, the measured pose is where the lines of both stretches meet.
+    If a stretch ends between two rows, the measured pose is where the lines through both stretches meet.
     """
     finite = np.nan_to_num(pose)
     first, last = _straight_stretches(time, finite, _resolution(finite))
@@ -177,10 +177,10 @@ def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def _straight_stretches(time: Array, pose: Array, resolution: Array) -> tuple[np.ndarray, np.ndarray]:
-    """First and last rows of the longest stretches of poses (n, 3) that lie on a line to within `resolution`.
+    """First and last rows of the longest stretches of poses (n, 3) that lie on a line to within `resolution` (3,).
 
-    A stretch continues as long as some line from its first pose passes all later ones (J. O'Rourke, *An on-line
-    algorithm for fitting straight lines between data ranges*, 1981).
+    A stretch continues as long as some line from its first pose passes through all later poses (J. O'Rourke, *An
+    on-line algorithm for fitting straight lines between data ranges*, 1981).
     """
     firsts, begin, bounds = [0], 0, [(-np.inf, np.inf)] * 3
     times, poses, spans = time.tolist(), pose.tolist(), resolution.tolist()
@@ -200,8 +200,8 @@ def _straight_stretches(time: Array, pose: Array, resolution: Array) -> tuple[np
 
 
 def _resolution(pose: Array) -> Array:
-    """The unit (3,) to which each column of poses (n, 3) was rounded, from 1e-2 to 1e-6."""
-    columns = np.column_stack([pose, wrap_angle(pose[:, 2])])  # headings may be unwrapped after rounding, or before
+    """Unit (3,) to which each column of poses (n, 3) was rounded, between 1e-2 and 1e-6."""
+    columns = np.column_stack([pose, wrap_angle(pose[:, 2])])  # headings may be rounded before or after unwrapping
     places = 10.0 ** -np.arange(2, 7)
     rounded = [(np.abs(columns - place * np.round(columns / place)) < 1e-8).all(axis=0) for place in places]
     x, y, *phi = places[np.where(np.any(rounded, axis=0), np.argmax(rounded, axis=0), -1)]
@@ -209,10 +209,10 @@ def _resolution(pose: Array) -> Array:
 
 
 def interval_means(time: Array, omega: Array, ticks: bool | None = None) -> Array:
-    """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the speeds logged in these rows (T, 2).
+    """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the logged speeds (T, 2).
 
-    A row has the mean since the previous row. But many robots log each encoder reading several times: such a reading
-    counts once, in the middle of the time for which it is logged, and speeds change linearly between readings. For
+    A row has the mean speed since the previous row. But many robots log each encoder reading several times: such a
+    reading counts once, in the middle of the rows that repeat it, and speeds change linearly between readings. For
     encoders with few ticks, the angle changes linearly from tick to tick.
     """
     ticks = counts_few_ticks(time, omega) if ticks is None else ticks
@@ -221,7 +221,7 @@ def interval_means(time: Array, omega: Array, ticks: bool | None = None) -> Arra
 
 
 def _between_ticks(time: Array, omega: Array) -> Array:
-    """Mean speeds (T - 1,) of one sprocket, if each tick came in the middle of the interval that counts it."""
+    """Mean speeds (T - 1,) of a sprocket, as if each tick came in the middle of the interval that counts the tick."""
     step = np.diff(time)
     angle = np.concatenate([[0.0], np.cumsum(omega[1:] * step)])
     ticked = np.flatnonzero(omega[1:])
@@ -231,28 +231,28 @@ def _between_ticks(time: Array, omega: Array) -> Array:
 
 
 def _between_readings(time: Array, omega: Array) -> Array:
-    """Mean speeds (T - 1,) of one sprocket whose readings may have been logged several times."""
+    """Mean speeds (T - 1,) of a sprocket whose readings may each be logged several times."""
     read = np.flatnonzero(np.diff(omega, prepend=np.nan) != 0)  # first rows of readings
     turning = np.abs(omega[read[:-1]]) > STANDING
     if turning.sum() < 4:
         return omega[1:]
     rows, usual = np.median(np.diff(read)[turning]), float(np.median(np.diff(time[read])[turning]))
-    if rows < 1.5 or usual > 0.5:  # a new reading in every row, or a command held for long
+    if rows < 1.5 or usual > 0.5:  # a new reading in every row, or a long-held command
         return omega[1:]
     begin = time[np.maximum(read - 1, 0)]
     end = np.append(begin[1:], time[-1])
-    inside = np.minimum(end - begin, usual) / 2  # a value that lasts longer was read several times
+    inside = np.minimum(end - begin, usual) / 2  # a longer-lasting value was read several times
     knots = np.column_stack([begin + inside, end - inside]).ravel()
     at_rows = np.interp(time, knots, np.repeat(omega[read], 2))
     return np.asarray(at_rows[1:] + at_rows[:-1]) / 2
 
 
 def counts_few_ticks(time: Array, omega: Array) -> bool:
-    """True if nearly all of a sprocket's speeds (T, 2) are small multiples of one angle per row, or of one speed."""
+    """True if nearly all speeds (T, 2) of a sprocket are small multiples of a fixed speed, or a fixed angle per row."""
     for size in (np.abs(side * by) for side in omega[1:].T for by in (np.diff(time), 1.0)):
         turning = np.sort(size[size > 1e-9])
         if len(turning):
-            ticks = size / turning[len(turning) // 500]  # the smallest, except for outliers
+            ticks = size / turning[len(turning) // 500]  # in units of the smallest, except for outliers
             near = np.round(ticks)
             exact = np.abs(ticks - near) < 0.02
             if exact.mean() > 0.97 and near[exact].max() <= 40 and (np.diff(near) != 0).mean() > 0.05:
@@ -261,7 +261,7 @@ def counts_few_ticks(time: Array, omega: Array) -> bool:
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
-    """Ends (M + 1,) of at most `most` intervals, merged from those between `time` (T,), and means of `omega` there."""
+    """Merge the intervals between `time` (T,) into at most `most`; returns their ends (M + 1,) and means (M, 2)."""
     stride = -(-len(omega) // max(most, 1))
     if stride == 1:
         return time, omega
@@ -272,22 +272,22 @@ def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Drives:
-    """Several drives in succession on one time axis: encoder intervals, with pauses between drives, and poses."""
+    """Drives in succession on a common time axis: encoder intervals, with pauses between drives, and poses."""
 
     drives: tuple[PreparedDrive, ...]
     edges: Array  # (M + 1,) ends of the encoder intervals, pauses included [s]
     omega: Array  # (M, 2) mean sprocket speeds in the intervals [rad/s], 0 in pauses
     begins: np.ndarray  # (D,) first interval of each drive
-    gyro: Array | None  # (G, 3) `PreparedDrive.gyro` of the drives that have one, with sums that continue
+    gyro: Array | None  # (G, 3) `PreparedDrive.gyro` of drives with a gyro; sums continue across drives
     time: Array  # (K,) times of the poses [s]
     place: np.ndarray  # (K,) measured positions, x + i y [m]; 0 where not measured
     heading: Array  # (K,) measured headings [rad]; 0 where not measured
     known: np.ndarray  # (2, K) bool: whether positions and headings were measured
-    first: np.ndarray  # (D + 1,) first pose of each drive, and the number of poses
+    first: np.ndarray  # (D + 1,) index of each drive's first pose, and K
 
     @classmethod
     def of(cls, drives: Sequence[PreparedDrive]) -> Drives:
-        """The drives in succession."""
+        """Join drives in succession."""
         length = np.array([drive.edges[-1] - drive.edges[0] + 5.0 for drive in drives])  # with a pause
         shifts = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
         shifted, gyros = [*zip(drives, shifts.tolist(), strict=True)], list[Array]()
@@ -309,14 +309,14 @@ class Drives:
         )
 
     def intervals(self, time: Array) -> np.ndarray:
-        """The encoder interval (K,) at a time (K,) for each pose; outside the pose's drive, the drive's nearest one."""
+        """Index (K,) of the encoder interval in each pose's drive that contains `time` (K,), or is nearest to it."""
         last = np.append(self.begins[1:] - 2, len(self.omega) - 1)
         row = np.searchsorted(self.edges, time, side="right") - 1
         return np.clip(row, self.begins[self.drive], last[self.drive])
 
     @cached_property
     def drive(self) -> np.ndarray:
-        """Index (K,) of the drive of each pose."""
+        """Index (K,) of the drive that contains each pose."""
         return np.repeat(np.arange(len(self.drives)), np.diff(self.first))
 
     @cached_property
@@ -330,14 +330,14 @@ class Drives:
         return headings
 
     def way(self, radius: float) -> Array:
-        """Mean distance (K,) driven by the belts up to each pose, for this sprocket radius [m]."""
+        """Mean distance (K,) driven by the belts up to each pose [m], for a sprocket radius [m]."""
         turned = np.append(0.0, np.cumsum(np.abs(self.omega).mean(axis=1) * np.diff(self.edges)))
         return radius * np.interp(self.time, self.edges, turned)
 
     def blocks(self, length: float) -> np.ndarray:
-        """Index (K,) of the block of driving that contains each pose, no shorter than windows of `length` [s].
+        """Index (K,) of each pose's block of driving; blocks are no shorter than windows of `length` [s].
 
-        A drive of a single block shares the block before it if both drives have the same constant command.
+        A drive with a single block shares the previous drive's last block if both have the same constant command.
         """
         blocks, count, before = [], 0, None
         for drive in self.drives:

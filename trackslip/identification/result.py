@@ -1,4 +1,4 @@
-"""The result of an identification: laws, intervals and the best law, for summary.json and the report."""
+"""Results of identifications: laws, intervals and the best law, for summary.json and the report."""
 
 from __future__ import annotations
 
@@ -24,43 +24,43 @@ from trackslip.logs.runlog import Refused, RunLog
 
 Method = Literal["steady", "drive"]
 """How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
-_VAGUE = 0.5  # half width above which a multiplier's interval says nothing: 1 is no slip, tracks have up to 2 [-]
+_VAGUE = 0.5  # largest half-width of a useful interval for a multiplier, which is 1 to 2 for tracks [-]
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Laws identified from logs, and what was left out; `print` shows the answer."""
+    """Laws identified from logs, and the runs left out; `print` shows the main values."""
 
     geometry: RobotGeometry
     """Nominal geometry of the robot."""
     method: Method
-    """Whether `best`, `laws` and `intervals` are from steady stretches or whole drives."""
+    """Whether `best`, `laws` and `intervals` come from steady stretches or whole drives."""
     steady: SteadyComparison | None
-    """Laws from steady stretches; None if there are too few."""
+    """Laws from steady stretches; None if these are too few."""
     drive: DriveComparison | None
-    """Laws from whole drives; None if these were not evaluated."""
+    """Laws from whole drives; None if whole drives were not used."""
     outliers: tuple[Refused, ...]
     """Runs that yielded no sample or were left out of the fits."""
     warnings: tuple[str, ...]
-    """Alarms, doubts and remarks, one line each."""
+    """Remarks on runs and fits, one line each."""
     logs: tuple[RunLog, ...] = ()
-    """The runs that the laws were identified from; empty if they are from samples."""
+    """The runs from which the laws were identified; empty if the log has samples instead of traces."""
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """Reasons not to trust the best law as it is."""
+        """Reasons not to trust the best law."""
         drive = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
         return (*self._unstated_multiplier(), *self._untold(), *drive, *self._contradiction())
 
     def _untold(self) -> list[Alarm]:
-        """An alarm if the driving hardly determines D."""
+        """Return an alarm if the driving hardly determines D."""
         times = self.answer.get("wheel_separation_multiplier")
         if times is None or not times.error > _VAGUE:
             return []
         return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
 
     def _unstated_multiplier(self) -> list[Alarm]:
-        """An alarm if odometry was used in place of encoders and nobody stated its multiplier."""
+        """Return an alarm if odometry with an unknown multiplier was used in place of encoders."""
         for log in self.logs:
             bag = log.metadata.get("bag")
             if isinstance(bag, Mapping) and bag.get("odometry") and "multiplier" not in log.metadata:
@@ -74,7 +74,7 @@ class Identification:
         return []
 
     def _contradiction(self) -> list[Alarm]:
-        """An alarm if a law's values from steady stretches and whole drives differ and the intervals don't overlap."""
+        """Return an alarm if values from steady stretches and whole drives differ and intervals don't overlap."""
         both = [by.laws[REFERENCE] for by in (self.steady, self.drive) if by is not None and REFERENCE in by.laws]
         if len(both) < 2:
             return []
@@ -91,8 +91,8 @@ class Identification:
         """The main values, with 95 % intervals: multipliers for a differential drive's odometry, D [m] and ε.
 
         The keys are `wheel_separation_multiplier`, `left_wheel_radius_multiplier`, `right_wheel_radius_multiplier`,
-        `offset` and `radius_error`. The values are from the best law that odometry can express. The ends of an interval
-        are NaN if the law doesn't have the parameter, or there is too little driving.
+        `offset` and `radius_error`. The values come from the best law that odometry can express. An interval's ends are
+        NaN if the parameter isn't part of the law or there is too little driving.
         """
         if self.expressible is None:
             return {}
@@ -108,7 +108,7 @@ class Identification:
 
     @property
     def main(self) -> Comparison:
-        """The comparison that `best` is from."""
+        """The comparison in which `best` was chosen."""
         return self.drive if self.method == "drive" and self.drive is not None else self.comparison
 
     @property
@@ -140,14 +140,14 @@ class Identification:
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
-        """95 % interval for every fitted parameter, by law and parameter, in the parameter's unit."""
+        """95 % intervals of all fitted parameters, by law and parameter, in the parameters' units."""
         return {name: fit.interval95 for name, fit in self.main.laws.items()}
 
     def report(self, path: str | Path) -> Path:
-        """Write the report, one self-contained HTML page, to a file or to `report.html` in a folder; returns its path.
+        """Write the report, a self-contained HTML page, to a file or to `report.html` in a folder; returns its path.
 
         Raises:
-            TrackslipError: if no package that renders reports is installed.
+            TrackslipError: if no installed package renders reports.
             OutputError: if the file cannot be written.
         """
         file = Path(path)
@@ -177,7 +177,7 @@ class Identification:
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
-    """A parameter, or the mean of its values for the two sides, with a 95 % interval; 0 if the law doesn't have it.
+    """A parameter, or its mean over both sides, with a 95 % interval; 0 if the law has no such parameter.
 
     The interval's ends are NaN if the parameter was not fitted.
     """
@@ -187,13 +187,13 @@ def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
     if not fitted:
         return Gain(value, np.nan, np.nan)
     rows = [list(fit.stderr).index(name) for name in fitted]
-    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]  # an end may be cut
+    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]  # limits cut one end
     wide = float(np.sqrt(half @ fit.correlation[np.ix_(rows, rows)] @ half)) / len(names)
     return Gain(value, value - wide, value + wide)
 
 
 def identification_to_json(result: Identification) -> dict[str, Any]:
-    """The laws as `load_laws` reads them, all details of each, predictions for drives, and runs left out."""
+    """The content of summary.json: laws in the form that `load_laws` reads, their details, predictions and outliers."""
     steady, drive = result.steady, result.drive
     stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values}
     content: dict[str, Any] = laws_content(stored, result.geometry) | {
@@ -228,13 +228,13 @@ def identification_to_json(result: Identification) -> dict[str, Any]:
 
 
 def _stored(law: FittedLaw) -> dict[str, Any]:
-    """A law as `load_laws` reads it; standard errors are None for values that were held."""
+    """A law in the form that `load_laws` reads; standard errors are None for values that were held."""
     errors = {name: law.stderr.get(name) for name in law.values}
     return {"values": law.values, "stderr": errors, "interval95": law.interval95}
 
 
 def _content(law: FittedLaw) -> dict[str, Any]:
-    """The numeric fields of a fit."""
+    """The fields of a fit that summary.json contains."""
     unstored = ("name", "law", "fit", "missed", "pairs")
     content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
     return content | {"correlation": law.correlation.tolist()}

@@ -1,4 +1,4 @@
-"""Steady slip samples: mean slip in stretches of constant sprocket speeds, from measured or from true motion."""
+"""Steady slip samples: mean slip in stretches with constant sprocket speeds, from measured or true motion."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from trackslip.motion.steady import (
 from trackslip.motion.steady_twist import MotionMethod, paper
 
 MOTION_METHODS: dict[str, MotionMethod] = {"paper": paper, "arc": arc, "bundle": bundle}
-"""Methods that estimate the twist of a steady run, from the paper's as printed to the most accurate."""
-_REPEATED = 0.01  # largest difference in angle between a command and its repeats (test_steady) [rad]
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and largest plausible share kept of speed, yaw rate (test_steady)
+"""Methods that estimate the twist of a steady run, from the paper's own to the most accurate."""
+_REPEATED = 0.01  # largest angle between a command and its repeats (test_steady) [rad]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # plausible ratios to the sprockets' speed and yaw rate (test_steady)
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class SlipSamples:
 
     omega: Array  # (n, 2) measured sprocket speeds [rad/s]
     twist: Array  # (n, 2) mean twists [m/s, rad/s]
-    slip: Array  # (n, 2) slip of each track [-]
+    slip: Array  # (n, 2) slip of the left and right track [-]
     run: tuple[str, ...]  # (n,) names
-    covariance: Array | None = None  # (n, 2, 2) covariances of the twists' errors, if known
-    lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
+    covariance: Array | None = None  # (n, 2, 2) error covariances of the twists, if known
+    lateral: Array | None = None  # (n,) speed to the left of the measured heading, if measured [m/s]
     load: Array | None = None  # (n, 2) mean tractions per unit load, forwards and to the left, if known [-]
 
     def __len__(self) -> int:
@@ -66,7 +66,7 @@ class SlipSamples:
         lateral: Array | None = None,
         load: Array | None = None,
     ) -> SlipSamples:
-        """Samples from steady sprocket speeds and twists (n, 2), and the other fields where known; Eqs. 2-3.
+        """Make samples from steady sprocket speeds, twists (n, 2) and any other known fields; Eqs. 2-3.
 
         Slip is undefined (NaN) for a track whose sprocket hardly turns. Raises LogError if both sprockets stand still
         or the motion is implausible.
@@ -83,16 +83,16 @@ class SlipSamples:
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
-        """Concatenate samples; fields that any part doesn't have are left out."""
+        """Concatenate samples; a field that is missing in any part is left out."""
         arrays = [part.arrays() for part in parts]
         names = set.intersection(*map(set, arrays))
         run = tuple(name for part in parts for name in part.run)
         return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
 
     def along_robot(self, geometry: RobotGeometry) -> SlipSamples:
-        """The samples with speeds along the robot, corrected for sensor yaw if above 0.02 rad and significant.
+        """Correct speeds for the sensor's yaw, if this is above 0.02 rad and significant, to be along the robot.
 
-        A sensor X ahead moves to the left at X w; any further speed to the left in proportion to v is due to yaw.
+        A sensor X ahead moves to the left at X w; a further leftward speed, proportional to v, comes from its yaw.
         """
         if self.lateral is None or not np.isfinite(self.lateral).all() or len(self) < 4:
             return self
@@ -111,12 +111,12 @@ class SlipSamples:
         return SlipSamples(run=run, **{name: values[rows] for name, values in self.arrays().items()})
 
     def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Errors (n, 2) in track speed of predicted twists (n, 2), relative to the faster sprocket's speed."""
+        """Track speed errors (n, 2) of predicted twists (n, 2), relative to the belt speed of the faster sprocket."""
         missed = track_speeds(twist - self.twist, geometry.half_gauge)
         return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
 
     def by_command(self, geometry: RobotGeometry) -> np.ndarray:
-        """Labels (n,), in order, equal for runs with nearly the same ratio of sprocket speeds, hence path radius."""
+        """Ordered labels (n,), equal for runs with nearly the same ratio of sprocket speeds, hence path radius."""
         commanded = body_twist(self.omega, 0.0, geometry)
         angle = np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0])
         labels, label, first = np.zeros(len(angle), int), -1, -np.inf
@@ -128,7 +128,7 @@ class SlipSamples:
 
 
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
-    """Raise LogError for a run that doesn't move roughly as its sprockets imply: wrong units, signs, sides or gears.
+    """Raise LogError for a run with a motion unlike its sprockets', as from wrong units, signs, sides or gears.
 
     A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
     """
@@ -137,10 +137,10 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
     size = length * np.abs(commanded)
     covariance = 0.0 if samples.covariance is None else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
-    error = 4 * length * np.sqrt(covariance)  # more than chance
+    error = 4 * length * np.sqrt(covariance)  # beyond chance
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
     fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
-    plausible |= np.abs(along - size) <= 0.1 * fastest  # where sprockets differ or the sensor is off the centre
+    plausible |= np.abs(along - size) <= 0.1 * fastest  # where the sprockets differ or the sensor is off-centre
     standing = np.asarray(~samples.omega.any(axis=1))
     for k in np.flatnonzero(standing | ~plausible.all(axis=1))[:1]:
         if standing[k]:
@@ -158,14 +158,14 @@ class Sampling:
 
     samples: SlipSamples  # one sample per usable stretch
     refused: tuple[Refused, ...]  # runs and steady stretches without a sample
-    notes: tuple[str, ...]  # parts that were excluded from usable runs, one line each
-    steady_share: float = 1.0  # share of the driving time that is in steady stretches, settling included [-]
+    notes: tuple[str, ...]  # excluded parts of usable runs, a line for each
+    steady_share: float = 1.0  # steady stretches' share of the driving time, settling included [-]
 
     @classmethod
     def of(
         cls, usable: Sequence[SlipSamples], refused: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
     ) -> Sampling:
-        """A sampling with the usable samples; raises LogError if there are none."""
+        """Join the usable samples into a sampling; raises LogError if there are none."""
         if not usable:
             raise LogError(none_usable(refused))
         return cls(SlipSamples.joined(usable), tuple(refused), tuple(notes), share)
@@ -179,11 +179,11 @@ def usable_samples(
     refused: Sequence[Refused] = (),
     longest: bool = False,
 ) -> Sampling:
-    """The samples from all steady stretches of all runs, and the reasons why some yield none.
+    """Samples from the steady stretches of all runs, and the reasons why some stretches yield no sample.
 
     The first `settle` [s] of each stretch are left out. `refused` lists runs that were refused before. `method` is one
     of MOTION_METHODS, by default the most accurate that each run allows. With `longest`, only the longest stretch of
-    each run is used; otherwise a run with several stretches yields a sample for each, named after its start time.
+    each run is used; otherwise each stretch of a run yields a sample, which is named after the stretch's start time.
 
     Raises LogError if no run yields a sample, InvalidValueError for an invalid `settle` or `method`.
     """
@@ -214,9 +214,9 @@ def usable_samples(
 
 
 def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
-    """Samples from the true motion of simulated runs, in the longest steady stretch of each.
+    """Samples from the true motion in the longest steady stretch of each simulated run.
 
-    Raises LogError if a run has no truth or no steady stretch.
+    Raises LogError for a run without truth or without a steady stretch.
     """
     samples = []
     for log in logs:

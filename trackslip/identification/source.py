@@ -1,4 +1,4 @@
-"""Runs and steady samples from logs of any kind: traces or samples, in a folder, a file, a bag or in memory."""
+"""Runs and steady samples from any log: traces or samples, in a folder, a file, a bag or in memory."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS = (0.1, 10.0)
-"""Least and largest wheel_separation_multiplier that a robot may have: ICRs within ten times the gauge."""
+"""Least and largest wheel_separation_multiplier of a robot: the distance of its ICRs is within ten times the gauge."""
 
 
 @dataclass(frozen=True)
 class ReadOptions:
     """Options for reading a log."""
 
-    half_gauge: float | None = None  # half the distance between the tracks [m]; None to take it from the log
-    sprocket_radius: float | None = None  # radius of the sprockets [m]; None to take it from the log
+    half_gauge: float | None = None  # half the distance between the tracks [m]; None to read it from the log
+    sprocket_radius: float | None = None  # radius of the sprockets [m]; None to read it from the log
     gear: float = 1.0  # turns of the encoder per turn of the sprocket, if omega is the encoder's speed [-]
-    settle: float = SETTLE  # time left out at the start of each steady stretch [s]
+    settle: float = SETTLE  # time skipped at the start of each steady stretch [s]
     motion: str | None = None  # name of a motion method; None for the most accurate that each run allows
     bag: BagChoice = AUTOMATIC  # topics to read from bags
-    multiplier: float | None = None  # wheel_separation_multiplier of odometry used in place of encoders, if known [-]
+    multiplier: float | None = None  # wheel_separation_multiplier of odometry that replaces encoders, if known [-]
 
     def __post_init__(self) -> None:
         require_within("gear", self.gear, *GEARS)
@@ -44,7 +44,7 @@ class ReadOptions:
             require_within("multiplier", self.multiplier, *MULTIPLIERS)
 
     def sprocket_speeds(self, omega: Array) -> Array:
-        """Sprocket speeds (n, 2) from speeds of encoders, or from odometry computed with the multiplier (n, 2)."""
+        """Sprocket speeds (n, 2) from logged speeds (n, 2): of encoders, or from odometry with the multiplier."""
         mean = omega.mean(axis=1, keepdims=True)
         return (mean + (self.multiplier or 1.0) * (omega - mean)) / self.gear
 
@@ -59,12 +59,12 @@ class Source:
     logs: tuple[RunLog, ...] = ()  # runs; empty if the log has samples instead of traces
     rows: Sampling | None = None  # samples, if the log has samples instead of traces
     refused: tuple[Refused, ...] = ()  # runs that cannot be read
-    notes: tuple[str, ...] = ()  # parts of runs that were left out on reading, one line each
-    taken: tuple[str, ...] = ()  # topics read from bags as encoders and poses, one line each
+    notes: tuple[str, ...] = ()  # parts of runs that were skipped while reading, a line for each
+    taken: tuple[str, ...] = ()  # topics read from bags as encoders and poses, a line for each
 
     @cached_property
     def sampling(self) -> Sampling:
-        """The log's samples, or those of its runs without a controller; raises LogError if there are none."""
+        """The log's samples, or samples from its runs without a controller; raises LogError if there are none."""
         if self.rows is not None:
             return self.rows
         steady = [log for log in self.logs if "controller" not in log.metadata]
@@ -79,10 +79,10 @@ class Source:
 def read_source(
     path: Path, reading: ReadOptions = ReadOptions(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
-    """Runs or samples from a results folder, a `.parquet` or `.csv` file of traces or steady samples, or bags.
+    """Read runs or samples from a results folder, a `.parquet` or `.csv` file of traces or steady samples, or bags.
 
-    `chosen` returns the names of the runs to use, given the folder; None to use all runs. Raises LogError if nothing in
-    the log can be read or it has no runs to choose from, InvalidValueError if the geometry is unknown.
+    `chosen` maps the folder to the names of the runs to use; None to use all runs. Raises LogError if nothing in the
+    log can be read or `chosen` is given for a log without named runs, InvalidValueError if the geometry is unknown.
     """
     from trackslip.bags.drives import holds_bags, read_bags, refuse_choice  # late: runs in memory need no bags
 
@@ -101,7 +101,7 @@ def read_source(
 
 @contextmanager
 def _naming(source: object) -> Iterator[None]:
-    """Put the name of the source in front of any LogError that does not contain it."""
+    """Prefix the name of the source to any LogError whose message doesn't contain that name."""
     try:
         yield
     except LogError as error:
@@ -114,9 +114,9 @@ def source_of_runs(
     name: str = "the runs",
     left_out: ReadRuns | None = None,
 ) -> Source:
-    """A source with runs in memory, called `name` in messages; `left_out` has notes and refused runs from reading.
+    """Make a source from runs in memory; messages call it `name`. `left_out` has notes and refused runs from reading.
 
-    Raises LogError if there are no runs or they differ in something that affects slip, InvalidValueError if neither
+    Raises LogError if there are no runs or if runs differ in something that affects slip, InvalidValueError if neither
     `reading` nor the runs state the geometry.
     """
     if not runs:
@@ -131,7 +131,7 @@ def source_of_runs(
 
 
 def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
-    """The runs or the samples in a file."""
+    """Read the runs or the steady samples in a file."""
     table = read_table(file)
     if "x" not in table.column_names and set(SAMPLE_COLUMNS) <= set(table.column_names):
         if chosen is not None:
@@ -147,7 +147,7 @@ def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collect
 
 
 def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) -> Sampling:
-    """The usable samples in a table of steady samples, named row 1, row 2, and so on."""
+    """The usable rows in a table of steady samples, as samples named row 1, row 2, and so on."""
     columns.require(SAMPLE_COLUMNS)
     values = np.stack([columns.cells(name).values for name in SAMPLE_COLUMNS], axis=-1)
     if not len(values):
@@ -166,7 +166,7 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:
-    """A note if runs are under different loads; LogError if they cannot share a law, as ground or robot differ."""
+    """Note a difference in load between runs; raises LogError if ground or robot differ, so that no law fits all."""
     for key in ("ground", "radius_error", "geometry", "model_sha256"):
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
@@ -182,7 +182,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
 
 
 def _geometry(reading: ReadOptions, stored: Any, source: object) -> RobotGeometry:
-    """The geometry given in `reading` or, where that has none, in the log (`stored`)."""
+    """The geometry from `reading` or, where that is None, from the log (`stored`); InvalidValueError if unknown."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(reading, name)

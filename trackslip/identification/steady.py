@@ -1,14 +1,14 @@
 """Laws fitted to steady runs and compared: values, errors, scatter between runs, errors at left-out radii.
 
-The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds, so
-slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: a run's
-residual is the measured minus the predicted speed V of each track, (2,) [m/s]. Its covariance is
+The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds. So
+slip and radius, both functions of the measured twist with correlated errors, need not be treated separately. A run's
+residual is the measured minus the predicted speed V of each track, (2,) [m/s]. The residual's covariance is
 
     C = B P B^T + tau^2 s^2 I,    s = r max |omega|
 
-P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of track speeds besides
-measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground, speed, the
-law's wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one.
+P is the covariance of the measured twist, B maps twists to track speeds, s is the belt speed of the faster sprocket,
+and tau is the relative scatter of track speeds besides measurement errors, from effects outside the law (uneven ground,
+speed, a wrong form of the law). These act on the whole robot, so that tau is the same for slow and fast sprockets.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, LawFamily, family
 from trackslip.metrics import rms
 
-_EXACT = 1e-9  # least error of a run, relative to the faster sprocket: samples that follow a law except for rounding
-_SINGULAR = 1e7  # condition of the normal equations above which parameters are interchangeable (test_steady)
+_EXACT = 1e-9  # least error of a run relative to the faster sprocket: for samples computed from a law, with rounding
+_SINGULAR = 1e7  # condition number of normal equations above which parameters are interchangeable (test_steady)
 _FOLDS = 10  # largest number of folds in a cross-validation (Kohavi, 1995)
-_VAGUE = 5.0  # least standard error of an undetermined parameter, in changes that matter (test_steady)
+_VAGUE = 5.0  # least standard error of an undetermined parameter, in units of `LawFamily.limits` scales (test_steady)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,16 +54,16 @@ class SteadyFit(FittedLaw):
     """A law fitted to steady samples, with Student's t intervals."""
 
     rms: float
-    """Root mean square error of the predicted track speeds, relative to the speed of the faster sprocket [-]."""
+    """Root mean square error of predicted track speeds, relative to the belt speed of the faster sprocket [-]."""
     scatter: float
-    """tau, the track speeds' scatter about the law besides measurement errors, relative likewise [-]."""
-    fit: Fit  # the full fit
+    """Scatter tau of track speeds besides measurement errors, relative to the belt speed of the faster sprocket [-]."""
+    fit: Fit  # the complete fit
 
 
 def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyFit:
-    """Weighted least-squares fit of a law to measured motions, with intervals.
+    """Fit a law to measured motions by weighted least squares, with intervals.
 
-    `geometry` is the robot's nominal one. Raises LogError if the samples do not determine every parameter, and
+    `geometry` is the robot's nominal geometry. Raises LogError if the samples do not determine every parameter,
     InvalidValueError for an unknown law.
     """
     model = family(name)
@@ -91,19 +91,19 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyF
 
 @dataclass(frozen=True)
 class Fit:
-    """A family fitted to steady runs, along two axes in which a run's track speeds have independent errors."""
+    """A law family fitted to steady runs, along two axes on which a run's errors in track speed are independent."""
 
     family: LawFamily
     samples: SlipSamples
     geometry: RobotGeometry
-    axes: Array  # (n, 2, 2) maps from twists to the axes, relative to the speed of the faster sprocket
+    axes: Array  # (n, 2, 2) maps from twists to the axes, relative to the belt speed of the faster sprocket
     measurement: Array  # (n, 2) variances of the measurement errors along the axes
     values: Array  # (p,) values of the law's parameters
     scatter: float  # tau [-]
 
     @classmethod
     def of(cls, family: LawFamily, samples: SlipSamples, geometry: RobotGeometry) -> Fit:
-        """Fit values and scatter alternately, first from all start values and as if all errors were scatter."""
+        """Fit values and scatter alternately; the first fits try all start values and treat all errors as scatter."""
         speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
         known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
@@ -111,7 +111,7 @@ class Fit:
         axes, measurement = vectors.swapaxes(1, 2) @ to_tracks, np.maximum(measurement, _EXACT**2)
         starts = (cls(family, samples, geometry, axes, measurement, x, 1.0) for x in family.starts(geometry.half_gauge))
         fit = min((start.minimum() for start in starts), key=lambda fit: np.sum(fit.missed**2 / fit.variance))
-        for _ in range(10):  # 2 or 3 where the samples determine the law
+        for _ in range(10):  # 2 or 3 suffice if the samples determine the law
             scatter = fit.expected_scatter()
             if abs(scatter - fit.scatter) <= 1e-4 * scatter:
                 break
@@ -130,11 +130,11 @@ class Fit:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom."""
+        """Number of degrees of freedom."""
         return self.missed.size - len(self.values)
 
     def predicted(self, values: Array) -> Array:
-        """Twists (n, 2) that a law predicts for the runs, with values (p,), or (n, p) for separate values per run."""
+        """Twists (n, 2) that the law predicts for the runs with values (p,), or with values (n, p) for each run."""
         twist = self.family.law(values, self.geometry).twist(self.samples.omega, self.geometry)
         return np.broadcast_to(twist, self.samples.twist.shape)  # for laws without parameters, too
 
@@ -142,11 +142,11 @@ class Fit:
         return np.einsum("nij,nj->ni", self.axes, self.samples.twist - self.predicted(values))
 
     def _slopes(self, values: Array) -> Array:
-        """Derivatives (n, 2, p) of the law's predictions along the axes."""
+        """Derivatives (n, 2, p) of the law's predictions along the axes by its parameters."""
         return self.axes @ self.family.twist_slopes(values[None], self.samples.omega, self.geometry)[0]
 
     def minimum(self) -> Fit:
-        """The fit with the least chi-square at this scatter, starting from these values."""
+        """The fit with the least chi-square at the current scatter, starting from the current values."""
         if not self.family.names:
             return self
         low, high, scale = self.family.limits(self.geometry.half_gauge)
@@ -162,9 +162,9 @@ class Fit:
         return replace(self, values=result.x)
 
     def expected_scatter(self) -> float:
-        """tau at which chi-square equals its expectation, after Paule and Mandel (1982).
+        """Scatter tau at which chi-square equals its expectation, after Paule and Mandel (1982).
 
-        It is 0 if the measurement errors explain chi-square.
+        It is 0 if measurement errors alone explain chi-square.
         """
 
         def excess(log_tau: float) -> float:
@@ -175,13 +175,13 @@ class Fit:
 
     @cached_property
     def _normal(self) -> tuple[Array, Array]:
-        """The runs' normal equations (n, p, p) and right sides (n, p)."""
+        """Normal equations (n, p, p) and right-hand sides (n, p) of the runs."""
         slope = self._slopes(self.values)
         weighted = (slope / self.variance[..., None]).swapaxes(1, 2)
         return weighted @ slope, (weighted @ self.missed[..., None])[..., 0]
 
     def without(self, labels: np.ndarray) -> Array:
-        """Values (G, p) fitted without the runs of each label (n,), by one step of Newton's method."""
+        """Values (G, p) without the runs of each of G labels (n,), by one Newton step from the fit."""
         out = (labels == np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
         normal, pull = self._normal
         rest = np.einsum("gn,npq->gpq", 1 - out, normal)
@@ -192,8 +192,8 @@ class Fit:
     def covariance(self) -> Array:
         """Covariance (p, p) of the values; infinite if parameters are interchangeable.
 
-        Repeats of a command may share effects outside the law. So standard errors are at least those from leaving out
-        one command at a time (CR3, as in `windows`), or one run at a time if there are few commands.
+        Runs with the same command may share effects outside the law. So standard errors are at least those from
+        leaving out one command at a time (CR3, as in `windows`), or one run at a time if there are few commands.
         """
         normal = self._normal[0].sum(axis=0)
         unit = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -205,13 +205,13 @@ class Fit:
         if labels.max() + 1 < FEWEST_BLOCKS:
             labels = np.arange(len(labels))
         variance = np.diag(cr3(self.without(labels) - self.values))
-        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # unchanged if there are few labels
+        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # 1 if there are too few labels
         return covariance * np.outer(wider, wider)
 
     def left_out(self) -> Array | None:
-        """Twists (n, 2) predicted by fits without the runs at each run's radius; None if too few runs remain.
+        """Twists (n, 2) of runs, predicted by fits without runs at the same radius; None if too few runs remain.
 
-        With fewer than three radii, single runs or tenths of the runs are left out instead.
+        With fewer than three radii, single runs or tenths of all runs are left out instead.
         """
         radii = self.samples.by_command(self.geometry)
         labels = folds(radii if radii.max() >= 2 else np.arange(len(radii)))
@@ -220,7 +220,7 @@ class Fit:
         return self.predicted(self.without(labels)[labels])
 
     def undetermined(self, error: Array) -> str:
-        """A message on a parameter that the samples, by standard errors (p,), do not determine; empty without any."""
+        """A message on a parameter that the samples don't determine, judged by standard errors (p,); empty if none."""
         limits = self.family.limits(self.geometry.half_gauge)
         for key, value, spread, low, high, scale in zip(self.family.names, self.values, error, *limits, strict=True):
             if value not in (low, high) and spread < max(_VAGUE * scale, abs(value) / 2):
@@ -232,7 +232,7 @@ class Fit:
 
 
 def folds(labels: np.ndarray) -> np.ndarray:
-    """Folds (n,) for a cross-validation: the groups (n,) or, if there are many, neighbouring groups joined evenly."""
+    """Fold indices (n,) for a cross-validation from group `labels` (n,); if there are many, neighbours are joined."""
     size = np.bincount(labels)
     if len(size) <= _FOLDS:
         return labels
@@ -242,15 +242,15 @@ def folds(labels: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Rms errors of a law in predicting runs at radii that it was not fitted to."""
+    """Rms errors of a law's predictions for runs at left-out radii."""
 
-    slip: float  # rms error of the track speeds, relative to the faster sprocket's speed [-]
+    slip: float  # rms error of track speeds, relative to the belt speed of the faster sprocket [-]
     linear_speed: float  # rms error [m/s]
     yaw_rate: float  # rms error [rad/s]
 
     @classmethod
     def of(cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation | None:
-        """Errors of twists (n, 2) predicted by fits without each run's radius; None without twists."""
+        """Errors of twists (n, 2) that were predicted by fits without each run's radius; None if `twist` is None."""
         if twist is None:
             return None
         v, w = (rms(column) for column in (twist - samples.twist).T)
@@ -259,7 +259,7 @@ class CrossValidation:
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyComparison(Comparison):
-    """Laws identified from steady samples."""
+    """Laws identified from steady samples and compared at left-out radii."""
 
     samples: SlipSamples  # the samples that the laws were fitted to
     laws: Mapping[str, SteadyFit]  # fits by law name
@@ -267,9 +267,9 @@ class SteadyComparison(Comparison):
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
-    """Fit laws of all families that the samples determine, and compare them.
+    """Fit and compare laws of all families that the samples determine.
 
-    Raises LogError if the samples determine no law except `none`.
+    Raises LogError if the samples determine no law but `none`.
     """
     laws, warnings = dict[str, SteadyFit](), list[str]()
     sides = np.sign(np.diff(samples.omega, axis=1)[:, 0] * samples.omega.sum(axis=1))
@@ -303,9 +303,9 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
 
 
 def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice | None:
-    """The simplest law that predicts left-out radii as well as any other; None for too few runs.
+    """Choose the simplest law that predicts left-out radii as well as any other law; None for too few runs.
 
-    Errors are mean squares of the relative errors in track speed, weighted by the runs' inverse variances.
+    A run's error is the mean square of its relative errors in track speed, weighted by the run's inverse variance.
     """
     fit = next(iter(laws.values())).fit
     samples, scatter = fit.samples, max(LEAST_ERROR, min(law.scatter for law in laws.values()))

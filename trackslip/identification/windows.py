@@ -1,12 +1,12 @@
-"""The estimator: fits the path that follows from the belt speeds and a law to the poses, window by window.
+"""The estimator: fits the path that follows from belt speeds and a law to the poses, window by window.
 
-Belt speeds, integrated according to a law, yield the sensor's path. The poses are cut into windows of some seconds. In
-each window the path is moved and turned to fit the poses best. The remaining residuals don't depend on where the robot
+Belt speeds, integrated according to a law, yield the sensor's path. The poses are cut into windows of a few seconds. In
+each window, the path is moved and turned to fit the poses best. The remaining residuals don't depend on where the robot
 is in the world. Varying slip affects only the windows in which it occurs, so no state needs to be estimated. The
-parameters of the law, the sensor's place and the clocks are those that minimise the residuals, in units of their
-spread, under Cauchy's loss (P. J. Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
+parameters (of the law, the sensor's mounting and the clocks) minimise Cauchy's loss of the residuals in units of their
+spread (P. J. Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
 
-Standard errors are from the scatter of fits that each leave out one block of driving, by one step of Newton's method
+Standard errors come from the scatter of fits that each leave out one block of driving, approximated by one Newton step
 (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015).
 """
 
@@ -27,23 +27,23 @@ from trackslip.kinematics import Array, wrap_angle
 
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
-_BENDS = 0.2  # least second derivative of the loss, relative to the weights; large residuals could make it smaller
-_RELAXED = 1.5  # ratio of first steps to those of reweighted least squares, which are too short for this loss
-_NEAR = 30.0  # change, in standard errors, below which the next step is Newton's
+_BENDS = 0.2  # least second derivative of the loss relative to the weights; large residuals would lower it further
+_RELAXED = 1.5  # factor on the first steps: those of reweighted least squares are too short for this loss
+_NEAR = 30.0  # change below which the next step is Newton's [standard errors]
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of poses. A row is one pose in one window: most poses are in several windows."""
+    """Windows of poses. A row is one pose in one window, as most poses lie in several windows."""
 
     pose: np.ndarray  # (R,) index of the pose
     count: np.ndarray  # (W,) number of rows in each window
 
     @classmethod
     def cut(cls, drives: Drives, length: float) -> Windows:
-        """Windows of about this length [s]; a pose on a border belongs to both windows.
+        """Cut drives into windows of about `length` [s]; a pose on a border belongs to both windows.
 
-        Drives are cut twice, the second time half a window later: that is as efficient as estimating the whole path.
+        Each drive is cut twice, the second time half a window later, which is as efficient as a fit of the whole path.
         """
         rows = []
         for drive, begin in zip(drives.drives, drives.first, strict=False):
@@ -52,7 +52,7 @@ class Windows:
                 cuts = np.searchsorted(time, np.arange(start, time[-1], span))
                 ends = np.unique([0, *cuts, len(time) - 1])
                 if start > time[0] and len(ends) < 4:
-                    break  # the window would have the same poses again
+                    break  # the window would contain the same poses again
                 rows += [begin + np.arange(a, b + 1) for a, b in pairwise(ends)]
         return cls(np.concatenate(rows), np.array([len(row) for row in rows]))
 
@@ -62,36 +62,36 @@ class Windows:
         return np.cumsum(self.count) - self.count
 
     def sums(self, values: np.ndarray) -> np.ndarray:
-        """Sums (..., W) over the windows of values (..., R)."""
+        """Sums (..., W) of values (..., R) over each window."""
         return np.add.reduceat(values, self.first, axis=-1)
 
     def each(self, values: np.ndarray) -> np.ndarray:
-        """Values (..., W) of the windows, repeated for each of their rows (..., R)."""
+        """Repeat values (..., W) of windows for each of their rows (..., R)."""
         return np.repeat(values, self.count, axis=-1)
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals in each window: of places forwards and to the left [m], headings and, with a gyro, its turns [rad]."""
+    """Residuals of the rows: of places forwards and to the left [m], of headings and, with a gyro, of turns [rad]."""
 
     value: Array  # (3 or 4, R) residuals
-    slope: Array  # (3 or 4, f, R) their derivatives by the free parameters
-    known: np.ndarray  # (3 or 4, R) bool: whether each was measured
+    slope: Array  # (3 or 4, f, R) derivatives of the residuals by the free parameters
+    known: np.ndarray  # (3 or 4, R) bool: true where measured
 
     @property
     def spread(self) -> Array:
-        """Robust standard deviations (3,) of a coordinate, a heading and a gyro's turn; 1 if nothing was measured."""
+        """Robust standard deviations (3,) of coordinates, headings and gyro turns; 1 for a quantity not measured."""
         spread = np.ones(3)
         for k, rows in enumerate((slice(2), slice(2, 3), slice(3, 4))):
             size = np.abs(self.value[rows][self.known[rows]])
             if len(size):
-                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # for normal errors, and at least rounding
+                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # for normal errors, but no less than rounding
         return spread
 
     def weights(self, spread: Array) -> tuple[Array, Array]:
-        """Weights (3 or 4, R) under Cauchy's loss, divided by the variances, and the loss's second derivatives.
+        """Weights (3 or 4, R) under Cauchy's loss, divided by the variances, and second derivatives of the loss.
 
-        Both are 0 where nothing was measured; the second derivatives are negative where residuals are large.
+        Weights and derivatives are 0 where nothing was measured. Derivatives are negative for large residuals.
         """
         variance = spread[[0, 0, 1, 2][: len(self.value)], None] ** 2
         square = self.value**2 / (variance * LOSS**2)
@@ -99,17 +99,17 @@ class Residuals:
         return weight, weight * (1 - square) / (1 + square)
 
     def alignment(self, spread: Array) -> Array:
-        """Weights (2, R) of places and headings for the alignment of their windows; outliers have less weight."""
+        """Weights (2, R) of places and headings for the alignment of windows; outliers weigh less."""
         size = np.stack([np.hypot(*self.value[:2]), self.value[2]]) / spread[:2, None]
         return self.known[[0, 2]] / (1 + (size / LOSS) ** 2) / spread[:2, None] ** 2
 
     def normal(self, weight: Array, rows: slice = slice(None)) -> Array:
-        """Normal equations (f, f) of rows with weights (3 or 4, R)."""
+        """Normal equations (f, f) over `rows`, given the weights (3 or 4, R) of all rows."""
         weighted = self.slope[..., rows] * weight[:, None, rows]
         return np.asarray(sum(w @ s.T for w, s in zip(weighted, self.slope[..., rows], strict=True)))
 
     def score(self, weight: Array, rows: slice = slice(None)) -> Array:
-        """Gradient (f,) of half the weighted sum of squares over rows."""
+        """Gradient (f,) of half the weighted sum of squares over `rows`, given the weights (3 or 4, R) of all rows."""
         pull = weight[:, rows] * self.value[:, rows]
         return np.asarray(sum(s @ p for s, p in zip(self.slope[..., rows], pull, strict=True)))
 
@@ -117,9 +117,9 @@ class Residuals:
 def residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, weight: Array
 ) -> Residuals:
-    """Residuals of the rows for parameter values (p,), and derivatives by the parameters `free` (f,).
+    """Residuals of the rows for parameter values (p,), with derivatives by the parameters `free` (f,).
 
-    `weight` (2, R) has the weights of places and headings for the alignment of their windows.
+    `weight` (2, R) has the weights of places and headings for the alignment of windows.
     """
     path = model.path(values, drives, free)
     rows, (wp, wh) = windows.pose, weight
@@ -154,9 +154,9 @@ def residuals(
 def _gyro_residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
-    """The gyro's turns minus the law's, since the previous row in the window.
+    """The gyro's minus the law's turn since the previous row in the window, derivatives, and a mask of known values.
 
-    Both are by the encoder clock, so they say nothing about the clock offset: their derivative by it is 0.
+    Both turns are timed by the encoder clock, so the derivative by the clock offset is 0.
     """
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
@@ -173,25 +173,25 @@ def _gyro_residuals(
 
 @dataclass(frozen=True)
 class WindowFit:
-    """Parameters fitted to drives."""
+    """The parameters of a drive model fitted to drives, with their uncertainty."""
 
     model: DriveModel
     drives: Drives
-    length: float  # of the windows [s]
+    length: float  # length of the windows [s]
     values: Array  # (p,) values of all parameters
     free: np.ndarray  # (f,) indices of the parameters that were fitted
     spread: Array  # (3,) `Residuals.spread`
     block: np.ndarray  # (K,) block of each pose, from `Drives.blocks`
-    blocks: Array  # (G, f, f) normal equations of each block, from the weights
+    blocks: Array  # (G, f, f) normal equations of each block, weighted
     bend: Array  # (f, f) second derivatives of the loss
-    score: Array  # (G, f) gradient from each block; with the prior's, they sum to about 0
+    score: Array  # (G, f) gradient from each block; the sum, with the prior's gradient, is about 0
     prior: Array  # (f,) precisions of the priors
 
     def without(self, blocks: np.ndarray) -> Array:
-        """Parameters (F, p) fitted without the blocks in each row of `blocks` (F, G) bool, by one Newton step.
+        """Parameters (F, p) without the blocks in each row of `blocks` (F, G) bool, by one Newton step from the fit.
 
-        The step uses the normal equations from the weights of the other blocks, which stay regular. It is then
-        lengthened as much as the loss's second derivatives are smaller than the normal equations.
+        The step uses the weighted normal equations of the remaining blocks, which stay regular. It is then lengthened
+        by the ratio of all blocks' normal equations to the second derivatives of the loss.
         """
         out = blocks.astype(float)
         rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
@@ -203,13 +203,13 @@ class WindowFit:
 
     @property
     def covariance(self) -> Array:
-        """(f, f) of the free parameters: by leaving out blocks (CR3), plus the priors' part; NaN for too few blocks."""
+        """Covariance (f, f) of the free parameters: CR3 over blocks, plus the priors' share; NaN for too few blocks."""
         apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
         return cr3(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
 
     @property
     def quantile(self) -> Array:
-        """Half widths (f,) of 95 % intervals, in standard errors."""
+        """Half-widths (f,) of 95 % intervals, in standard errors."""
         return student(self.blocks, self._normal)
 
     @property
@@ -222,7 +222,7 @@ class WindowFit:
 
 
 def _inverse(bend: Array, normal: Array) -> Array:
-    """Inverse (f, f) of the loss's second derivatives, limited to at least a fifth of the normal equations."""
+    """Inverse (f, f) of the loss's second derivatives, which are raised to at least a fifth of the normal equations."""
     scale = np.sqrt(np.diag(normal))
     normal, bend = (matrix / np.outer(scale, scale) for matrix in (normal, bend))
     values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
@@ -232,11 +232,11 @@ def _inverse(bend: Array, normal: Array) -> Array:
 def fit_windows(
     model: DriveModel, drives: Drives, length: float, values: Array, held: Collection[str], mean: Array
 ) -> WindowFit:
-    """Fit parameters not `held` in windows of `length` [s], starting at `values` (p,), with priors of mean `mean` (p,).
+    """Fit all parameters except `held` in windows of `length` [s], from start `values` (p,), with prior `mean` (p,).
 
-    Steps are first those of reweighted least squares, then Newton's. The fit has converged when no parameter changes by
-    more than a tenth of its standard error (for independent residuals and known other parameters). Derivatives are
-    recomputed after changes of more than three standard errors.
+    The first steps are by reweighted least squares, the last by Newton's method. The fit has converged when no
+    parameter changes by more than a tenth of its standard error (for independent residuals, given all other
+    parameters). Derivatives are recomputed after changes of more than three standard errors.
     """
     windows, values = Windows.cut(drives, length), values.copy()
     free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
@@ -265,7 +265,7 @@ def fit_windows(
     rest = residuals(model, drives, windows, values, free, rest.alignment(rest.spread))
     spread = rest.spread
     pull, curved = rest.weights(spread)
-    block = drives.blocks(2 * length)  # so long that few windows overlap two blocks
+    block = drives.blocks(2 * length)  # long enough that few windows overlap two blocks
     middle = windows.pose[windows.first + (windows.count - 1) // 2]
     part = windows.each(np.unique(block[middle], return_inverse=True)[1])
     blocks = np.zeros((int(part.max()) + 1, len(free), len(free)))

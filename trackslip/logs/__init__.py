@@ -1,1 +1,1 @@
-"""The record of a run, and its files."""
+"""Records of runs, and their files."""

@@ -1,4 +1,4 @@
-"""Checks on the rows of a run: clocks that restart, stamps that go back, yaw rates in wrong units."""
+"""Checks on the rows of a run: restarted clocks, stamps that go back, yaw rates in wrong units."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 _RESTART = 1.0  # least time by which a restarted clock goes back [s]
-_GLITCH = 4  # most successive rows that may just be stamped wrongly; more belong to another drive
-_MIN_STEPS = 5  # minimum number of turns
-_DISAGREES = 0.5  # correlation below which two sets of turns are not of the same motion
-_TURN_TIME = 2.0  # time over which a gyro's turns are compared: poses may be stamped half a second late [s]
-_MIN_TURN = 0.1  # least rms of turns that show a gyro's axis and unit [rad]
-_SAME_UNIT = (0.5, 2.0)  # limits on the ratio of turns if both are in the same unit [-]
+_GLITCH = 4  # most successive rows that may have wrong stamps; a longer series belongs to another drive
+_MIN_STEPS = 5  # least number of turns for a comparison
+_DISAGREES = 0.5  # correlation below which two sets of turns are from different motions
+_TURN_TIME = 2.0  # duration of the turns that are compared with a gyro's: poses may be stamped half a second late [s]
+_MIN_TURN = 0.1  # least rms of the turns for a check of a gyro's axis and unit [rad]
+_SAME_UNIT = (0.5, 2.0)  # limits on the ratio between turns in the same unit [-]
 
 
 def restarts(time: Array) -> np.ndarray:
-    """Rows (n,) at which the clock (T,) restarts, because another drive with the same name begins."""
+    """Rows (n,) at which the clock `time` (T,) restarts because another drive with the same name begins."""
     usual = scipy.ndimage.median_filter(time, size=2 * _GLITCH + 1, mode="reflect")
     return np.flatnonzero(np.diff(usual) < -_RESTART) + 1
 
 
 def unwrapped(heading: Array) -> Array:
-    """Headings (n,) without jumps by whole turns; unchanged if their range and steps show that they are not radians."""
+    """Headings (n,) without jumps by whole turns; unchanged if range and steps show that they are not in radians."""
     step = np.abs(np.diff(heading))
     turns = step[step > np.pi]
     if not len(turns) or np.ptp(heading) < 2 * np.pi + 0.1:
@@ -36,9 +36,9 @@ def unwrapped(heading: Array) -> Array:
 
 
 def in_order(time: Array) -> np.ndarray:
-    """The largest possible set of rows (n,) whose times (T,) ascend."""
-    ends: list[float] = []  # the earliest end of an ascending chain of each length
-    last: list[int] = []  # and its row
+    """Rows (n,) of the longest strictly ascending subsequence of `time` (T,)."""
+    ends: list[float] = []  # the earliest end among ascending chains of each length
+    last: list[int] = []  # the row of that end
     before = np.full(len(time), -1)
     for row, stamp in enumerate(time.tolist()):
         length = bisect_left(ends, stamp)
@@ -56,9 +56,9 @@ def in_order(time: Array) -> np.ndarray:
 
 
 def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array] | None:
-    """Turns (n,) of headings (T,) [rad], NaN where not measured, over _TURN_TIME each, and turns (..., n) of `turned`.
+    """Turns (n,) of the headings and (..., n) of `turned` [rad] during each _TURN_TIME; None if the robot hardly turns.
 
-    `turned` (..., T) are angles turned since any fixed time [rad]. None if the robot hardly turns.
+    `heading` (T,) [rad] is NaN where not measured; `turned` (..., T) are angles turned since any fixed time [rad].
     """
     known = np.flatnonzero(np.isfinite(heading))
     if not known.size:
@@ -69,9 +69,9 @@ def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Arr
 
 
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
-    """Yaw rates (T,), or None and a line that says why if they don't follow the headings (T,) at all.
+    """Return yaw rates (T,) and an empty note; None and a note if the rates don't follow the headings (T,).
 
-    Rates and headings may contain NaN. Raises LogError for rates in a wrong unit, or positive clockwise.
+    Rates and headings may contain NaN. Raises LogError for rates in a wrong unit or positive clockwise.
     """
     turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
     paired = paired_turns(time, turned, heading)

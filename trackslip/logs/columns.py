@@ -1,4 +1,4 @@
-"""Columns of any table as arrays, with masks of the empty and the damaged cells."""
+"""Columns of any table as arrays, with masks for empty and damaged cells."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EXPECTED = {"valid": "true or false", "gyro": f"a yaw rate of at most {MAX_YAW_
 
 @dataclass(frozen=True)
 class Cells:
-    """A column of numbers."""
+    """A column of numbers, with masks for empty and damaged cells."""
 
     values: Array  # (T,); NaN where the cell is empty, NaN or damaged
     empty: np.ndarray  # (T,) bool
@@ -43,7 +43,7 @@ class Columns:
                 raise LogError(f"{self._source}: column {name} is there {present.count(name)} times")
 
     def cells(self, name: str) -> Cells:
-        """A column of numbers, all empty if it is missing; raises LogError for a wrong type or unit."""
+        """Read a column of numbers; a missing column has empty cells. Raises LogError for a wrong type or unit."""
         if name not in self._table.column_names:
             nowhere = np.zeros(len(self._table), bool)
             return Cells(np.full(len(nowhere), np.nan), ~nowhere, nowhere)
@@ -60,19 +60,19 @@ class Columns:
         return _cells(_as_floats(column), column.is_null().to_numpy())
 
     def optional(self, names: Sequence[str]) -> Array | None:
-        """Values (T, len(names)), NaN where a cell has no number; None if a column is missing."""
+        """Values (T, len(names)) of optional columns, NaN in cells without a number; None if any column is missing."""
         if any(name not in self._table.column_names for name in names):
             return None
         return np.stack([self.cells(name).values for name in names], axis=-1)
 
     def complaint(self, name: str, row: int) -> str:
-        """An error message about a cell."""
+        """An error message about a damaged cell."""
         shown = repr(self._table.column(name)[row].as_py())
         shown = shown if len(shown) <= 40 else shown[:40] + "…"
         return f"row {row + 1}, column {name}: {shown} is not {_EXPECTED.get(name, 'a finite number')}"
 
     def categories(self, name: str) -> tuple[np.ndarray, list[str]]:
-        """For each cell (T,) of a text column, the index of its text, and the texts; empty cells have an empty text."""
+        """The index (T,) of each cell's text, and the distinct texts, in a text column; nulls count as empty texts."""
         try:
             text = self._table.column(name).cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
         except pa.ArrowException as error:
@@ -80,7 +80,7 @@ class Columns:
         return text.indices.to_numpy(), text.dictionary.to_pylist()
 
     def boolean(self, name: str) -> Cells:
-        """A column of true and false as 1 and 0; all cells are empty if the column is missing."""
+        """Read a column of true and false as 1 and 0; a missing column has empty cells."""
         if name not in self._table.column_names:
             return self.cells(name)
         index, texts = self.categories(name)
@@ -89,26 +89,26 @@ class Columns:
 
 
 def _cells(values: Array, empty: np.ndarray) -> Cells:
-    """Cells from values (T,), which are infinite or huge where damaged."""
+    """Cells from values (T,); infinite and huge values count as damaged."""
     damaged = np.abs(values) > _HUGE
     return Cells(np.where(damaged, np.nan, values), empty, damaged)
 
 
 def _from_text(column: pa.ChunkedArray) -> Cells:
-    """Cells from texts, read as Python reads numbers."""
-    import pyarrow.compute as pc  # takes longer to import than pyarrow itself, and few logs have numbers as text
+    """Cells from a text column, with numbers in Python's notation."""
+    import pyarrow.compute as pc  # a slow import, and few logs have numbers as text
 
     text = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
     empty = pc.equal(text, "")
     try:
         values = _as_floats(pc.if_else(empty, None, text))
-    except pa.ArrowInvalid:  # some text is not a number to Arrow
+    except pa.ArrowInvalid:  # Arrow doesn't accept some text as a number
         values = np.array([_number(cell) for cell in text.to_pylist()])
     return _cells(values, empty.to_numpy())
 
 
 def _number(text: str) -> float:
-    """The number in a text: NaN if it is empty, infinity if it is not a number."""
+    """The number in a text: NaN for an empty text, infinity for a text that is not a number."""
     try:
         return float(text or "nan")
     except ValueError:

@@ -1,4 +1,4 @@
-"""Reads and writes Parquet and CSV files of runs, and joins Parquet files without loading all of their runs."""
+"""Reads and writes Parquet and CSV files of runs, and joins Parquet files without loading all runs at once."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
-RUNS = "runs.parquet"  # name of the file with the runs in a results folder
-_LOOKED_AT = 50  # number of lines from which the separator and the decimal mark are inferred
+RUNS = "runs.parquet"  # name of the file with a results folder's runs
+_LOOKED_AT = 50  # number of lines that decide the separator and the decimal mark
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
-_TIMES = ("s", "sec", "ms", "us", "ns")  # units of time in the column t, which identify a row of units
+_TIMES = ("s", "sec", "ms", "us", "ns")  # units of the column t that identify a row of units
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
-    """Write runs to a Parquet file, one row group per run, in order."""
+    """Write runs to a Parquet file, in order, with one row group per run."""
     table = to_table(logs)
     with pa.parquet.ParquetWriter(file, table.schema, **packing(table.schema)) as writer:
         first = 0
@@ -54,13 +54,13 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a CSV file, without metadata, ranges, contacts and shear; all other numbers are exact."""
+    """Write runs to a CSV file without metadata, ranges, contacts and shear; all other numbers are exact."""
     plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None, shear=None)) for log in logs]
     pa.csv.write_csv(to_table(plain), path)
 
 
 def read_table(path: Path) -> pa.Table:
-    """The table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
+    """Read the table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
     kind = path.suffix.lower()
     try:
         regular_file(path)
@@ -81,10 +81,10 @@ def read_table(path: Path) -> pa.Table:
 
 
 def _read_csv(path: Path) -> pa.Table:
-    """The table in a CSV file, every column as text so that errors can name row and column.
+    """Read the table in a CSV file with every column as text, so that errors can name row and column.
 
     The file may have blanks around cells, lines beginning with # before the header, columns separated by semicolons or
-    tabs (then also decimal commas), and, below the header, a row with the units of the columns.
+    tabs (and then decimal commas), and, below the header, a row with the columns' units.
     """
     import pyarrow.compute as pc  # takes longer to import than pyarrow itself
 
@@ -92,7 +92,7 @@ def _read_csv(path: Path) -> pa.Table:
         lines = list(islice(file, _LOOKED_AT))
     comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
     if comments and "omega_l" in lines[comments - 1] and "omega_l" not in "".join(lines[comments : comments + 1]):
-        comments -= 1  # the header, as numpy.savetxt writes it
+        comments -= 1  # the last comment is the header, as from numpy.savetxt
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
     rows = list(csv.reader(lines[comments:], delimiter=separator))
@@ -113,7 +113,7 @@ def _read_csv(path: Path) -> pa.Table:
 
 
 def _with_units(table: pa.Table) -> pa.Table:
-    """The table with a first row of units, if any, moved to the metadata of its columns."""
+    """Move a first row of units, if there is one, to the metadata of the table's columns."""
     first = [column[0].as_py().strip("[]()") for column in table.columns] if len(table) else []
     if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
         return table
@@ -125,7 +125,7 @@ def _with_units(table: pa.Table) -> pa.Table:
 
 
 def runs_file(path: Path) -> Path:
-    """The file with the runs in a results folder, or `path` itself; LogError if the folder has none or is too new."""
+    """The runs' file in a results folder, or `path` if not a folder; LogError for a folder with no or too new runs."""
     try:
         if not path.is_dir():
             return path
@@ -138,7 +138,7 @@ def runs_file(path: Path) -> Path:
 
 
 def read_runs(path: Path) -> list[RunLog]:
-    """The runs in a file, with a LogWarning for each part left out; raises LogError if no run can be read."""
+    """Read the runs in a file, with a LogWarning for each part left out; raises LogError if no run can be read."""
     read = read_log(path)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
@@ -146,14 +146,14 @@ def read_runs(path: Path) -> list[RunLog]:
 
 
 def read_log(path: Path) -> ReadRuns:
-    """The runs in a file, and notes on the parts left out; raises LogError if no run can be read."""
+    """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be read."""
     return runs_from_table(read_table(path), str(path))
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
-    """Copy runs, each given as (file, name, new name), in order from files written by `write_parquet` to one file.
+    """Copy runs, each given as (file, name, new name), in order from files by `write_parquet` to a single file.
 
-    Each run is a row group, so only one is in memory at a time. Raises LogError if a file cannot be read.
+    Each run is a row group, so only one run at a time is in memory. Raises LogError if a file cannot be read.
     """
     with contextlib.ExitStack() as stack:
         try:

@@ -1,4 +1,4 @@
-"""RunLog: the record of one run, simulated or real, with a row for every scan, and the plate in the scans."""
+"""RunLog: the record of a run, simulated or real, with a row for each scan, and the plate's returns in the scans."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
-"""Errors that a run's metadata cause if trackslip did not write them."""
+"""Errors that a run's metadata may cause if trackslip did not write them."""
 _OPTIONAL = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
 _NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
-MAX_YAW_RATE = 100.0  # yaw rate above which a gyro's reading is invalid [rad/s]
-MEASURED = 0.99  # share of an interval that a gyro must have covered for its turn to count [-]
+MAX_YAW_RATE = 100.0  # yaw rate above which a gyro reading is invalid [rad/s]
+MEASURED = 0.99  # least share of an interval with gyro readings for which the gyro's turn counts [-]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Quantities known only in simulation."""
+    """Quantities that are known only in simulation."""
 
     pose: Array  # (T, 3) [m, m, rad]
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
@@ -35,21 +35,21 @@ class Truth:
     saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
     contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
-    shear: Array | None = None  # (T, P) distance that the ground has yielded under each pad, if it shears [m]
+    shear: Array | None = None  # (T, P) shear displacement of the ground under each pad, for ground that shears [m]
 
 
 @dataclass(frozen=True)
 class ScanLog:
-    """The returns of each scan that come from the plate."""
+    """The returns from the plate in each scan."""
 
     scan: Scan  # the scanner, without ranges: (0, B)
     plate: Plate  # the plate that was scanned
-    cluster: Cluster  # one cluster per row of the log, without returns where none was found
+    cluster: Cluster  # a cluster per row of the log; it is empty where the plate was not found
     full: Array | None = None  # (T, B) all ranges of the scans, NaN for no return [m]
 
     @property
     def beam(self) -> np.ndarray:
-        """(H,) index of the beam of each return."""
+        """Beam index (H,) of each return."""
         return np.rint((self.cluster.bearing - self.scan.bearings[0]) / self.scan.beam_step).astype(int)
 
     def between(self, first: int, end: int) -> ScanLog:
@@ -60,20 +60,20 @@ class ScanLog:
 
 @dataclass(frozen=True)
 class RunLog:
-    """One run. Row k has the measurements at time k and the command sent at that time."""
+    """The log of a run. Row k has the measurements at time k and the command sent at that time."""
 
     run: str
     """Name of the run, unique within a file."""
     time: Array  # (T,) [s], ascending
     omega: Array  # (T, 2) measured sprocket speeds [rad/s]
-    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN for positions or headings not measured
+    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN where positions or headings weren't measured
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
     twist_command: Array | None = None  # (T, 2) body twist commanded by a controller [m/s, rad/s]
     icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
     covariance: Array | None = None  # (T, 3, 3) covariance of the pose
-    valid: np.ndarray | None = None  # (T,) bool: whether the pose was measured; None if every pose was
-    load: Array | None = None  # (T, 2) traction per unit load that the robot needs, forwards and to its left [-]
-    gyro: Array | None = None  # (T,) gyroscope's yaw rate, mean since the previous row; NaN if not measured [rad/s]
+    valid: np.ndarray | None = None  # (T,) bool: true where the pose was measured; None if all poses were measured
+    load: Array | None = None  # (T, 2) required traction per unit load, forwards and to the left [-]
+    gyro: Array | None = None  # (T,) yaw rate from a gyro, mean since the previous row [rad/s]; NaN where not measured
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
     beyond: Array | None = None  # (B, 4) times and poses before the first and after the last encoder reading
@@ -85,7 +85,7 @@ class RunLog:
         if rows < 2:
             raise LogError(f"run {self.run!r}: {counted(rows, 'row')}, needs at least 2")
         unknown = np.isnan(self.pose)
-        halves = (unknown[:, 0] != unknown[:, 1]) | unknown.all(axis=1)  # a position or a heading alone is a pose
+        halves = (unknown[:, 0] != unknown[:, 1]) | unknown.all(axis=1)  # a position or heading alone counts as a pose
         wrong = {
             "time is not after the previous row": np.append(False, ~(np.diff(self.time) > 0)),
             "omega is not finite": ~np.isfinite(self.omega).all(axis=1),
@@ -97,22 +97,22 @@ class RunLog:
 
     @property
     def is_valid(self) -> np.ndarray:
-        """(T,) bool: whether each pose was measured."""
+        """(T,) bool: true where the pose was measured."""
         return np.ones(len(self.time), bool) if self.valid is None else self.valid
 
     @property
     def has_place(self) -> np.ndarray:
-        """(T,) bool: whether the pose has a measured position."""
+        """(T,) bool: true where the position was measured."""
         return self.is_valid & np.isfinite(self.pose[:, 0])
 
     @property
     def has_heading(self) -> np.ndarray:
-        """(T,) bool: whether the pose has a measured heading."""
+        """(T,) bool: true where the heading was measured."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
 
     @property
     def gyro_sums(self) -> Array | None:
-        """(T, 2) turn that the gyro measured up to each row [rad], and for how long [s]; None without a gyro."""
+        """Sums (T, 2) up to each row: the gyro's turn [rad] and the time with readings [s]; None without a gyro."""
         if self.gyro is None:
             return None
         rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
@@ -131,7 +131,7 @@ class RunLog:
         return replace(self, **part(self) | {"truth": truth, "scans": scans, "beyond": None})
 
     def cut(self, duration: float) -> list[RunLog]:
-        """Parts of equal duration, about `duration` [s] each; a shorter log is returned whole."""
+        """Cut the log into parts of equal duration, about `duration` [s] each; a shorter log is returned whole."""
         count = max(round((self.time[-1] - self.time[0]) / duration), 1)
         ends = np.searchsorted(self.time, np.linspace(self.time[0], self.time[-1], count + 1)).tolist()
         ends[-1] += 1
@@ -153,7 +153,7 @@ class Refused:
 
     @classmethod
     def of(cls, run: str, error: LogError) -> Refused:
-        """A run that raised an error; the run's name is removed from the start of the message."""
+        """Make a refusal from an error; the run's name is removed from the start of the message."""
         return cls(run, str(error).removeprefix(f"run {run!r}: "))
 
     def __str__(self) -> str:
@@ -161,14 +161,14 @@ class Refused:
 
 
 def none_usable(refused: Sequence[Refused]) -> str:
-    """One line with the most frequent reason, for a log whose runs are all refused."""
+    """One line with the most frequent reason, for a log in which all runs are refused."""
     if len(refused) == 1:
         return f"run {refused[0].run!r}: {refused[0].reason}"
     return f"none of the {len(refused)} runs can be used; {in_few_lines(map(str, refused))[0]}"
 
 
 def in_few_lines(lines: Iterable[str]) -> list[str]:
-    """A line for each group of lines that differ only in numbers and quoted names, the largest groups first."""
+    """Group lines that differ only in numbers and quoted names; returns a line per group, the largest group first."""
     groups: dict[str, list[str]] = {}
     for line in dict.fromkeys(lines):
         groups.setdefault(_NUMBERS_AND_NAMES.sub("", line), []).append(line)

@@ -1,4 +1,4 @@
-"""The columns in a table of runs: name, unit and description, which files store as metadata."""
+"""The columns in a table of runs: names, units and descriptions, which files store as metadata."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Column:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The metadata stored with the column."""
+        """Metadata that files store with the column."""
         return {"unit": self.unit, "description": self.description}
 
 
@@ -79,6 +79,6 @@ COLUMNS = {column.name: column for column in _ALL}  # columns by name
 
 
 def with_units(table: pa.Table) -> pa.Table:
-    """The table with unit and description as metadata of each known column, and without metadata of its own."""
+    """Store unit and description as metadata of each known column; removes the table's own metadata."""
     fields = [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema]
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))

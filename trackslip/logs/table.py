@@ -1,7 +1,7 @@
-"""RunLogs and steady samples as tables, and back.
+"""Conversion between RunLogs and tables.
 
 A table contains any number of runs, distinguished by the column `run`. A real robot's log needs only the columns
-REQUIRED, and x and y or phi; steady samples without traces need SAMPLE_COLUMNS.
+REQUIRED, and either x and y or phi; steady samples without traces need SAMPLE_COLUMNS.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
-"""Columns that every robot log has, besides x and y, phi or all three. Without a column `run`, it is one run."""
+"""Required columns of a robot log, besides x and y, phi or all three. A log without the column `run` is one run."""
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 LATERAL = "lateral"  # optional column of steady samples: speed to the left [m/s]
 BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog
@@ -33,7 +33,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog
     "omega": ("omega_l", "omega_r"),
     "pose": ("x", "y", "phi"),
 }
-TRUTH: dict[str, tuple[str, ...]] = {  # columns for each field of its Truth
+TRUTH: dict[str, tuple[str, ...]] = {  # columns for each field of a Truth
     "pose": ("true_x", "true_y", "true_phi"),
     "twist": ("true_v", "true_lateral", "true_w"),
     "traction": ("traction_l", "traction_r"),
@@ -47,16 +47,16 @@ SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """For each element (3, 3) of a covariance, its index in COVARIANCE."""
 CONTACT = "contact"
 SHEAR = "shear"
-SCANNED = "scanned"  # key for the scanner in a run's metadata
+SCANNED = "scanned"  # key of the scanner in a run's metadata
 _RANGES, _ALL_RANGES = "ranges", "all_ranges"
 _OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
-_METADATA_KEY = b"trackslip"  # key for the descriptions of the runs in a file's metadata
+_METADATA_KEY = b"trackslip"  # key of the run descriptions in a file's metadata
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
-    """Runs as one table with a row per scan, and metadata for the columns and the runs.
+    """Convert runs to a table with a row per scan, and metadata for columns and runs.
 
-    If a run has no values for a column, the column is null in its rows.
+    A column is null in the rows of runs without values for it. Raises LogError if run names repeat.
     """
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
@@ -68,12 +68,12 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
 
 def file_metadata(runs: Mapping[str, Any]) -> dict[bytes, str]:
-    """Metadata of a file: its format and the descriptions of its runs."""
+    """Metadata for a file: its format and the descriptions of its runs."""
     return {_METADATA_KEY: json.dumps({"format": FORMAT, "runs": runs})}
 
 
 def stored_metadata(metadata: Mapping[bytes, bytes] | None, source: str) -> dict[str, dict[str, Any]]:
-    """Descriptions of runs, by name, from a file's metadata; LogError if damaged or in a newer format."""
+    """Descriptions of runs, by name, from a file's metadata; raises LogError for a damaged or newer format."""
     text = (metadata or {}).get(_METADATA_KEY)
     if not text:
         return {}
@@ -105,7 +105,7 @@ def _table(log: RunLog) -> pa.Table:
 
 
 def _scan_columns(scans: ScanLog) -> dict[str, Any]:
-    """The columns for scans, with T rows each; ranges are NaN for beams without a return within a cluster."""
+    """Columns for scans, with T rows each; ranges are NaN for beams without a return inside a cluster."""
     cluster, beam = scans.cluster, scans.beam
     first, last = (ends.astype(int) for ends in cluster.extremes(beam))
     width = np.where(cluster.count > 0, last - first + 1, 0)
@@ -123,13 +123,13 @@ def _list_column(rows: Array) -> pa.Array:
 
 
 def _lists(values: Array, count: np.ndarray) -> pa.Array:
-    """T lists from values (n,) in order, each with `count` (T,) numbers."""
+    """Split values (n,), in order, into T lists of `count` (T,) numbers each."""
     ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
     return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
 
 
 def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:
-    """Numbers (T, n) from lists of equal length, or None if a row is empty or the column is missing."""
+    """Numbers (T, n) from lists of equal length; None if the column is missing, a list is null or lengths differ."""
     if name not in table.column_names or not pa.types.is_list(table.schema.field(name).type):
         return None
     column = table.column(name).take(rows).combine_chunks()
@@ -153,7 +153,7 @@ def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
 
 
 def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
-    """A run's scans, or None if it has none; raises LogError if they differ from what `to_table` writes."""
+    """A run's scans, or None without scans; raises LogError if the columns differ from those that `to_table` writes."""
     if SCANNED not in metadata or not {*_OF_SCANS, _RANGES} <= set(table.column_names):
         return None
     try:

@@ -1,4 +1,4 @@
-"""Runs from a table of any origin: each row or run that cannot be read is left out, with a reason."""
+"""Runs from a table of any origin: unreadable rows and runs are left out, each with a reason."""
 
 from __future__ import annotations
 
@@ -33,40 +33,40 @@ from trackslip.logs.table import (
 _OPTIONAL = ("command", "twist_command", "icr", "load")
 _NAMES = ("t", *BLOCKS["omega"], *BLOCKS["pose"], *BLOCKS["gyro"], "valid")
 _OMEGA, _POSE, _GYRO, _VALID = [1, 2], [3, 4, 5], 6, 7
-_GAP = 1.0  # longest time without readings that the next reading covers [s]
+_GAP = 1.0  # longest time without readings that the next reading may fill [s]
 _QUATERNION = re.compile(r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE)
 _MOST = 0.5  # share of damaged rows above which a run is refused
 
 
 @dataclass(frozen=True)
 class ReadRuns:
-    """The runs of a log, and notes on the parts left out."""
+    """The runs in a log, and notes on the parts left out."""
 
     runs: tuple[RunLog, ...] = ()
     refused: tuple[Refused, ...] = ()
     """Runs that cannot be read."""
     notes: tuple[str, ...] = ()
-    """Parts that were left out of the runs that can be read, one line each."""
+    """Parts that were left out of readable runs, one line each."""
     taken: tuple[str, ...] = ()
-    """Encoders and poses used where the log offers several, one line each."""
+    """The chosen encoders and poses if the log offers several, one line each."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each part and each run that was left out."""
+        """A line for each part and for each run that was left out."""
         return (*self.notes, *map(str, self.refused))
 
 
 def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
-    """The runs in a table, which errors call `source`; raises LogError if no run can be read.
+    """Read the runs in a table, which errors call `source`; raises LogError if no run can be read.
 
-    A row without position and heading, or with an unreadable one, counts as not valid. A row without an encoder reading
+    A pose is not valid if position and heading are both empty or either is unreadable. A row without an encoder reading
     gets the next reading, which is a mean over that row, too. Rows with a damaged reading or time are left out.
     """
     return _Reader(table, source).read()
 
 
 class _Reader:
-    """The columns of a table, and the runs and parts left out so far."""
+    """Reader of a table's columns that collects notes on the runs and parts left out."""
 
     def __init__(self, table: pa.Table, source: str) -> None:
         table = _with_heading(table, source)
@@ -77,7 +77,7 @@ class _Reader:
         self._table, self._source, self._columns = table, source, columns
         self._metadata = stored_metadata(table.schema.metadata, source)
         cells = [*map(columns.cells, _NAMES[:_VALID]), columns.boolean("valid")]
-        self._values = np.column_stack([cell.values for cell in cells])  # (T, 8), as _NAMES; NaN where not read
+        self._values = np.column_stack([cell.values for cell in cells])  # (T, 8), ordered as _NAMES; NaN where not read
         self._damaged = np.column_stack([cell.damaged for cell in cells])
         self._damaged[:, _GYRO] |= np.abs(self._values[:, _GYRO]) > MAX_YAW_RATE
         self._values[self._damaged] = np.nan
@@ -91,7 +91,7 @@ class _Reader:
         self._notes: list[str] = []
 
     def read(self) -> ReadRuns:
-        """All runs that can be read."""
+        """Read all readable runs; raises LogError if there are none."""
         number, names = np.zeros(len(self._table), int), [Path(self._source).stem]
         if "run" in self._table.column_names:
             number, names = self._columns.categories("run")
@@ -109,7 +109,7 @@ class _Reader:
         return ReadRuns(tuple(runs), tuple(self._refused), tuple(self._notes))
 
     def _runs(self, name: str, rows: np.ndarray) -> list[RunLog]:
-        """The run in `rows`, as several runs if its clock restarts, without any that cannot be read."""
+        """The readable runs in `rows`: a single run, or several if its clock restarts."""
         runs = list[RunLog]()
         try:
             rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
@@ -134,7 +134,7 @@ class _Reader:
         return runs
 
     def _has_both(self, rows: np.ndarray) -> bool:
-        """True if the rows have both encoder readings and poses: a drive, not the readings of one sensor."""
+        """True if the rows contain both encoder readings and poses, like a drive, not readings of a single sensor."""
         read = np.isfinite(self._values[rows])
         return bool(min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1)
 
@@ -162,7 +162,7 @@ class _Reader:
         )
 
     def _left_out(self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str) -> np.ndarray:
-        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`; notes them; LogError if most rows are."""
+        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`, with a note; raises LogError if most rows are bad."""
         bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
             total = int((bad | np.isfinite(self._values[rows][:, columns]).any(axis=1)).sum())
@@ -172,13 +172,13 @@ class _Reader:
         return bad
 
     def _note(self, name: str, count: int, total: int, what: str, reason: str) -> None:
-        """Note that `count` rows or poses are left out; raises LogError if that is most of the `total`."""
+        """Note that `count` rows or poses are left out; raises LogError if these are most of the `total`."""
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
         self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
 
     def _by_time(self, rows: np.ndarray) -> np.ndarray:
-        """The rows sorted by time, as poses may be logged late; rows that break their sensor's order stay in place."""
+        """Sort rows by time, as poses may be logged late; rows that break their own sensor's order stay in place."""
         known, time = np.isfinite(self._values[rows, 1:_VALID]), self._values[rows, 0]
         place = time.copy()
         for sensor in np.unique(known, axis=0):
@@ -189,7 +189,7 @@ class _Reader:
         return rows[np.argsort(place, kind="stable")]
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
-        """The rows, with rows of equal time merged unless a column has different readings there.
+        """Merge rows of equal time, unless a column has different readings at that time.
 
         Encoders, gyro and pose may be logged in separate rows.
         """
@@ -205,7 +205,7 @@ class _Reader:
         return rows[first | ~joins[group]]
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
-        """The rows whose times ascend; notes the rows left out."""
+        """Select rows with ascending times; notes the rows left out."""
         time = self._values[rows, 0]
         ascending = in_order(time)
         if len(ascending) < len(rows):
@@ -216,9 +216,9 @@ class _Reader:
         return rows[ascending]
 
     def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Sprocket speeds (n, 2) and the rows (n,) from first to last reading; a row without one takes the next.
+        """Sprocket speeds (n, 2), and the rows (n,) from _GAP before the first encoder reading to the last reading.
 
-        Rows up to _GAP before the first reading take that reading.
+        A row without a reading gets the next reading.
         """
         time, omega = self._values[rows, 0], self._values[rows][:, _OMEGA]
         read = np.flatnonzero(np.isfinite(omega).all(axis=1))
@@ -231,7 +231,7 @@ class _Reader:
         return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
 
     def _beyond(self, rows: np.ndarray) -> Array | None:
-        """Times and poses (B, 4) in rows before and after the encoders' readings; they show how clocks differ."""
+        """Times and poses (B, 4) in rows outside the encoder readings, used to align clocks; None without poses."""
         poses = self._values[rows][:, [0, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
@@ -239,7 +239,7 @@ class _Reader:
         return poses if len(poses) else None
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Poses (n, 3), and a mask (n,) of those that were measured."""
+        """Poses (n, 3), and a mask (n,) of measured poses."""
         pose, stated, damaged = self._values[rows][:, _POSE], self._values[rows, _VALID], self._damaged[rows]
         measured = np.ones(len(rows), bool)
         if (np.isfinite(stated) | damaged[:, _VALID]).any():
@@ -250,9 +250,9 @@ class _Reader:
         return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
     def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
-        """Yaw rates (n,), NaN where not measured; None without any. Empty cells take the next reading, as encoders do.
+        """Yaw rates (n,), NaN where not measured; None without readings. Empty cells get the next reading.
 
-        `heading` (n,) [rad] is NaN where not measured. Raises LogError if it shows that the gyro's unit is wrong.
+        `heading` (n,) [rad] is NaN where not measured. Raises LogError if headings show that the gyro's unit is wrong.
         """
         time, rate = self._values[rows, 0], self._values[rows, _GYRO]
         self._left_out(name, rows, self._damaged[rows], [_GYRO], "gyro reading")
@@ -277,10 +277,10 @@ class _Reader:
 
 
 def _with_heading(table: pa.Table, source: str) -> pa.Table:
-    """The table, with phi computed if it has a quaternion's columns instead; LogError if z or w is missing."""
+    """Add phi to a table that has the columns of a quaternion instead; raises LogError if z or w is missing."""
     matches = [match for name in table.column_names if (match := _QUATERNION.search(name))]
     parts = {match["part"].lower(): match.string for match in matches}
-    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # or several quaternions
+    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # last case: several quaternions
         return table
     missing = [part for part in "zw" if part not in parts]
     if missing:
@@ -290,12 +290,12 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
         )
     columns = Columns(table, source)
     x, y, z, w = (columns.cells(parts[part]).values if part in parts else 0.0 for part in "xyzw")
-    phi = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)  # of any norm
+    phi = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)  # for any norm
     return table.append_column("phi", pa.array(phi, from_pandas=True))
 
 
 def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
-    """The rows of each block of columns, without blocks that are null in all of them."""
+    """Select rows of each block of columns; blocks without values in these rows are left out."""
     return {
         field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
     }

@@ -1,1 +1,1 @@
-"""Odometry by a slip law: poses with covariance from encoders, and how far they are off."""
+"""Odometry by a slip law: poses with covariance from encoders, and the errors of these poses."""

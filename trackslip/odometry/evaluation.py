@@ -1,8 +1,8 @@
 """Errors of a law's odometry on logged drives: relative errors over stretches, alignment, and files for other tools.
 
-The relative error of a stretch is the estimated motion from its start to its end, seen from the start, minus the
-measured one; see Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et al., "Are we
-ready for autonomous driving? The KITTI vision benchmark suite" (2012).
+The relative error over a stretch is the estimated minus the measured motion from the start to the end of the stretch,
+in the frame of the start; see Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et
+al., "Are we ready for autonomous driving? The KITTI vision benchmark suite" (2012).
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
 
-_TOLERANCE = 0.1  # allowed deviation of a stretch's length, relative to the wanted length, as in evo [-]
-_ROUNDING = 1e-6  # of time stamps [s]
+_TOLERANCE = 0.1  # largest relative deviation from the requested length of a stretch, as in evo [-]
+_ROUNDING = 1e-6  # rounding of time stamps [s]
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Measured and estimated poses of a sensor at the same moments of a drive."""
+    """Measured and estimated poses of a sensor at the same times in a drive."""
 
     name: str  # name of the drive
     time: Array  # (K,) stamps of the measured poses [s]
-    way: Array  # (K,) distance driven until then [m]
-    measured: Array  # (K, 3) [m, m, rad]; NaN headings where none were measured
-    estimated: Array  # (K, 3) [m, m, rad], from an arbitrary start
-    heading: Array  # (K,) for starts of stretches, measured or from earlier positions [rad]; NaN if unknown
+    way: Array  # (K,) distance driven up to each pose [m]
+    measured: Array  # (K, 3) measured poses [m, m, rad]; headings are NaN where not measured
+    estimated: Array  # (K, 3) estimated poses [m, m, rad], from an arbitrary start
+    heading: Array  # (K,) headings at starts of stretches, measured or from earlier positions [rad]; NaN if unknown
 
     @property
     def has_heading(self) -> bool:
@@ -45,27 +45,27 @@ class Trajectory:
 
     @property
     def placed(self) -> Array:
-        """Estimated poses (K, 3), moved onto the first measured with a heading; without any, onto all positions."""
+        """Estimated poses (K, 3), aligned at the first pose with a heading or, without headings, at all positions."""
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
         return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches with a length [m], to within a tenth of it, one from every start."""
+    """`errors_between` the ends of stretches of `length` [m], to within a tenth, that start at each pose."""
     return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches with a duration [s], to within half an interval, one from every start."""
+    """`errors_between` the ends of stretches of `length` [s], to within half an interval, that start at each pose."""
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
     return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
 
 
 def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Starts and ends (n,) of stretches of about this length on an ascending axis (K,): the closest end to each start.
+    """Starts and ends (n,) of stretches of about `length` on an ascending axis (K,), with the best end for each start.
 
-    Among equally close ends, as at rest, it is the first; starts without an end within the tolerance are left out.
+    Of equally good ends, as at rest, the first is used. Starts without an end within the tolerance are left out.
     """
     if len(axis) < 2:
         return np.zeros(0, int), np.zeros(0, int)
@@ -79,10 +79,10 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
 
 
 def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Array:
-    """Errors (3, n) of stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known.
+    """Errors (3, n) over stretches between poses `start` (n,) and `end` (n,) whose starts have known headings.
 
-    They are the distance driven [m], that between the estimated and the measured end [m], and the absolute error of the
-    turn [rad], NaN where no turn was measured.
+    The rows are the distance driven [m], the distance between the estimated and the measured end [m], and the absolute
+    error of the turn [rad], which is NaN where no turn was measured.
     """
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]
@@ -95,12 +95,12 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Arr
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:
-    """Poses (K, 3) turned by `turn` [rad] about the point `pivot` (2,), which moves to `target` (2,)."""
+    """Turn poses (K, 3) by `turn` [rad] about the point `pivot` (2,), which moves to `target` (2,)."""
     return np.column_stack([target + rotate(turn, pose[:, :2] - pivot), pose[:, 2] + turn])
 
 
 def best_fit(pose: Array, measured: Array) -> Array:
-    """Poses (K, 3) moved so that their positions are closest to those measured (K, 3), in least squares.
+    """Move poses (K, 3) so that their positions are closest to the measured positions (K, 3), in least squares.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns" (1991), without scale.
     """
@@ -110,14 +110,14 @@ def best_fit(pose: Array, measured: Array) -> Array:
 
 
 def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
-    """Poses (K, 3) moved so that pose `row` equals the measured one out of (K, 3), heading included."""
+    """Move poses (K, 3) so that the pose in `row` equals the measured pose in `row` of (K, 3), including heading."""
     return moved(pose, float(measured[row, 2] - pose[row, 2]), pose[row, :2], measured[row, :2])
 
 
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
 
-    Poses lie in the plane z = 0. A heading that is NaN because it was not measured is written as 0.
+    The poses lie in the plane z = 0. NaN headings, which were not measured, are written as 0.
 
     Raises:
         InvalidValueError: if the numbers of times and poses differ.
@@ -136,41 +136,41 @@ def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
 
 
 LENGTHS = (1.0, 2.0, 5.0, 10.0)
-"""Lengths of the stretches over which relative errors are taken [m and s]."""
+"""Lengths of the stretches for relative errors [m and s]."""
 
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """Odometry errors of one law."""
+    """Odometry errors of a law."""
 
     after_metres: Mapping[float, PredictionErrors]
     """Errors by the distance driven [m]."""
     after_seconds: Mapping[float, PredictionErrors]
-    """Errors by the time passed [s]."""
+    """Errors by the time elapsed [s]."""
     trajectories: tuple[Trajectory, ...]
     """The compared trajectories."""
     notes: tuple[str, ...] = ()
-    """Parts that could not be evaluated, a line each."""
+    """Parts of the drives that could not be evaluated, one line each."""
 
 
 def odometry_errors(
     logs: RunLog | Sequence[RunLog], odometry: SlipOdometry, mounting: Mounting | None = None, clock_offset: float = 0.0
 ) -> OdometryErrors:
-    """Errors of odometry against the measured poses of drives.
+    """Compute errors of odometry relative to the measured poses in drives.
 
-    Relative errors are errors of the motion over stretches from every measured pose, after LENGTHS of distance and
-    time. The distance is what the middle of the tracks drove, by the encoders without slip. Relative errors include
-    errors of the measured poses at both ends. Without measured headings, stretches start with the heading at which the
-    odometry fits the positions of the last 10 s.
+    Relative errors are errors in the motion over stretches that start at each measured pose and last for LENGTHS of
+    distance and time. Distance is that of the middle of the tracks, from the encoders without slip. Relative errors
+    include errors of the measured poses at both ends. Without measured headings, a stretch starts with the heading at
+    which the odometry fits the positions of the last 10 s.
 
     Args:
         logs: one or several drives.
-        odometry: of the robot; its pose and covariance do not matter. It uses the logs' gyro if its `gyro` is set.
-        mounting: of the sensor that measured the poses; at the turning centre by default.
+        odometry: odometry of the robot; its pose and covariance have no effect. With a `gyro`, it uses the logs' gyro.
+        mounting: mounting of the sensor that measured the poses; at the turning centre by default.
         clock_offset: encoder clock minus pose clock [s].
 
     Raises:
-        LogError: if no drive has poses to compare with.
+        LogError: if no drive has at least two measured poses during its encoder readings.
     """
     trajectories, notes = [], []
     for log in [logs] if isinstance(logs, RunLog) else logs:
@@ -182,7 +182,7 @@ def odometry_errors(
 
 
 def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> OdometryErrors:
-    """Errors of estimated trajectories, as in `odometry_errors`; raises LogError if there are none."""
+    """Summarise errors of trajectories, as in `odometry_errors`; raises LogError if there are no trajectories."""
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
     notes, errors = list(notes), {"m": dict[float, PredictionErrors](), "s": dict[float, PredictionErrors]()}
@@ -200,7 +200,7 @@ def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> 
 
 
 def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float) -> Trajectory:
-    """Measured poses of a log, and the sensor's poses by odometry; raises LogError if there are fewer than two."""
+    """Trajectory with the measured poses of a log and the sensor's poses by odometry; LogError for fewer than two."""
 
     def by_odometry(at: Array) -> Array:
         time = np.union1d(log.time, at)
@@ -214,9 +214,9 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
 def estimated_trajectory(
     log: RunLog, estimate: Callable[[Array], Array], geometry: RobotGeometry, clock_offset: float
 ) -> Trajectory:
-    """Measured poses of a log, and the sensor poses that `estimate` returns for times (K,) of the encoders' clock.
+    """Trajectory with the measured poses of a log and the poses that `estimate` returns for encoder times (K,) [s].
 
-    Raises LogError if there are fewer than two.
+    Raises LogError for fewer than two poses.
     """
     rows = np.flatnonzero(log.has_place)
     rows = rows[np.append(True, (np.diff(np.nan_to_num(log.pose[rows]), axis=0) != 0).any(axis=1))[: len(rows)]]
@@ -238,7 +238,7 @@ def estimated_trajectory(
 
 
 def _readings(log: RunLog, time: Array) -> Array | None:
-    """The gyro's mean yaw rates (T,) between successive times (T,), NaN where not measured; None without a gyro."""
+    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None without a gyro."""
     if log.gyro_sums is None:
         return None
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)

@@ -1,4 +1,4 @@
-"""Identified laws with everything else that odometry needs: noise, errors of the parameters, sensor and clock."""
+"""Identified laws with all other inputs to odometry: noise, parameter errors, sensor and clock."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ from trackslip.se2 import Mounting
 
 @dataclass(frozen=True)
 class LawInUse:
-    """A law for odometry."""
+    """A law for odometry, with noise, parameter errors, sensor and clock."""
 
-    name: str  # name of its family
+    name: str  # name of the law's family
     law: SlipLaw
-    geometry: RobotGeometry  # of the robot for which the law was identified
-    noise: SlipNoise | None = None  # slip that varies; None if it was not identified
+    geometry: RobotGeometry  # geometry of the robot for which the law was identified
+    noise: SlipNoise | None = None  # varying slip; None if it was not identified
     errors: LawErrors | None = None
-    """Errors of the law's parameters, as wide as their 95 % intervals; None if they are not known."""
-    drift: float = 0.0  # c, for a lateral speed of -c v w in turns [s]
+    """Errors of the law's parameters that match the 95 % intervals; None if unknown."""
+    drift: float = 0.0  # drift c, which causes a lateral speed of -c v w [s]
     mounting: Mounting | None = None
-    """Mounting of the pose sensor when the law was identified; None if not known."""
+    """Mounting of the pose sensor during the identification; None if unknown."""
     clock_offset: float | None = None
-    """Encoder clock minus pose clock at that time, less the lag of the motion; None if not known [s]."""
-    gyro: Gyro | None = None  # errors of the gyroscope used then; None without one
+    """Encoder clock minus pose clock during the identification, minus the lag of the motion [s]; None if unknown."""
+    gyro: Gyro | None = None  # errors of the gyroscope during the identification; None without a gyroscope
 
     def odometry(self, **start: Any) -> SlipOdometry:
-        """Odometry by this law; `start` and `start_covariance` as for SlipOdometry."""
+        """Odometry by this law; the keywords `start` and `start_covariance` are those of SlipOdometry."""
         return SlipOdometry(self.law, self.geometry, self.noise, self.errors, self.drift, gyro=self.gyro, **start)
 
 
 def no_slip(geometry: RobotGeometry) -> LawInUse:
-    """The law without slip, as in controllers without compensation."""
+    """The law without slip, as used by controllers without compensation."""
     return LawInUse(NO_SLIP, NoSlip(), geometry)
 
 
 def identified_law(
     source: str | Path | Identification, name: str | None = None, robot: RobotGeometry | None = None
 ) -> LawInUse:
-    """A law from an identification, or from a JSON file of laws, which says nothing about noise and sensor.
+    """Get a law from an identification, or from a JSON file of laws, which has no noise and no sensor.
 
     Args:
-        source: an identification, the folder of its results, or a file that `load_laws` reads.
-        name: of the law; by default the best one, the only one of a file, or the one that fits best.
-        robot: geometry that the law must have been identified for, if given.
+        source: an identification, its results folder, or a file that `load_laws` reads.
+        name: name of the law; by default the best law, the only law in a file, or the law with the best fit.
+        robot: geometry for which the law must have been identified, if given.
 
     Raises:
-        LogError: if the source cannot be read, was made for another robot, or does not say which law is best.
-        InvalidValueError: if it has no law of this name.
+        LogError: if the source cannot be read, is for another robot, or does not state which law is best.
+        InvalidValueError: if the source has no law called `name`.
     """
     if isinstance(source, Identification):
         stored = stored_laws(identification_to_json(source), "the identification", robot=robot)
@@ -71,12 +71,12 @@ def identified_law(
 
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
-    """Noise, errors, sensor and clock, from the fit to whole drives, otherwise from the fit to steady stretches."""
+    """Fields of LawInUse besides the law: errors from its fit, other fields only from a fit to whole drives."""
     known: dict[str, Any] = {}
     fit = stored.fit(name)
     if fit.get("values") and fit.get("stderr"):
         errors = LawErrors.stored(fit)
-        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):  # an unknown error isn't zero
+        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):  # unknown errors aren't zero
             known["errors"] = errors
     drive = stored.content.get("drive")
     if not drive:

@@ -1,15 +1,15 @@
-"""Odometry by a slip law: the encoders' readings become a pose with its covariance.
+"""Odometry by a slip law: computes poses with covariance from encoder readings.
 
-The robot drives an arc between two readings, with the twist that the law predicts from the sprocket speeds. To first
-order, the error of a pose is a sum over the arcs: an error e_k of the displacement, turned into the world, and an error
-d_k of the heading, which moves everything driven after it,
+Between two readings, the robot drives an arc with the twist that the law predicts from the sprocket speeds. To first
+order, the errors dz_T and dphi_T of place and heading are sums over the arcs: arc k has an error e_k of its
+displacement, in the world frame, and an error d_k of its turn, which also turns the path after arc k,
 
     dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter turn
 
-where m_k is the middle of arc k. So two sums of the errors' moments, built once along the path, determine the
-covariance at every pose, and step-by-step odometry equals that of a whole log to the last bit.
+where m_k is the middle of arc k. So sums of moments of e_k - d_k J m_k and of d_k, computed once along the path,
+determine the covariance at every pose, and step-by-step odometry equals the odometry of a whole log to the last bit.
 
-Where there are gyro readings, the turn comes from them: errors of laws persist, unlike noise. While the sprockets stand
+Turns come from gyro readings where these exist, since errors of laws persist, unlike noise. While the sprockets stand
 still and the gyro reads almost nothing, the robot doesn't turn, and the mean reading is the gyro's bias.
 """
 
@@ -27,39 +27,39 @@ from trackslip.laws.base import SlipLaw
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import arc_quotients
 
-_STILL = 1e-3  # sprocket speed of a robot at rest [rad/s]
-_MAX_DRIFT = 0.05  # largest reading of a gyro at rest, less its bias [rad/s]
-_TRUSTED = 5.0  # time at rest whose readings count as much as the initial bias [s]
+_STILL = 1e-3  # largest sprocket speed of a robot at rest [rad/s]
+_MAX_DRIFT = 0.05  # largest reading of a gyro at rest, minus its bias [rad/s]
+_TRUSTED = 5.0  # weight of the initial bias, as a time at rest with readings [s]
 
 
 @dataclass(frozen=True)
 class OdometryPath:
-    """Poses by odometry."""
+    """Poses by odometry, with covariance."""
 
     time: Array  # (T,) [s]
     pose: Array  # (T, ..., 3) [m, m, rad]; headings are not wrapped
-    covariance: Array  # (T, ..., 3, 3) of the poses
+    covariance: Array  # (T, ..., 3, 3) covariance of the poses
 
 
 @dataclass(frozen=True)
 class _State:
-    """Sums along the path up to one time, or up to T times with one more axis (T,) at the front."""
+    """Sums along the path up to a time, or up to each of T times, with an additional first axis (T,)."""
 
     place: np.ndarray  # (...) complex, x + i y from the start [m]
     heading: Array  # (...) [rad]
-    moments: Array  # (..., 3, 3) of the sums of e - d J m and of d
+    moments: Array  # (..., 3, 3) second moments of the sums of e - d J m and of d
     swing: Array  # (..., p) derivatives of the heading by the parameters
-    drift: np.ndarray  # (..., p) complex, derivatives of the place
-    rest: Array  # (..., 2) time at rest [s], and the gyro's turn meanwhile [rad]
+    drift: np.ndarray  # (..., p) complex, derivatives of the place by the parameters
+    rest: Array  # (..., 2) time at rest [s], and the gyro's turn at rest [rad]
 
 
 class SlipOdometry:
-    """Dead reckoning of one or many robots by a slip law, with the covariance of the pose.
+    """Dead reckoning for one or many robots by a slip law, with the covariance of the pose.
 
-    The pose is that of the point that moves without lateral speed: near the middle of the tracks, or ahead of or behind
-    it like the turning centre. The covariance contains the covariance at the start, varying slip (`noise`) and errors
-    of the law's parameters (`errors`), which are constant along the whole path. It does not contain errors of the
-    geometry, which the parameters absorb, or the slip by which this ground differs from the law's ground.
+    The pose is that of the turning centre, which has no lateral speed except from `drift`, and may lie ahead of or
+    behind the middle of the tracks. The covariance contains the covariance at the start, varying slip (`noise`) and
+    errors of the law's parameters (`errors`), which are constant along the whole path. It contains neither errors of
+    the geometry, which the parameters absorb, nor differences in slip between the actual ground and the law's ground.
     """
 
     def __init__(
@@ -73,17 +73,17 @@ class SlipOdometry:
         start_covariance: ArrayLike | None = None,
         gyro: Gyro | None = None,
     ) -> None:
-        """Start at a pose.
+        """Start odometry at a pose.
 
         Args:
             law: slip law of the robot on its ground.
-            geometry: the robot's, for which the law was identified.
-            noise: slip that varies; none by default.
-            errors: of the law's parameters; none by default.
-            drift: c, for a lateral speed of -c v w in turns, outwards [s].
-            start: pose or poses (..., 3) [m, m, rad].
-            start_covariance: (..., 3, 3) of the start; zero by default.
-            gyro: errors of the gyroscope whose readings updates get; none by default.
+            geometry: the robot's geometry, for which the law was identified.
+            noise: varying slip; none by default.
+            errors: errors of the law's parameters; none by default.
+            drift: drift c, which causes an outward lateral speed of -c v w in turns [s].
+            start: start pose or poses (..., 3) [m, m, rad].
+            start_covariance: covariance (..., 3, 3) of the start pose; zero by default.
+            gyro: errors of the gyroscope whose readings are passed to `update` and `path`; none by default.
 
         Raises:
             InvalidValueError: for a value that is not finite, or of the wrong shape.
@@ -99,7 +99,7 @@ class SlipOdometry:
         self.reset(start, start_covariance)
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
-        """Continue from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
+        """Restart from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
         self._start = _finite("pose", pose, (3,))
         known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, (3, 3))
         shape, p, bias = self._start.shape[:-1], len(self._errors), self.gyro.bias if self.gyro else 0.0
@@ -114,19 +114,19 @@ class SlipOdometry:
 
     @property
     def pose(self) -> Array:
-        """Pose or poses (..., 3) [m, m, rad] after the last update; headings are not wrapped."""
+        """Pose or poses (..., 3) after the last update [m, m, rad]; headings are not wrapped."""
         return self._poses(self._state)
 
     @property
     def covariance(self) -> Array:
-        """Covariance (..., 3, 3) of the pose."""
+        """Covariance (..., 3, 3) of the pose after the last update."""
         return self._covariances(self._state)
 
     def update(self, omega: ArrayLike, dt: float, gyro: ArrayLike | None = None) -> None:
-        """Drive on with mean sprocket speeds (..., 2) [rad/s] for `dt` [s], at least 0.
+        """Update the pose for a motion with mean sprocket speeds (..., 2) [rad/s] that lasts `dt` [s], at least 0.
 
-        `gyro` (...) is the mean yaw rate that a gyroscope measured meanwhile [rad/s], NaN for none. Raises
-        InvalidValueError for a negative time, or values that are not finite.
+        `gyro` (...) is the mean yaw rate from a gyroscope during `dt` [rad/s], NaN without a reading. Raises
+        InvalidValueError for a negative time and for values that are not finite.
         """
         require(0 <= dt < np.inf, "dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, (2,))
@@ -134,16 +134,15 @@ class SlipOdometry:
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
     def path(self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None) -> OdometryPath:
-        """Poses at all rows of a log, beginning with the present pose, which stays the same.
+        """Compute poses at all rows of a log, starting at the current pose, without changing the current pose.
 
         Args:
-            time: (T,) of the rows, ascending [s].
-            omega: (T, ..., 2) sprocket speeds, mean since the previous row; those of the first row are not used
-                [rad/s].
-            gyro: (T, ...) yaw rates that a gyroscope measured, likewise; NaN for none [rad/s].
+            time: times (T,) of the rows, ascending [s].
+            omega: sprocket speeds (T, ..., 2), means since the previous row [rad/s]; the first row is not used.
+            gyro: yaw rates (T, ...) from a gyroscope, means since the previous row [rad/s]; NaN without a reading.
 
         Raises:
-            InvalidValueError: for times that do not ascend, or values that are not finite or of the wrong shape.
+            InvalidValueError: for times that do not ascend, or values that are not finite or have the wrong shape.
         """
         time, omega = np.asarray(time, float), _finite("omega", omega, (2,))
         step = np.diff(time)
@@ -155,7 +154,7 @@ class SlipOdometry:
         return OdometryPath(time, self._poses(states), self._covariances(states))
 
     def _driven(self, omega: Array, step: Array, gyro: Array) -> _State:
-        """The states (T + 1, ...) from now on, driving at `omega` (T, ..., 2) for `step` (T,) each."""
+        """The current state and the states (T + 1, ...) after driving at each `omega` (T, ..., 2) for `step` (T,)."""
         now, geometry = self._state, self.geometry
         dt = step.reshape(-1, *[1] * (omega.ndim - 2))
         twist = self.law.twist(omega, geometry)
@@ -183,7 +182,7 @@ class SlipOdometry:
     def _with_gyro(
         self, gyro: Array, omega: Array, w: Array, dt: Array, variance: Array, slopes: Array
     ) -> tuple[Array, Array, Array]:
-        """Yaw rates (T, ...) and turn variances, from the gyro if it was read, otherwise the law; and sums at rest.
+        """Yaw rates and turn variances (T, ...), from gyro readings or otherwise from the law; and `_State.rest`.
 
         Changes `slopes` in place.
         """
@@ -202,7 +201,7 @@ class SlipOdometry:
     def _moments(self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array, variance: Array) -> Array:
         """Error moments (T, ..., 3, 3) of arcs whose turns have a `variance` (T, ...).
 
-        The heading error also grows along an arc, as if it arose in the middle, except for a scatter across the chord.
+        A heading error that grows along an arc acts like an error at the arc's middle, plus a scatter across the chord.
         """
         noise = self.noise
         forward = np.exp(1j * heading)
@@ -238,13 +237,13 @@ def _outer(vector: np.ndarray) -> Array:
 
 
 def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
-    """Sums (T + 1, ...) that begin with `first`, added one by one as in single steps."""
+    """Cumulative sums (T + 1, ...) that begin with `first`; increments are added one by one, as in single steps."""
     begin = np.broadcast_to(first, increments.shape[1:])[None]
     return np.cumsum(np.concatenate([begin, increments]), axis=0)
 
 
 def _readings(gyro: ArrayLike | None, omega: Array) -> Array:
-    """Gyro readings (...) for sprocket speeds (..., 2), NaN for none."""
+    """Validate gyro readings (...) for sprocket speeds (..., 2); NaN without a reading."""
     array = np.full(omega.shape[:-1], np.nan) if gyro is None else np.asarray(gyro, float)
     require(array.shape == omega.shape[:-1], "gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
     require(not np.isinf(array).any(), "gyro", float(array[np.isinf(array)].sum()), "finite, or NaN for no reading")
@@ -252,7 +251,7 @@ def _readings(gyro: ArrayLike | None, omega: Array) -> Array:
 
 
 def _finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Finite numbers, whose last axes have this shape."""
+    """Convert to an array; raises InvalidValueError unless it is finite and its last axes have this shape."""
     array = np.asarray(values, float)
     fits = array.shape[-len(shape) :] == shape
     require(fits, name, array.shape, f"of shape (..., {', '.join(map(str, shape))})")

@@ -1,4 +1,4 @@
-"""Uncertainty of odometry: slip that varies, and errors of the law's parameters."""
+"""Uncertainty of odometry: varying slip, gyro errors, and errors of the law's parameters."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
-_NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]
-_DIFFERENCE = 1e-3  # step of parameters for derivatives [standard errors]
+_NORMAL_95 = 1.959963984540054  # half-width of a 95 % interval [standard deviations]
+_DIFFERENCE = 1e-3  # parameter step for derivatives [standard errors]
 _ASYMMETRY = 1e-6  # allowed asymmetry of a covariance, relative to its variances
 
 
@@ -35,7 +35,7 @@ class SlipNoise:
 
     @classmethod
     def of(cls, noise: Mapping[str, float]) -> Self:
-        """Noise of a law fitted to drives, `DriveFit.noise`; entries for the poses are ignored.
+        """Select the slip noise from `DriveFit.noise` of a law fitted to drives; other entries are ignored.
 
         Raises InvalidValueError if an entry is missing or not a standard deviation.
         """
@@ -45,14 +45,14 @@ class SlipNoise:
 
 @dataclass(frozen=True)
 class Gyro:
-    """Errors of a gyroscope, which reads (1 + scale) yaw rate + bias + noise."""
+    """Errors of a gyroscope that reads (1 + scale) yaw rate + bias + noise."""
 
     bias: float = 0.0
-    """[rad/s]."""
+    """Bias of the readings [rad/s]."""
     scale: float = 0.0
-    """[-]."""
+    """Scale error of the readings [-]."""
     noise: float = 0.0
-    """Standard deviation of the sum of readings, a random walk [rad/sqrt(s)]."""
+    """Standard deviation of the integrated readings, a random walk [rad/sqrt(s)]."""
     bias_error: float = 0.0
     """Standard error of the bias [rad/s]."""
     scale_error: float = 0.0
@@ -69,12 +69,12 @@ class Gyro:
 
 @dataclass(frozen=True)
 class LawErrors:
-    """Errors of a law's parameters, which stay the same along the whole path."""
+    """Errors of a law's parameters, which are constant along the whole path."""
 
     names: tuple[str, ...]
-    """Names of the parameters: attributes of the law."""
+    """Names of the parameters, which are attributes of the law."""
     covariance: Array
-    """(p, p) of their errors, in the parameters' units."""
+    """Covariance (p, p) of the parameters' errors, in the parameters' units."""
 
     def __post_init__(self) -> None:
         p, matrix = len(self.names), np.asarray(self.covariance, float)
@@ -89,7 +89,7 @@ class LawErrors:
 
     @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
-        """Errors of a stored fit: `values`, `stderr`, and perhaps `interval95` and `correlation`.
+        """Read the errors of a stored fit: `values`, `stderr` and, optionally, `interval95` and `correlation`.
 
         Errors match the 95 % intervals, which allow for persistent slip. Parameters with unknown errors are left out.
         """
@@ -102,15 +102,15 @@ class LawErrors:
                 errors[name] = max(float(error), (float(high) - float(low)) / 2 / _NORMAL_95)
         correlation = np.array(fit.get("correlation", np.eye(len(fitted))), float).reshape(len(fitted), len(fitted))
         rows = [fitted.index(name) for name in errors]
-        with np.errstate(over="ignore", invalid="ignore"):  # refused as a covariance that isn't finite
+        with np.errstate(over="ignore", invalid="ignore"):  # __post_init__ refuses infinities
             spread = np.outer([*errors.values()], [*errors.values()])
             return cls(tuple(errors), spread * correlation[np.ix_(rows, rows)])
 
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
-        """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by its parameters.
+        """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by the parameters `names`.
 
-        They are central differences, 0 for a parameter without error. Raises InvalidValueError if one of the names is
-        not a parameter of the law.
+        Derivatives are central differences, or 0 for a parameter without error. Raises InvalidValueError for a name
+        that is not a parameter of the law.
         """
         slopes = np.zeros((*omega.shape, len(self.names)))
         for k, (name, variance) in enumerate(zip(self.names, np.diag(self.covariance).tolist(), strict=True)):
