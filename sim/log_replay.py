@@ -198,7 +198,7 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
-    """Twist (3,) from poses with headings in the first 0.3 s, or without slip from the sprockets if poses are too few.
+    """Twist (3,) from the poses in the first 0.3 s, or from the sprockets, assuming no slip, if there are too few.
 
     If the sprockets are at rest during this time, the twist is 0.
     """

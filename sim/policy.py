@@ -100,7 +100,7 @@ class Policy:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read, without pickle, a file from `save`, or policy.npz in a folder; raises LogError for other files."""
+        """Read a policy file, or policy.npz in a folder, without using pickle; raises LogError for other files."""
         file = policy_file(path)
         try:
             with regular_file(file).open("rb") as opened, np.load(opened) as stored:

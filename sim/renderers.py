@@ -25,7 +25,7 @@ _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # camera behind a robot [m,
 
 
 class TaskRenderer(ABC):
-    """Drawing of a task's robots: pictures of all of them, and robot 0 in a window."""
+    """Renderer for a task's robots: it takes pictures of any robot, and shows robot 0 in a window."""
 
     def __init__(self, looks: RobotLooks) -> None:
         self.looks, self.data = looks, mujoco.MjData(looks.model)  # data: state of the robot being drawn

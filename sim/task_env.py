@@ -175,10 +175,10 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         """Begin episodes; raises InvalidValueError for unknown options and values out of range.
 
         Args:
-            seed: an integer s, which seeds row i like a single environment's reset(seed=s + i); or a sequence of seeds,
-                one per robot, or None for a robot that keeps its generator.
-            options: `reset_mask`, (N,) bool, resets only some robots; other options are those of the single
-                environment, each a value for all robots or a list with one per robot, or None to draw a robot's value.
+            seed: an integer s, which seeds row i like a single environment's reset(seed=s + i); or a sequence with one
+                entry per robot, in which None keeps that robot's generator.
+            options: `reset_mask`, (N,) bool, selects the robots to reset. The other options are those of the single
+                environment: one value for all robots, or a list with one entry per robot, in which None means drawn.
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})

@@ -125,7 +125,7 @@ class GridSummary(GridSlips):
 
     @classmethod
     def of_logs(cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry) -> "GridSummary":
-        """Summarize a grid's runs, ordered by radius, and the samples that some of these runs have."""
+        """Summarize the runs of a grid, which must be ordered by radius, and the slip samples of some of them."""
         slip, true_slip = np.full((2, len(logs), 2), np.nan)
         observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
         rows = [names.index(name) for name in samples.run]

@@ -140,7 +140,7 @@ class Course(Checked):
 
     @property
     def start(self) -> tuple[float, float, float, float]:
-        """Start pose, 1 m before the first piece: x, y, height of the ground [m] and heading [rad]."""
+        """Start pose, up to 1 m before the first piece: x, y, height of the ground [m] and heading [rad]."""
         return -min(_START_BEFORE, self.start_length / 2), 0.0, 0.0, 0.0
 
     @property

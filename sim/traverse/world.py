@@ -1,4 +1,4 @@
-"""Simulation of N tracked robots in a batch, each crossing its own course, in control periods."""
+"""Batched simulation of N tracked robots, each crossing its own course, one control period at a time."""
 
 from __future__ import annotations
 

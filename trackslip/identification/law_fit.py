@@ -112,7 +112,7 @@ def _reference(
 
 
 def _lengths(drives: Drives) -> list[float]:
-    """Window lengths [s], longest first, that fit into the drives and leave enough blocks for intervals."""
+    """Window lengths [s], longest first, that fit into the drives and leave enough blocks for confidence intervals."""
     longest = max(float(drive.time[-1] - drive.time[0]) for drive in drives.drives)
     blocks = [int(drives.blocks(2 * length)[-1]) + 1 for length in _LENGTHS]
     least = min(FEWEST_BLOCKS, blocks[-1])

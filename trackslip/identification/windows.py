@@ -72,7 +72,7 @@ class Windows:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of the rows: of places forwards and to the left [m], of headings and, with a gyro, of turns [rad]."""
+    """Residuals per row: position forwards and to the left [m], heading and, with a gyro, turn [rad]."""
 
     value: Array  # (3 or 4, R) residuals
     slope: Array  # (3 or 4, f, R) derivatives of the residuals by the free parameters
@@ -154,7 +154,7 @@ def residuals(
 def _gyro_residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
-    """The gyro's minus the law's turn since the previous row in the window, derivatives, and a mask of known values.
+    """Turns by the gyro minus turns by the law since the previous row, their derivatives, and a mask of known values.
 
     Both turns are timed by the encoder clock, so the derivative by the clock offset is 0.
     """

@@ -35,7 +35,7 @@ class StoredLaws:
     def law_named(self, name: str | None) -> str:
         """Return `name`, or for None the name of the best law according to the file or of the only law.
 
-        Raises InvalidValueError for an unknown name, LogError if the file has several laws but doesn't state the best.
+        Raises InvalidValueError for an unknown name, and LogError if the file doesn't say which of its laws is best.
         """
         if name is not None:
             require(name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})")

@@ -25,7 +25,7 @@ _ALONG = np.cos(np.radians(45))  # cosine of the largest angle between a chord a
 
 
 class Stretches(PiecewiseReference):
-    """Several references in sequence, whose headings continue without jumps by whole turns."""
+    """Several references in sequence, with headings that are unwrapped from each reference to the next."""
 
     def __init__(self, references: Sequence[ProfiledReference]) -> None:
         self._references = references
