@@ -9,8 +9,7 @@ from pages import PAGES, ROOT, PageRunner, blocks, commands, links
 
 from experiments.cli import parse
 
-FIRST = (ROOT / "README.md", ROOT / "docs" / "quick_start.md")
-"""The pages whose blocks run in the fast tests."""
+FIRST = (ROOT / "README.md", ROOT / "docs" / "quick_start.md")  # their blocks run in the fast tests
 
 
 def ids(page):
@@ -58,6 +57,7 @@ def test_blocks_of_the_first_pages_run(page, runner):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default::trackslip.errors.RobotWarning")  # commands print them
 @pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_every_block_runs(page, runner):
     runner.slow = True
