@@ -24,10 +24,8 @@ def main() -> None:
 
     def stop(number: int, frame: FrameType | None) -> None:
         signals.append(time.monotonic())
-        if len(signals) == 1:
+        if len(signals) == 1 or signals[-1] - signals[0] > CLEANING:
             raise KeyboardInterrupt
-        if signals[-1] - signals[0] > CLEANING:
-            os._exit(130)
 
     numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
     for number in numbers:

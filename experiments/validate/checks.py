@@ -49,9 +49,10 @@ class Checks:
         counts["not applicable"] = len(self.not_applicable)
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
-    def friction_angle(self, heading: float) -> float:
-        """The steepest slope that holds the robot, heading uphill (0) or across it [rad]."""
-        return math.atan(self.setup.ground.across if heading else self.setup.ground.along)
+    @property
+    def gentle_slope(self) -> float:
+        """A slope on which the robot stays, at most half of the steepest one that holds it [rad]."""
+        return min(_GENTLE, math.atan(self.setup.ground.along) / 2)
 
     def tips_over(self, what: str, heading: float, slope: float) -> bool:
         """True, with a note on `what`, if the robot may tip over on a slope, heading uphill (0) or across it."""
@@ -72,7 +73,7 @@ def check_turns(checks: Checks) -> Turns:
     checks.add("slip in turns", turns.slip, 0.002, "1", _BALANCE)
     spins = drive_steadily(setup, np.outer([0.06, 0.12, 0.24], [-1.0, 1.0]) / setup.sprocket_radius)
     checks.add("b + D on the spot", spins.half_width, 0.013 * spins.half_width[0], "m", _BALANCE)
-    belts, uphill = np.array([[0.12, 0.12]]), Load(min(_GENTLE, checks.friction_angle(0.0) / 2))
+    belts, uphill = np.array([[0.12, 0.12]]), Load(checks.gentle_slope)
     climb = drive_steadily(setup, belts / setup.sprocket_radius, uphill)
     checks.add("slip uphill", climb.slip, 0.001, "1", _BALANCE)
     return turns
@@ -80,7 +81,7 @@ def check_turns(checks: Checks) -> Turns:
 
 def check_standing(checks: Checks) -> None:
     """Check loads and lean in the paper's turns, and creep of robots parked uphill, obliquely and across a slope."""
-    setup, slope = checks.setup, min(_GENTLE, checks.friction_angle(0.0) / 2)
+    setup, slope = checks.setup, checks.gentle_slope
     loads, attitude = measure_loads(setup, paper_turns(setup.parameters)[2])
     sink = attitude[..., 0].mean(axis=1)
     checks.add("load of a contact point, over the mean", loads, 0.05, "1", _SPRINGS)
@@ -102,24 +103,24 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
 
     Returns by direction (3, S): slopes [rad], and accelerations of the centre of mass in theory and simulated [m/s^2].
     """
-    setup, measured = checks.setup, {}
-    for way, heading in (("downhill", 0.0), ("sideways", np.pi / 2)):
-        limit, what = checks.friction_angle(heading), f"acceleration sliding {way}"
+    setup, ground, measured = checks.setup, checks.setup.ground, {}
+    for way, heading, friction in (("downhill", 0.0, ground.along), ("sideways", np.pi / 2, ground.across)):
+        limit, what = math.atan(friction), f"acceleration sliding {way}"
         if checks.tips_over(what, heading, limit):
             continue
         slopes = limit + np.radians([2.0, 3.0, 4.0])
         fleet = setup.fleet(np.tile([0.0, 0.0, heading], (len(slopes), 1)))
         velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]  # of the centre of mass, live
         for share in np.linspace(0.0, 0.97, 100).tolist():  # tilt slowly until the loads are as in sliding
-            fleet.set_ground(replace(setup.ground, slope=share * limit))
+            fleet.set_ground(replace(ground, slope=share * limit))
             fleet.advance(0.02)
         fleet.advance(1.0)
-        fleet.set_ground([replace(setup.ground, slope=float(slope)) for slope in slopes])
+        fleet.set_ground([replace(ground, slope=float(slope)) for slope in slopes])
         fleet.advance(0.25)
         before = np.hypot(*velocity.T)
         fleet.advance(0.25)
         simulated = (np.hypot(*velocity.T) - before) / 0.25
-        expected = GRAVITY * (np.sin(slopes) - np.cos(slopes) * np.tan(limit))
+        expected = GRAVITY * (np.sin(slopes) - np.cos(slopes) * friction)
         checks.add(what, [expected, simulated], 0.05 * expected, "m/s^2", _COULOMB)
         measured[way] = np.stack([slopes, expected, simulated])
     return measured

@@ -219,7 +219,8 @@ def estimated_trajectory(
     Raises LogError for fewer than two poses.
     """
     rows = np.flatnonzero(log.has_place)
-    rows = rows[np.append(True, (np.diff(np.nan_to_num(log.pose[rows]), axis=0) != 0).any(axis=1))[: len(rows)]]
+    repeated = (np.diff(np.nan_to_num(log.pose[rows]), axis=0) == 0).all(axis=1)
+    rows = np.delete(rows, 1 + np.flatnonzero(repeated))
     time, measured = measured_poses(log.time[rows], log.pose[rows])
     at = time + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
