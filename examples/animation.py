@@ -1,4 +1,6 @@
-"""Draw the README's animation: the same commands on the paper's path, with and without slip compensation."""
+"""Draw the README's animation: the same commands on the paper's path, with and without slip
+compensation.
+"""
 
 from pathlib import Path
 
@@ -18,11 +20,19 @@ LENGTH, TRACK = 0.5, 0.07  # length of the robot and width of a track, as drawn 
 
 
 def drive() -> dict[str, RunLog]:
-    """Simulate the paper's feedforward control; returns a run for each slip law, by the law's name."""
+    """Simulate the paper's feedforward control; returns a run for each slip law, by the law's
+    name.
+    """
     robot, path = sim.load_robot(), trackslip.paper_reference()
-    laws = {"none": trackslip.NoSlip(), "icr_radius": trackslip.load_laws(robot=robot.geometry)["icr_radius"]}
+    laws = {
+        "none": trackslip.NoSlip(),
+        "icr_radius": trackslip.load_laws(robot=robot.geometry)["icr_radius"],
+    }
     fleet = sim.Fleet(robot, np.tile(path.pose(0.0), (len(laws), 1)))
-    pilots = [sim.Pilot(trackslip.Feedforward(), [k], trackslip.FixedLaw(law)) for k, law in enumerate(laws.values())]
+    pilots = [
+        sim.Pilot(trackslip.Feedforward(), [k], trackslip.FixedLaw(law))
+        for k, law in enumerate(laws.values())
+    ]
     return dict(zip(laws, sim.closed_loop(fleet, pilots, path), strict=True))
 
 
@@ -40,7 +50,9 @@ def main(file: Path = Path("animation.gif"), frames: int = 80) -> None:
     for name, colour in COLOURS.items():
         error = np.hypot(*(runs[name].truth.pose[-1] - path.pose(path.duration))[:2])
         print(f"{LABELS[name]}: {1e3 * error:.0f} mm from the end of the path")
-        (trails[name],) = axes.plot([], [], color=colour, lw=1.8, label=f"{LABELS[name]}, ends {error:.2f} m off")
+        (trails[name],) = axes.plot(
+            [], [], color=colour, lw=1.8, label=f"{LABELS[name]}, ends {error:.2f} m off"
+        )
         patches = [Rectangle((left, low), width, height) for left, low, width, height in outline]
         robots[name] = [axes.add_patch(patch) for patch in patches]
         for patch, alpha in zip(patches, (0.35, 0.9, 0.9), strict=True):

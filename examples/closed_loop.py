@@ -1,4 +1,6 @@
-"""Follow the paper's path with and without slip compensation; the poses come from the laser scanner."""
+"""Follow the paper's path with and without slip compensation; the poses come from the laser
+scanner.
+"""
 
 import numpy as np
 
@@ -7,7 +9,9 @@ import trackslip
 
 
 def main() -> None:
-    """Drive three robots with one controller; only the conversion of twists into sprocket speeds differs."""
+    """Drive three robots with one controller; only the conversion of twists into sprocket speeds
+    differs.
+    """
     robot = sim.load_robot()
     compensations = {
         "none": trackslip.FixedLaw(),
@@ -18,7 +22,9 @@ def main() -> None:
     fleet = sim.Fleet(robot, np.tile(reference.pose(0.0), (len(compensations), 1)))
     controller = trackslip.LinearTimeVarying
     pilots = [sim.Pilot(controller(), [k], way) for k, way in enumerate(compensations.values())]
-    feed = sim.ScannerFeed(sim.LaserScanner(), fleet, [np.random.default_rng(k) for k in range(fleet.size)])
+    feed = sim.ScannerFeed(
+        sim.LaserScanner(), fleet, [np.random.default_rng(k) for k in range(fleet.size)]
+    )
     logs = sim.closed_loop(fleet, pilots, reference, feed, trackslip.PlateLocator())
     for name, log in zip(compensations, logs, strict=True):
         errors = trackslip.tracking_errors(log.time, log.truth.pose, reference)

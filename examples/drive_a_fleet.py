@@ -13,7 +13,11 @@ def main(file: Path = Path("fleet.parquet"), duration: float = 10.0) -> None:
     """Drive each robot at constant sprocket speeds, and log the poses that the scanner measures."""
     robot = sim.load_robot()
     start = np.array([[-1.5, 0.5, 0.0], [-1.5, 0.5, 0.0], [-1.5, 0.5, 0.0]])  # x, y [m], phi [rad]
-    grounds = [sim.Ground(along=0.8, across=0.8), sim.Ground(along=0.8, across=0.8), sim.Ground(along=0.4, across=0.3)]
+    grounds = [
+        sim.Ground(along=0.8, across=0.8),
+        sim.Ground(along=0.8, across=0.8),
+        sim.Ground(along=0.4, across=0.3),
+    ]
     fleet = sim.Fleet(robot, start, grounds)
     generators = [np.random.default_rng(seed) for seed in range(fleet.size)]
     feed = sim.ScannerFeed(sim.LaserScanner(noise=0.005), fleet, generators)

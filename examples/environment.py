@@ -1,11 +1,15 @@
-"""A short policy in the learning environment, which follows the paper's path on ground it was not tuned for."""
+"""A short policy in the learning environment, which follows the paper's path on ground it was not
+tuned for.
+"""
 
 import gymnasium as gym
 import numpy as np
 
 
 def policy(observation: np.ndarray) -> np.ndarray:
-    """The reference twist plus proportional feedback, in the units of the observation (see sim.path_tracking)."""
+    """The reference twist plus proportional feedback, in the units of the observation (see
+    sim.path_tracking).
+    """
     ahead, left, turn = observation[:3]
     v, w = observation[3:5]
     return np.clip([v + 1.5 * ahead, w + 4.0 * left + 3.0 * turn], -1.0, 1.0)
@@ -13,14 +17,19 @@ def policy(observation: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     """Drive one episode, then a batch of robots with random actions."""
-    env = gym.make("sim:trackslip/PathTracking-v0", action="twist", compensation="icr_radius", ground="gravel")
+    env = gym.make(
+        "sim:trackslip/PathTracking-v0", action="twist", compensation="icr_radius", ground="gravel"
+    )
     observation, info = env.reset(seed=0, options={"start_error": (-0.05, -0.1, 0.2)})
     squares, done = [], False
     while not done:
         observation, _reward, terminated, truncated, info = env.step(policy(observation))
         squares.append(np.sum(info["true_error"][:2] ** 2))
         done = terminated or truncated
-    print(f"rms position error {1e3 * np.sqrt(np.mean(squares)):.1f} mm, on the path: {info['success']}")
+    print(
+        f"rms position error {1e3 * np.sqrt(np.mean(squares)):.1f} mm, on the path: "
+        f"{info['success']}"
+    )
     env.close()
 
     envs = gym.make_vec("sim:trackslip/PathTracking-v0", num_envs=8, randomization="typical")

@@ -12,7 +12,9 @@ SPEEDS = (0.1, 0.2)  # [m/s]
 
 
 def main(folder: Path = Path(".")) -> None:
-    """Drive, identify and report; `trackslip.identify` also accepts results folders and log files of real robots."""
+    """Drive, identify and report; `trackslip.identify` also accepts results folders and log files
+    of real robots.
+    """
     robot = sim.load_robot()
     twist = np.array([(speed, speed / radius) for radius in RADII for speed in SPEEDS])
     fleet = sim.Fleet(robot, np.zeros((len(twist), 3)))

@@ -7,7 +7,9 @@ import trackslip
 
 
 class Proportional:
-    """Feedback proportional to the errors ahead, to the left and in heading, in the robot's frame."""
+    """Feedback proportional to the errors ahead, to the left and in heading, in the robot's
+    frame.
+    """
 
     def reset(self):
         """Start a new run; this controller has no state to reset."""
@@ -24,12 +26,19 @@ def main() -> None:
     robot = sim.load_robot()
     law = trackslip.load_laws(robot=robot.geometry)["icr_radius"]
     reference = trackslip.named_reference("slalom")
-    controllers = [Proportional(), trackslip.LinearTimeVarying(), trackslip.Samson(), trackslip.PurePursuit()]
+    controllers = [
+        Proportional(),
+        trackslip.LinearTimeVarying(),
+        trackslip.Samson(),
+        trackslip.PurePursuit(),
+    ]
     fleet = sim.Fleet(robot, np.tile(reference.pose(0.0), (len(controllers), 1)))
     pilots = [sim.Pilot(each, [k], trackslip.FixedLaw(law)) for k, each in enumerate(controllers)]
     for controller, log in zip(controllers, sim.closed_loop(fleet, pilots, reference), strict=True):
         errors = trackslip.tracking_errors(log.time, log.pose, reference)
-        print(f"{type(controller).__name__:18} {1e3 * errors.rms_position:6.1f} mm rms position error")
+        print(
+            f"{type(controller).__name__:18} {1e3 * errors.rms_position:6.1f} mm rms position error"
+        )
 
 
 if __name__ == "__main__":

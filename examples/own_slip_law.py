@@ -12,7 +12,9 @@ from trackslip.laws.families import FAMILIES, LawFamily, Parameter
 
 @dataclass(frozen=True)
 class Linear(trackslip.SlipLaw):
-    """Slip linear in curvature, i = offset -+ gain kappa; parameters may be arrays, for many laws at once."""
+    """Slip linear in curvature, i = offset -+ gain kappa; parameters may be arrays, for many laws
+    at once.
+    """
 
     offset: float  # [-]
     gain: float  # [m]
@@ -22,7 +24,8 @@ class Linear(trackslip.SlipLaw):
         return np.stack([self.offset - self.gain * kappa, self.offset + self.gain * kappa], axis=-1)
 
 
-# initial values of fits, both limits, a significant change, unit, symbol, meaning; lengths are in half gauges
+# initial values of fits, both limits, a significant change, unit, symbol, meaning; lengths are in
+# half gauges
 PARAMETERS = {
     "offset": Parameter((0.0,), -0.5, 0.5, 0.01, "", "o", "slip on a straight path"),
     "gain": Parameter((0.3,), -5.0, 5.0, 0.3, "m", "k", "growth of slip with curvature"),
@@ -33,7 +36,9 @@ def main(report: Path = Path("own_slip_law.html")) -> None:
     """Add the law's family to FAMILIES, so that `identify` fits the law along with all others."""
     FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p))
     robot = sim.load_robot()
-    omega = trackslip.NoSlip().sprocket_speeds([(0.15, 0.15 / r) for r in (0.6, 0.8, 1.0, 1.5, 2.0)], robot.geometry)
+    omega = trackslip.NoSlip().sprocket_speeds(
+        [(0.15, 0.15 / r) for r in (0.6, 0.8, 1.0, 1.5, 2.0)], robot.geometry
+    )
     fleet = sim.Fleet(robot, np.zeros((len(omega), 3)))
     found = trackslip.identify(sim.open_loop(fleet, omega, 12.0), robot.geometry)
     for name, law in found.laws.items():

@@ -14,13 +14,20 @@ ROBOT = """<mujoco><worldbody><body name="robot"><freejoint/>
 
 
 def main(duration: float = 16.0) -> None:
-    """Drive up three steps at 0.3 m/s with the flippers raised by 0.3 rad, and print position and slips."""
+    """Drive up three steps at 0.3 m/s with the flippers raised by 0.3 rad, and print position and
+    slips.
+    """
     spec = mujoco.MjSpec.from_string(ROBOT)
     course = Course((Stairs(rise=0.15, run=0.28, number=3),), friction=0.8)
     ground, grip = course.add_to(spec), (course.friction, course.friction)
-    wheels, flipper_wheels = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)], [(0.0, 0.0, 0.08), (0.25, 0.0, 0.04)]
+    wheels, flipper_wheels = (
+        [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)],
+        [(0.0, 0.0, 0.08), (0.25, 0.0, 0.04)],
+    )
     add_tracks(spec, "robot", Track(half_gauge=0.2, hull=wheels, friction=grip), terrain=ground)
-    add_tracks(spec, "flippers", Track(half_gauge=0.27, hull=flipper_wheels, friction=grip), terrain=ground)
+    add_tracks(
+        spec, "flippers", Track(half_gauge=0.27, hull=flipper_wheels, friction=grip), terrain=ground
+    )
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:3], data.ctrl[0] = course.start[:3], 0.3
@@ -32,7 +39,9 @@ def main(duration: float = 16.0) -> None:
         readings.append(belts.read(data))
     x, y = data.qpos[:2]
     print(f"x = {x:.2f} m, on ground {course.height(x, y):.2f} m high, after {data.time:.1f} s")
-    for name, slip in zip(belts.names, np.nanmean([reading.slip for reading in readings], axis=0), strict=True):
+    for name, slip in zip(
+        belts.names, np.nanmean([reading.slip for reading in readings], axis=0), strict=True
+    ):
         print(f"mean slip of {name}: {slip:.3f}")
 
 

@@ -10,7 +10,9 @@ from types import FrameType
 PACKAGES = ("models", "sim", "trackslip")
 """Packages that a module with the same name, earlier on Python's path, would hide."""
 CLEANING = 5.0
-"""Time after an interrupt during which further ones are ignored, so that cleaning up can finish [s]."""
+"""Time after an interrupt during which further ones are ignored, so that cleaning up can finish
+[s].
+"""
 
 
 def main() -> None:
@@ -18,7 +20,10 @@ def main() -> None:
     for name in PACKAGES:
         spec = find_spec(name)
         if spec is not None and spec.submodule_search_locations is None:
-            print(f"trackslip: {spec.origin} hides the package {name}: rename or move it", file=sys.stderr)
+            print(
+                f"trackslip: {spec.origin} hides the package {name}: rename or move it",
+                file=sys.stderr,
+            )
             sys.exit(2)
     signals: list[float] = []
 
@@ -27,11 +32,14 @@ def main() -> None:
         if len(signals) == 1 or signals[-1] - signals[0] > CLEANING:
             raise KeyboardInterrupt
 
-    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    numbers = [
+        n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN
+    ]
     for number in numbers:
         signal.signal(number, stop)
     try:
-        from experiments.cli import main as run  # here, because an interrupt may come during imports
+        # here, because an interrupt may come during imports
+        from experiments.cli import main as run
 
         run()
     except SystemExit:

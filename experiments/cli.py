@@ -1,4 +1,6 @@
-"""The `trackslip` command line: find a command, parse its options, run it; errors print a line and exit with 2."""
+"""The `trackslip` command line: find a command, parse its options, run it; errors print a line and
+exit with 2.
+"""
 
 import ast
 import contextlib
@@ -25,12 +27,15 @@ EXAMPLES = (
         'eval "$(trackslip --tyro-print-completion bash)"',
     ),
 )
-"""Descriptions and command lines at the end of `trackslip --help`; each command has EXAMPLES, too."""
+"""Descriptions and command lines at the end of `trackslip --help`; each command has EXAMPLES,
+too.
+"""
 
 _HELP = """usage: trackslip COMMAND [OPTIONS]
 
 Slip of tracked robots: simulate it, identify it, compensate for it.
-`trackslip COMMAND --help` lists a command's options and examples, `trackslip --version` prints the version.
+`trackslip COMMAND --help` lists a command's options and examples,
+`trackslip --version` prints the version.
 """
 _GROUPS = {
     "simulate": ("reproduce", "grid", "wander", "drive"),
@@ -57,9 +62,13 @@ _KERNEL = ("__init__", "__main__", "cli")  # files here that are not commands
 
 @functools.cache
 def commands() -> dict[str, str]:
-    """All commands by name, each with a sentence; a command is a file here or a folder with a command.py."""
+    """All commands by name, each with a sentence; a command is a file here or a folder with a
+    command.py.
+    """
     sources = {file.stem: file for file in _ROOT.glob("*.py") if file.stem not in _KERNEL}
-    sources |= {file.parent.name: file.with_name("__init__.py") for file in _ROOT.glob("*/command.py")}
+    sources |= {
+        file.parent.name: file.with_name("__init__.py") for file in _ROOT.glob("*/command.py")
+    }
     return {name: _sentence(sources[name]) for name in sorted(sources)}
 
 
@@ -72,13 +81,17 @@ def _sentence(file: Path) -> str:
 def config_module(command: str) -> Any:
     """The module with a command's `Config` and `EXAMPLES`."""
     folder = (_ROOT / command / "config.py").exists()
-    return importlib.import_module(f"experiments.{command}.config" if folder else f"experiments.{command}")
+    return importlib.import_module(
+        f"experiments.{command}.config" if folder else f"experiments.{command}"
+    )
 
 
 def run_module(command: str) -> Any:
     """The module with a command's `run(config)`."""
     folder = (_ROOT / command / "command.py").exists()
-    return importlib.import_module(f"experiments.{command}.command" if folder else f"experiments.{command}")
+    return importlib.import_module(
+        f"experiments.{command}.command" if folder else f"experiments.{command}"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -107,9 +120,17 @@ def _run(arguments: Sequence[str]) -> None:
         case [] | ["-h" | "--help", *_]:
             print(_HELP)
             listed = [name for names in _GROUPS.values() for name in names]
-            for group, names in {**_GROUPS, "others": [name for name in commands() if name not in listed]}.items():
+            for group, names in {
+                **_GROUPS,
+                "others": [name for name in commands() if name not in listed],
+            }.items():
                 if names:
-                    print(f"{group}:", *(f"  {name:10} {commands()[name]}" for name in names), "", sep="\n")
+                    print(
+                        f"{group}:",
+                        *(f"  {name:10} {commands()[name]}" for name in names),
+                        "",
+                        sep="\n",
+                    )
             print(_examples(EXAMPLES))
         case [flag, *_] if flag.startswith("--tyro-"):
             configs = {name: config_module(name).Config for name in commands()}
@@ -155,17 +176,23 @@ def _examples(examples: Sequence[tuple[str, str]]) -> str:
 
 
 def _refused_value(stop: SystemExit) -> InvalidValueError | None:
-    """The error for a refused value, if it made tyro stop, with the option's full name, such as ground.across."""
+    """The error for a refused value, if it made tyro stop, with the option's full name, such as
+    ground.across.
+    """
     group, error = "", stop.__context__
     while error is not None and not isinstance(error, InvalidValueError):
         group, error = getattr(error, "arg", ""), error.__context__  # name of a group of options
     if error is None or not group:
         return error
-    return InvalidValueError(f"{group}.{error.field}".removesuffix(".force"), error.value, error.allowed)
+    return InvalidValueError(
+        f"{group}.{error.field}".removesuffix(".force"), error.value, error.allowed
+    )
 
 
 def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:
-    """Print a warning once, in one line, without the code that issued it; see `warnings.showwarning`."""
+    """Print a warning once, in one line, without the code that issued it; see
+    `warnings.showwarning`.
+    """
     line = " ".join(str(message).split())
     if line not in shown:
         shown.add(line)

@@ -13,19 +13,28 @@ from trackslip.laws.file import SHIPPED
 
 EXAMPLES = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
-    ("a C header with another law", "trackslip deploy out/identify --to c --law turn_loss --out slip.h"),
+    (
+        "a C header with another law",
+        "trackslip deploy out/identify --to c --law turn_loss --out slip.h",
+    ),
     ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
 )
 
 
 @dataclass(frozen=True)
 class Config(Options):
-    """Print or write an identified law for another program: parameters of ros2_control, JSON, a C header or Python."""
+    """Print or write an identified law for another program: parameters of ros2_control, JSON, a C
+    header or Python.
+    """
 
-    path: Annotated[Path | None, tyro.conf.Positional, default_is("the laws shipped with trackslip", "LAWS")] = None
+    path: Annotated[
+        Path | None, tyro.conf.Positional, default_is("the laws shipped with trackslip", "LAWS")
+    ] = None
     """Results folder with laws, or a JSON file of laws."""
     to: Literal["ros2_control", "ros_control", "json", "c", "python"] = "ros2_control"
-    """Parameters of diff_drive_controller (YAML for ROS 2 or 1), JSON, a C header, or a Python module."""
+    """Parameters of diff_drive_controller (YAML for ROS 2 or 1), JSON, a C header, or a Python
+    module.
+    """
     law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
     """Name of the law; diff_drive_controller accepts none, icr, icr_radius and icr_sides."""
     controller: str = "diff_drive_controller"
@@ -47,7 +56,9 @@ def run(config: Config) -> None:
     """Print the deployed law, or write it to a file."""
     if config.out is not None:
         require_new(config.out, config.overwrite)
-    program = deployed(config.path or SHIPPED, config.to, config.law, config.controller, config.accept)
+    program = deployed(
+        config.path or SHIPPED, config.to, config.law, config.controller, config.accept
+    )
     if config.out is None:
         print(program.text, end="")
         return

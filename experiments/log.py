@@ -20,7 +20,15 @@ from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import holds_bags, read_runs_of
 from trackslip.bags.open import Bag as RosBag
 from trackslip.bags.open import open_bags
-from trackslip.bags.topics import IMU, LASER_SCAN, encoder_topics, imu_topic, pose_source, pose_sources, scan_topic
+from trackslip.bags.topics import (
+    IMU,
+    LASER_SCAN,
+    encoder_topics,
+    imu_topic,
+    pose_source,
+    pose_sources,
+    scan_topic,
+)
 from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry
@@ -30,9 +38,15 @@ from trackslip.logs.table_reader import ReadRuns
 
 EXAMPLES = (
     ("a bag's topics, and the log that identify would read", "trackslip log run.mcap"),
-    ("the same with other poses, as a table", "trackslip log old.bag --poses tf:map:base_link --out log.parquet"),
+    (
+        "the same with other poses, as a table",
+        "trackslip log old.bag --poses tf:map:base_link --out log.parquet",
+    ),
     ("stored runs for a spreadsheet", "trackslip log out/grid --out grid.csv"),
-    ("poses of a plate in the scans of a laser range finder", "trackslip log run.mcap --plate 0.5x0.02 --out log.csv"),
+    (
+        "poses of a plate in the scans of a laser range finder",
+        "trackslip log run.mcap --plate 0.5x0.02 --out log.csv",
+    ),
 )
 _TOPICS = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
 _RUNS = ("run", "rows", "duration [s]", "longest step [s]", "poses", "rate [Hz]", "longest gap [s]")
@@ -41,14 +55,18 @@ _FORMATS = (".parquet", ".csv")
 
 @dataclass(frozen=True)
 class Config(Options):
-    """Show what a results folder, a table of runs or a ROS bag contains; with --out, write the runs as a table."""
+    """Show what a results folder, a table of runs or a ROS bag contains; with --out, write the runs
+    as a table.
+    """
 
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PATH")]
     """Results folder, .parquet or .csv log, or ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     out: Annotated[Path | None, default_is("none", "FILE")] = None
-    """Write the runs to this .parquet or .csv file; a .csv comes with NAME.columns.csv, which states the units."""
+    """Write the runs to this .parquet or .csv file; a .csv comes with NAME.columns.csv, which
+    states the units.
+    """
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Replace the file if it exists; needs --out."""
 
@@ -92,23 +110,42 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
     rows = []
     for name, topic in bag.topics.items():
         gaps = np.diff(arrivals[name]) / 1e9
-        usual, longest = (float(np.median(gaps)), float(gaps.max())) if gaps.size else (np.nan, np.nan)
+        usual, longest = (
+            (float(np.median(gaps)), float(gaps.max())) if gaps.size else (np.nan, np.nan)
+        )
         rate = 1 / usual if usual else np.nan
-        rows.append((name, topic.type.replace("/msg/", "/"), str(topic.count), number(rate, 1), number(longest, 2)))
-    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics]
+        rows.append(
+            (
+                name,
+                topic.type.replace("/msg/", "/"),
+                str(topic.count),
+                number(rate, 1),
+                number(longest, 2),
+            )
+        )
+    rows += [
+        (name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics
+    ]
     recorded = np.concatenate(list(arrivals.values()))
     return Table(
-        f"{bag.path}: {np.ptp(recorded) / 1e9:.1f} s", _TOPICS, [(*row, used.get(row[0], "")) for row in rows], "llrrrl"
+        f"{bag.path}: {np.ptp(recorded) / 1e9:.1f} s",
+        _TOPICS,
+        [(*row, used.get(row[0], "")) for row in rows],
+        "llrrrl",
     )
 
 
 def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
-    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD), by name; a star marks what `choice` selects."""
+    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD), by name; a star marks what
+    `choice` selects.
+    """
     found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
     found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
     with suppress(LogError):
-        found |= dict.fromkeys((topic.name for topic in encoder_topics(bag, choice)[0]), "* encoders")
+        found |= dict.fromkeys(
+            (topic.name for topic in encoder_topics(bag, choice)[0]), "* encoders"
+        )
     with suppress(LogError):
         if choice.plate is not None:
             found[scan_topic(bag, choice.scan).name] = "* scans of the plate"
@@ -132,14 +169,20 @@ def _runs_table(title: str, logs: Sequence[RunLog]) -> Table:
     for log in logs:
         posed = log.time[log.is_valid]
         gaps = np.diff(posed) if len(posed) > 1 else np.array([np.nan])
-        poses = (str(len(posed)), number(1 / float(np.median(gaps)), 1), number(float(gaps.max()), 2))
+        poses = (
+            str(len(posed)),
+            number(1 / float(np.median(gaps)), 1),
+            number(float(gaps.max()), 2),
+        )
         duration, step = float(log.time[-1] - log.time[0]), float(np.diff(log.time).max())
         rows.append((log.run, str(len(log.time)), number(duration, 2), number(step, 2), *poses))
     return Table(title, _RUNS, rows)
 
 
 def _print_sources(read: ReadRuns, choice: BagChoice) -> None:
-    """Print which topics were used and, for a plate in scans, the scanner's estimated pose and noise."""
+    """Print which topics were used and, for a plate in scans, the scanner's estimated pose and
+    noise.
+    """
     for line in (*read.taken, *(_scanner_lines(read.runs) if choice.plate is not None else ())):
         print(line)
 
@@ -158,7 +201,9 @@ def _print_warnings(lines: Sequence[str]) -> None:
 
 
 def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
-    """Write the runs to `file`, and for CSV also a file with units; raises OutputError for files that exist."""
+    """Write the runs to `file`, and for CSV also a file with units; raises OutputError for files
+    that exist.
+    """
     parquet, units = file.suffix.lower() == ".parquet", file.with_suffix(".columns.csv")
     for target in (file,) if parquet else (file, units):
         require_new(target, overwrite)
@@ -171,18 +216,30 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
     write_output(file, (lambda draft: write_parquet(read.runs, draft)) if parquet else write_both)
     _print_sources(read, choice)
     _print_warnings(read.warnings)
-    size = f"{counted(len(read.runs), 'run')}, {counted(sum(len(log.time) for log in read.runs), 'row')}"
+    size = (
+        f"{counted(len(read.runs), 'run')}, "
+        f"{counted(sum(len(log.time) for log in read.runs), 'row')}"
+    )
     print(f"{file}: {size}" if parquet else f"{file}: {size}; units in {units.name}")
     robot = stored_geometry(read.runs[0])
-    half_gauge, radius = ("…", "…") if robot is None else (f"{robot.half_gauge:g}", f"{robot.sprocket_radius:g}")
-    print(f"trackslip identify {shlex.quote(str(file))} --half-gauge {half_gauge} --sprocket-radius {radius}")
+    half_gauge, radius = (
+        ("…", "…") if robot is None else (f"{robot.half_gauge:g}", f"{robot.sprocket_radius:g}")
+    )
+    print(
+        f"trackslip identify {shlex.quote(str(file))} --half-gauge {half_gauge} "
+        f"--sprocket-radius {radius}"
+    )
 
 
 def _write_units(table: Path, file: Path) -> None:
-    """Write the unit and description of each column in the CSV file `table` to the CSV file `file`."""
+    """Write the unit and description of each column in the CSV file `table` to the CSV file
+    `file`.
+    """
     with table.open(newline="", encoding="utf-8") as text:
         names = next(csv.reader(text))
     with file.open("w", newline="", encoding="utf-8") as text:
         writer = csv.writer(text)
         writer.writerow(("column", "unit", "description"))
-        writer.writerows((COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names)
+        writer.writerows(
+            (COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names
+        )

@@ -18,7 +18,11 @@ from experiments.recorder import record_all
 from experiments.simulate import options
 from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.simulate.grid_runs import before_scanner
-from experiments.simulate.grid_summary import LocalizationErrors, saturation_warnings, simulated_seconds
+from experiments.simulate.grid_summary import (
+    LocalizationErrors,
+    saturation_warnings,
+    simulated_seconds,
+)
 from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
 from sim.drive.drive import Drive
@@ -29,7 +33,10 @@ from trackslip.trajectory.segmented import circle
 EXAMPLES = (
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
-    ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
+    (
+        "with online identification",
+        "trackslip track --controller lqr --compensation online --reference slalom",
+    ),
     ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
 )
 
@@ -39,15 +46,25 @@ class Config(options.Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
-    """Controller, such as linear:stiffness=160 (the paper's Eq. 31), ppo:FOLDER from train, or your MODULE:CLASS."""
+    """Controller, such as linear:stiffness=160 (the paper's Eq. 31), ppo:FOLDER from train, or your
+    MODULE:CLASS.
+    """
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws, online_cold from no slip."""
+    """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws,
+    online_cold from no slip.
+    """
     preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0
-    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo and sampling [s]."""
+    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo
+    and sampling [s].
+    """
     localization: Literal["plate", "line", "truth"] = "plate"
-    """Source of the controller's poses: scans, by the plate or line method, or the true pose (truth)."""
+    """Source of the controller's poses: scans, by the plate or line method, or the true pose
+    (truth).
+    """
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
-    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x,y[,yaw][,v]."""
+    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints
+    x,y[,yaw][,v].
+    """
     circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = 1.25
     """Radius of the circle, which turns left; needs --reference circle [m]."""
     circle_speed: float = 0.15
@@ -87,7 +104,11 @@ def run(config: Config) -> None:
     name = " ".join(names)
     metadata: dict[str, Any] = {"reference": config.reference}
     if config.reference == "circle":
-        shape = {"radius": config.circle_radius, "speed": config.circle_speed, "duration": config.circle_duration}
+        shape = {
+            "radius": config.circle_radius,
+            "speed": config.circle_speed,
+            "duration": config.circle_duration,
+        }
         metadata["circle"] = plain({**shape, "start": before_scanner(world.robot)})
         path: Reference = circle(**shape, start=before_scanner(world.robot))
     else:
@@ -97,9 +118,14 @@ def run(config: Config) -> None:
     law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
     with Run(config) as run:
         with run.progress(name, path.duration) as report:
-            logs = drive_closed_loops([case], world, path, config.localization, law, config.preview, report, config.bag)
+            logs = drive_closed_loops(
+                [case], world, path, config.localization, law, config.preview, report, config.bag
+            )
         results, poses = tracking_results(logs, path), LocalizationErrors.of(logs)
-        summary: dict[str, Any] = {"tracking": [result.to_json() for result in results], "localization": poses}
+        summary: dict[str, Any] = {
+            "tracking": [result.to_json() for result in results],
+            "localization": poses,
+        }
         if config.bag:
             summary["bags"] = write_bags(run.folder, [log.run for log in logs], logs)
         run.write(summary, logs, simulated_seconds(logs), **world.about)

@@ -46,23 +46,30 @@ Gains = dict[str, float]
 
 @dataclass(frozen=True)
 class Config(ClosedLoopOptions):
-    """Find gains that minimise the position error on training paths and drawn plants, below a limit on roughness.
+    """Find gains that minimise the position error on training paths and drawn plants, below a limit
+    on roughness.
 
-    Every controller and compensation gets the same number of evaluations. Each evaluation drives four paths, which are
-    not in benchmark's fair suite, with a plant for each of the --seeds. An interrupted search resumes when it is run
-    again with the same options.
+    Every controller and compensation gets the same number of evaluations. Each evaluation drives
+    four paths, which are not in benchmark's fair suite, with a plant for each of the --seeds. An
+    interrupted search resumes when it is run again with the same options.
     """
 
     controllers: tyro.conf.Positional[
         Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="[CONTROLLER ...]")]
     ] = CONTROLLER_NAMES[1:]
-    """Names, or MODULE:CLASS for your own; constructor parameters that default to positive floats are gains."""
-    compensations: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{COMPENSATIONS} ...")] = _COMPARED
+    """Names, or MODULE:CLASS for your own; constructor parameters that default to positive floats
+    are gains.
+    """
+    compensations: Annotated[
+        tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{COMPENSATIONS} ...")
+    ] = _COMPARED
     """Compensations to tune for."""
     evaluations: Annotated[int, Whole(_POPULATION, _MAX_EVALUATIONS)] = 60
     """Number of candidates for each controller and compensation, in generations of 12."""
     roughness: float = ROUGHNESS_LIMIT
-    """Limit on the root mean square rate of change of the set points, averaged over the training runs [rad/s^2]."""
+    """Limit on the root mean square rate of change of the set points, averaged over the training
+    runs [rad/s^2].
+    """
     seeds: Annotated[tuple[int, ...], Distinct(), Whole()] = (100,)
     """Seeds for training plants, random starts and scanner noise."""
     seed: Annotated[int, Whole()] = 0
@@ -80,7 +87,9 @@ class Config(ClosedLoopOptions):
 def run(config: Config) -> None:
     """Search for gains, and store and print them."""
     loops = ClosedLoops(config, "drawn")
-    searches = [Search(config, loops, *pair) for pair in product(config.controllers, config.compensations)]
+    searches = [
+        Search(config, loops, *pair) for pair in product(config.controllers, config.compensations)
+    ]
     loops.check([case for search in searches for case in search.cases({})])
     for name in config.controllers:
         tunable(name)
@@ -99,7 +108,10 @@ def run(config: Config) -> None:
     for name in config.controllers:
         _, others = tunable(name)
         if others:
-            print(f"Not tuned, as they do not default to a positive float: {', '.join(others)} of {name}.")
+            print(
+                f"Not tuned, as they do not default to a positive float: {', '.join(others)} of "
+                f"{name}."
+            )
     print(f"{config.out / GAINS_FILE}: {run.wall:.1f} s; trackslip benchmark --gains {config.out}")
 
 
@@ -107,8 +119,9 @@ def run(config: Config) -> None:
 class Search:
     """The search for a controller's gains with a compensation.
 
-    A candidate is a row: its `gains`; the means over the training runs of the `position` error after the transient [m]
-    (0.5 m for a run that lost the path) and of the `roughness` [rad/s^2]; and the `error` of a run that failed.
+    A candidate is a row: its `gains`; the means over the training runs of the `position` error
+    after the transient [m] (0.5 m for a run that lost the path) and of the `roughness` [rad/s^2];
+    and the `error` of a run that failed.
     """
 
     config: Config
@@ -118,17 +131,31 @@ class Search:
 
     def cases(self, gains: Gains) -> list[BenchmarkCase]:
         """The training runs with these gains."""
-        controller, runs = specified(self.controller, gains), product(TRAINING_PATHS, self.config.seeds)
-        return [BenchmarkCase(controller, self.compensation, path, "stone", "random", seed) for path, seed in runs]
+        controller, runs = (
+            specified(self.controller, gains),
+            product(TRAINING_PATHS, self.config.seeds),
+        )
+        return [
+            BenchmarkCase(controller, self.compensation, path, "stone", "random", seed)
+            for path, seed in runs
+        ]
 
     def ids(self) -> list[str]:
-        """Ids of all candidates: digests of everything that the search depends on, and of the candidate's number."""
+        """Ids of all candidates: digests of everything that the search depends on, and of the
+        candidate's number.
+        """
         runs = [case.id for case in self.loops.identified(self.cases({}))]
         search = [runs, self.config.seed, self.config.roughness]
-        return [digest([search, k]) for k in range(self.config.evaluations // _POPULATION * _POPULATION)]
+        return [
+            digest([search, k]) for k in range(self.config.evaluations // _POPULATION * _POPULATION)
+        ]
 
-    def drive(self, pool: Workers, store: Store, report: Progress, generation: Mapping[str, Gains]) -> list[Row]:
-        """The candidates of a generation (gains by id), of which those missing from the store are driven."""
+    def drive(
+        self, pool: Workers, store: Store, report: Progress, generation: Mapping[str, Gains]
+    ) -> list[Row]:
+        """The candidates of a generation (gains by id), of which those missing from the store are
+        driven.
+        """
         missing = {
             id: self.cases(gains)
             for id, gains in generation.items()
@@ -146,13 +173,17 @@ class Search:
             errors = [row["error"] for row in measured if row["error"] is not None]
             row: Row = {"id": id, "error": errors[0] if errors else None, "gains": generation[id]}
             row["position"] = float(np.mean([score(row) for row in measured]))
-            row["roughness"] = None if errors else float(np.mean([row["roughness"] for row in measured]))
+            row["roughness"] = (
+                None if errors else float(np.mean([row["roughness"] for row in measured]))
+            )
             rows.append(row)
         store.keep(rows)
         return [store.rows[id] for id in generation]
 
     def cost(self, candidate: Row) -> float:
-        """The position error [m]; above the roughness limit, a value above any error, which grows with roughness."""
+        """The position error [m]; above the roughness limit, a value above any error, which grows
+        with roughness.
+        """
         if candidate["error"] is not None:
             return np.inf
         excess = candidate["roughness"] / self.config.roughness
@@ -161,8 +192,9 @@ class Search:
     def best(self, drive: Callable[[Mapping[str, Gains]], list[Row]]) -> Row:
         """The best gains within a factor of ten of the defaults in the controller's class.
 
-        The search uses the logarithms of the gains. The defaults are the first candidate, and are kept if no candidate
-        is smooth enough. Raises TrackslipError if runs fail with every candidate.
+        The search uses the logarithms of the gains. The defaults are the first candidate, and are
+        kept if no candidate is smooth enough. Raises TrackslipError if runs fail with every
+        candidate.
         """
         (defaults, _), ids = tunable(self.controller), self.ids()
         candidates: list[Row] = []
@@ -170,7 +202,10 @@ class Search:
         def costs(logarithms: Array) -> Array:
             """Costs (S,) of candidates (gains, S)."""
             values = np.array(list(defaults.values())) * 10**logarithms.T
-            gains = [dict(zip(defaults, (float(f"{value:.4g}") for value in row), strict=True)) for row in values]
+            gains = [
+                dict(zip(defaults, (float(f"{value:.4g}") for value in row), strict=True))
+                for row in values
+            ]
             rows = drive(dict(zip(ids[len(candidates) :], gains, strict=False)))
             candidates.extend(rows)
             return np.array([self.cost(row) for row in rows])
@@ -208,7 +243,15 @@ class Search:
 
 def gains_table(rows: Sequence[Row]) -> Table:
     """A table of the gains, and of errors and roughness with these gains and with the defaults."""
-    header = ("controller", "compensation", "error [mm]", "by default", "rough [rad/s²]", "by default", "gains")
+    header = (
+        "controller",
+        "compensation",
+        "error [mm]",
+        "by default",
+        "rough [rad/s²]",
+        "by default",
+        "gains",
+    )
     cells = [
         [
             row["controller"],

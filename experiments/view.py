@@ -56,19 +56,26 @@ def run(config: Config) -> None:
     recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
     if recording.is_file():  # the recording shows the course, which is not in the log
         if config.run:
-            raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
+            raise InvalidValueError(
+                "run", config.run, f"left out: {config.path} has one run, with its recording"
+            )
         if config.save is None:
             viewer.show(recording, config.web)
         else:
             write_output(config.save, partial(copyfile, recording))
             print(f"{config.save}: {recording}; to open it: rerun {shlex.quote(str(config.save))}")
         return
-    read = read_runs_of(config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC)
+    read = read_runs_of(
+        config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC
+    )
     for line in read.warnings:
         print(f"warning: {line}")
     chosen = viewer.choose(read.runs, config.run, config.path)
     if not config.run and len(read.runs) > 1:
-        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run NAME chooses one; repeat it to compare")
+        print(
+            f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run NAME chooses one; repeat "
+            "it to compare"
+        )
     if config.save is not None:
         record(config.save, chosen)
         print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")

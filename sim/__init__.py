@@ -1,4 +1,5 @@
-"""The simulated world: tracked robots on grounds in MuJoCo, and a laser range finder that observes them.
+"""The simulated world: tracked robots on grounds in MuJoCo, and a laser range finder that observes
+them.
 
     import numpy as np
     import sim
@@ -7,7 +8,8 @@
     logs = sim.open_loop(fleet, np.array([[2.0, 3.0], [3.0, 4.0]]), duration=10.0)
 
 The names below are imported at their first use. Importing this package registers the environments
-trackslip/PathTracking-v0 and trackslip/Traverse-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
+trackslip/PathTracking-v0 and trackslip/Traverse-v0:
+`gymnasium.make("sim:trackslip/PathTracking-v0")`.
 """
 
 import contextlib

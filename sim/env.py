@@ -1,4 +1,6 @@
-"""Gymnasium environments for path tracking and crossing courses, with one robot or N robots in a batch."""
+"""Gymnasium environments for path tracking and crossing courses, with one robot or N robots in a
+batch.
+"""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -19,8 +21,12 @@ class _Tracking:
     configuration, kind, drawing = EnvConfig, PathTracking, PathRenderer
     task: PathTracking
 
-    def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:
-        """Set how later episodes vary, like the option `randomization`; raises InvalidValueError for invalid values."""
+    def set_randomization(
+        self, randomization: Randomization | Mapping[str, Any] | str | None
+    ) -> None:
+        """Set how later episodes vary, like the option `randomization`; raises InvalidValueError
+        for invalid values.
+        """
         options = {f.name: getattr(self.task.config, f.name) for f in fields(EnvConfig)}
         config = from_options(EnvConfig, options | {"randomization": randomization})
         allowed = "None in an environment that was made without ground that shears"
@@ -40,23 +46,26 @@ class _Traversing:
 class PathTrackingEnv(_Tracking, TaskEnv):
     """trackslip/PathTracking-v0: a tracked robot that must follow a reference trajectory.
 
-    Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. See
-    `TrackingLayout` for the observations and `TrackingReward` for the reward. An episode terminates if the robot is
-    farther than `off_path` from the reference or tips over, and is truncated at the end of the reference.
+    Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see
+    `EnvConfig.action`. See `TrackingLayout` for the observations and `TrackingReward` for the
+    reward. An episode terminates if the robot is farther than `off_path` from the reference or tips
+    over, and is truncated at the end of the reference.
     """
 
 
 class PathTrackingVectorEnv(_Tracking, TaskVectorEnv):
-    """N robots, each with its own ground and reference; each row behaves like a `PathTrackingEnv`."""
+    """N robots, each with its own ground and reference; each row behaves like a
+    `PathTrackingEnv`.
+    """
 
 
 class TraverseEnv(_Traversing, TaskEnv):
     """trackslip/Traverse-v0: a tracked robot that must cross a course.
 
-    Actions are float32 in [-1, 1], by default 10 per second: left and right belt speeds, and flipper angles, see
-    `TraverseConfig.action` and `flippers`. See `traverse.config` for the observations and `CrossingReward` for the
-    reward. An episode terminates if the robot has crossed the course, tips over, falls off, gets stuck or explodes, and
-    is truncated at its time limit.
+    Actions are float32 in [-1, 1], by default 10 per second: left and right belt speeds, and
+    flipper angles, see `TraverseConfig.action` and `flippers`. See `traverse.config` for the
+    observations and `CrossingReward` for the reward. An episode terminates if the robot has crossed
+    the course, tips over, falls off, gets stuck or explodes, and is truncated at its time limit.
     """
 
 

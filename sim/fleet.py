@@ -27,9 +27,20 @@ _TURN = 2 * np.pi
 
 
 class Fleet(World):
-    """N robots on their grounds. Results are bitwise identical for equal arguments and any number of threads."""
+    """N robots on their grounds. Results are bitwise identical for equal arguments and any number
+    of threads.
+    """
 
-    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
+    STATE = (
+        "_heading",
+        "_radius",
+        "_began",
+        "_periods",
+        "drive",
+        "_ground",
+        "sensed",
+        "mean_traction",
+    )
 
     def __init__(
         self,
@@ -44,15 +55,16 @@ class Fleet(World):
     ) -> None:
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
-        `ground` is a ground for all robots, or one per robot; `radius_error`, the sprockets' relative error, is a
-        scalar or (N,) [-]. All sprockets have the same `drive`, by default the robot's, and all robots tow the same
-        `pull`. `threads` is the number of worker threads, 0 for one per processor. If a ground shears, or if `shears`
-        announces that a later one may, pads touch the ground at one point each instead of two.
+        `ground` is a ground for all robots, or one per robot; `radius_error`, the sprockets'
+        relative error, is a scalar or (N,) [-]. All sprockets have the same `drive`, by default the
+        robot's, and all robots tow the same `pull`. `threads` is the number of worker threads, 0
+        for one per processor. If a ground shears, or if `shears` announces that a later one may,
+        pads touch the ground at one point each instead of two.
 
         Raises:
-            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
-                slide or tip over, a pull that drags robots backwards, or a servo period that is not a multiple of the
-                physics step.
+            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on
+                which robots would slide or tip over, a pull that drags robots backwards, or a servo
+                period that is not a multiple of the physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
         valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
@@ -62,9 +74,11 @@ class Fleet(World):
         robot = robot.with_single_contacts() if shears else robot
         super().__init__(robot.model, len(start), threads)
         self.robot = robot
-        self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6) view: forces on the left and right tracks
+        # (N, 6) view: forces on the left and right tracks
+        self._sensors = self.batch.bind("sensordata")[:, :6]
         self._chassis = robot.model.body("chassis").id
-        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2) view: x axes of the chassis
+        # (N, 2) view: x axes of the chassis
+        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Centres (N, 3) of the robots' plates one physics step ago, a view of the batch [m]."""
         self._heading: Array = np.zeros(self.size)  # (N,) unwrapped [rad]
@@ -73,27 +87,40 @@ class Fleet(World):
         drive = drive or robot.parameters.drive
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
-        self._substeps = steps_in("drive.period", drive.period, "the physics step", robot.model.opt.timestep)
+        self._substeps = steps_in(
+            "drive.period", drive.period, "the physics step", robot.model.opt.timestep
+        )
 
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
-        """Speed of each pad's surface along the pad's own axis (N, P), a view of the batch [m/s]."""
+        """Speed of each pad's surface along the pad's own axis (N, P), a view of the batch
+        [m/s].
+        """
         self._slanted = surface[:, robot.pads, 0]  # (N, P) view: surface speed across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
         shape = robot.parameters
-        patches = (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
-        self.shear = Shear(robot.pad_position, *patches, self.size, drive.period, fastest) if shears else None
+        patches = (
+            (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
+        )
+        self.shear = (
+            Shear(robot.pad_position, *patches, self.size, drive.period, fastest)
+            if shears
+            else None
+        )
         """Shear of the ground under the robots; None for fleets that stay on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
         """Means of the engine's sensor data (N, S) over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
-        """Mean longitudinal forces of the ground on the (left, right) tracks (N, 2) over the last `advance` [N]."""
+        """Mean longitudinal forces of the ground on the (left, right) tracks (N, 2) over the last
+        `advance` [N].
+        """
         self.pull = pull or Pull()
         """Pull on each of the robots."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6) view
         self._periods = 0  # number of periods simulated so far
-        self._began: NDArray[np.int_] = np.zeros(self.size, int)  # (N,) period in which each robot's run began
+        # (N,) period in which each robot's run began
+        self._began: NDArray[np.int_] = np.zeros(self.size, int)
         self._begin(np.arange(self.size), start, 0.0, SETTLING)
 
     def pose(self) -> Array:
@@ -105,15 +132,22 @@ class Fleet(World):
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
         twist = np.empty((self.size, 3))
-        twist[:, :2], twist[:, 2] = se2.rotate(-self._heading, self.state.qvel[:, :2]), self.state.qvel[:, 5]
+        twist[:, :2], twist[:, 2] = (
+            se2.rotate(-self._heading, self.state.qvel[:, :2]),
+            self.state.qvel[:, 5],
+        )
         return twist
 
     def load(self) -> Array:
-        """Normal forces (N, 2) of the ground on the (left, right) tracks in the last physics step [N]."""
+        """Normal forces (N, 2) of the ground on the (left, right) tracks in the last physics step
+        [N].
+        """
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
-        """Sinkage, positive downwards [m], roll to the right and pitch forwards [rad] of the chassis, (N, 3)."""
+        """Sinkage, positive downwards [m], roll to the right and pitch forwards [rad] of the
+        chassis, (N, 3).
+        """
         return np.stack([-self.state.position[:, 2], self.state.roll, -self.state.pitch], axis=-1)
 
     @property
@@ -122,7 +156,8 @@ class Fleet(World):
         return self._ground.grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
-        """Begin new runs with the robots `rows` (R,), one setting each; the runs of other robots continue.
+        """Begin new runs with the robots `rows` (R,), one setting each; the runs of other robots
+        continue.
 
         Raises InvalidValueError for poses that aren't finite and for slopes too steep for parking.
         """
@@ -132,7 +167,9 @@ class Fleet(World):
         start = np.array([s.start for s in setting], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
         self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
-        self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
+        self.drive.restart(
+            rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting]
+        )
         self._began[rows] = self._periods
         mass, com = np.array([s.mass for s in setting]), np.array([s.weight for s in setting])
         self._drive(rows, 1.0)
@@ -154,21 +191,31 @@ class Fleet(World):
             self._slanted[rows] = belts * self.robot.pad_slant
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
-        """Replace the ground, by one for all robots or one per robot, with immediate effect, even during a run."""
+        """Replace the ground, by one for all robots or one per robot, with immediate effect, even
+        during a run.
+        """
         self._ground.put(one_each(ground, self.size))
         self._lay_friction(EVERYONE)
         self._ground.tilt(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
-        """Set the set points (N, 2) or (2,) of the sprockets, which hold until the next call [rad/s]."""
+        """Set the set points (N, 2) or (2,) of the sprockets, which hold until the next call
+        [rad/s].
+        """
         omega = np.asarray(omega, float)
-        self.drive.command(omega if omega.shape == (self.size, 2) else np.broadcast_to(omega, (self.size, 2)))
+        self.drive.command(
+            omega if omega.shape == (self.size, 2) else np.broadcast_to(omega, (self.size, 2))
+        )
 
     def advance(self, duration: float) -> None:
-        """Simulate `duration` [s]; raises InvalidValueError unless it is a multiple of the servo period."""
+        """Simulate `duration` [s]; raises InvalidValueError unless it is a multiple of the servo
+        period.
+        """
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
-            raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
+            raise InvalidValueError(
+                "duration", duration, f"a multiple of the servo period, {self.period} s"
+            )
         if periods == 0:
             return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
@@ -191,16 +238,29 @@ class Fleet(World):
         """
         twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
         require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
-        self.state.qvel[:, :2], self.state.qvel[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]
+        self.state.qvel[:, :2], self.state.qvel[:, 5] = (
+            se2.rotate(self._heading, twist[:, :2]),
+            twist[:, 2],
+        )
 
     def follow(self, omega: Array) -> None:
-        """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, with unlimited torque [rad/s]."""
-        forecast = Forecast(np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point)
+        """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, with unlimited
+        torque [rad/s].
+        """
+        forecast = Forecast(
+            np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point
+        )
         self.drive.accept(forecast, self.drive.torque_for(forecast, self._run(EVERYONE, omega)))
 
     def _run(self, rows: Rows, mean: Array) -> Array:
-        """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; return mean tractions (P, R, 2) [N]."""
-        belts, ids, parts = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows, []
+        """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; return mean tractions
+        (P, R, 2) [N].
+        """
+        belts, ids, parts = (
+            self.robot.pad_speeds(self._radius[rows] * mean),
+            None if rows is EVERYONE else rows,
+            [],
+        )
         varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
         changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
         periods = 1 if changing else len(mean)  # the engine is faster without interruptions
@@ -210,7 +270,9 @@ class Fleet(World):
             if self.pull.force > 0:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            recorded = self.batch.rollout(periods * self._substeps, record=("sensordata", "xmat"), ids=ids)
+            recorded = self.batch.rollout(
+                periods * self._substeps, record=("sensordata", "xmat"), ids=ids
+            )
             ahead = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
             parts.append((recorded["sensordata"], ahead))
             self._periods += periods
@@ -219,7 +281,9 @@ class Fleet(World):
                 self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
         sensed, forward = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-        sensed = np.add.reduce(sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2).swapaxes(0, 1)
+        sensed = np.add.reduce(
+            sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2
+        ).swapaxes(0, 1)
         forward = forward.swapaxes(0, 1)
         self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
         sensed /= self._substeps
@@ -229,10 +293,11 @@ class Fleet(World):
         return traction
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState, periods: int) -> None:
-        """Simulate some periods for the robots `rows` (R,), whose motors may be too weak to follow the servos.
+        """Simulate some periods for the robots `rows` (R,), whose motors may be too weak to follow
+        the servos.
 
-        The sprocket of a weak motor ends a period at the speed for which its torque is just sufficient. The ground's
-        response to a speed is found by trial steps.
+        The sprocket of a weak motor ends a period at the speed for which its torque is just
+        sufficient. The ground's response to a speed is found by trial steps.
         """
         gravity, sensed = float(np.linalg.norm(self.robot.model.opt.gravity)), []
         for _ in range(periods):
@@ -245,7 +310,9 @@ class Fleet(World):
 
             advance_within_limits(drive, self.robot.mass, gravity, run)
             sensed.append((self.sensed[rows], self.mean_traction[rows]))
-        self.sensed[rows], self.mean_traction[rows] = (np.mean(each, axis=0) for each in zip(*sensed, strict=True))
+        self.sensed[rows], self.mean_traction[rows] = (
+            np.mean(each, axis=0) for each in zip(*sensed, strict=True)
+        )
 
     def friction(self) -> Array:
         """Mean friction coefficients (N, 2) over the pads, along and across the tracks [-]."""
@@ -256,11 +323,15 @@ class Fleet(World):
         return (self._periods - self._began) * self.period
 
     def _lay_friction(self, rows: Rows) -> None:
-        """Update the friction of all pads on the robots `rows` (R,) for their current places and time."""
+        """Update the friction of all pads on the robots `rows` (R,) for their current places and
+        time.
+        """
         self._ground.lay(rows, self._ran(), self.state.qpos[:, :2], self.state.heading)
 
     def _tow(self, rows: Rows) -> None:
-        """Apply the pull to the robots `rows` (R,), along their headings halfway through the next period."""
+        """Apply the pull to the robots `rows` (R,), along their headings halfway through the next
+        period.
+        """
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
         centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
         cos, sin = np.cos(heading), np.sin(heading)
@@ -281,17 +352,25 @@ class Fleet(World):
         self._ground.share(rows)
 
     def _parts(self) -> tuple[Array, ...]:
-        """The arrays that a servo period changes, without those of the drive; robots are on their first axis."""
+        """The arrays that a servo period changes, without those of the drive; robots are on their
+        first axis.
+        """
         return self.batch.state, self._heading, *(() if self.shear is None else self.shear.by_robot)
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
-        """Unwrap the headings of the robots `rows` (R,), whose values since the last call were `passed` (P, R)."""
+        """Unwrap the headings of the robots `rows` (R,), whose values since the last call were
+        `passed` (P, R).
+        """
         heading = self.state.heading[rows]
         headings = np.concatenate([self._heading[None, rows], passed, heading[None]])
-        self._heading[rows] = heading + _TURN * np.add.reduce(np.rint((headings[:-1] - headings[1:]) / _TURN))
+        self._heading[rows] = heading + _TURN * np.add.reduce(
+            np.rint((headings[:-1] - headings[1:]) / _TURN)
+        )
 
     def _placed(self, rows: Rows) -> Array:
-        """Positions x and y [m], and cosines and sines of the headings, (4, R), of the robots `rows` (R,)."""
+        """Positions x and y [m], and cosines and sines of the headings, (4, R), of the robots
+        `rows` (R,).
+        """
         w, x, y, z = self.state.quaternion.T
         place = np.empty((4, self.size))
         place[:2] = self.state.qpos[:, :2].T
@@ -302,8 +381,8 @@ class Fleet(World):
     def _begin(self, rows: np.ndarray, start: Array, height: float, settling: float) -> None:
         """Place the robots `rows` (R,), at rest, at poses `start` (R, 3).
 
-        Their frames start at a `height` [m], from which they settle for a time `settling` [s]. Raises InvalidValueError
-        if a robot doesn't stay at rest.
+        Their frames start at a `height` [m], from which they settle for a time `settling` [s].
+        Raises InvalidValueError if a robot doesn't stay at rest.
         """
         self._place_at(rows, start, height)
         if self.shear is not None:
@@ -313,7 +392,10 @@ class Fleet(World):
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
-        speed, lean = np.hypot(*self.state.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
+        speed, lean = (
+            np.hypot(*self.state.qvel[rows, :2].T),
+            np.abs(self.attitude()[rows, 1:]).max(axis=1),
+        )
         require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
         self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
@@ -321,29 +403,40 @@ class Fleet(World):
         self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
-        """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows` (R,) settled."""
+        """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows`
+        (R,) settled.
+        """
         qpos, half_turn = self.state.qpos, (start[:, 2] - self.state.heading[rows]) / 2
         qpos[rows, :2] = start[:, :2]
         cos, sin = np.cos(half_turn), np.sin(half_turn)
         w, x, y, z = qpos[rows, 3:7].T
-        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
+        qpos[rows, 3:7] = np.column_stack(
+            [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
+        )
         self.state.qvel[rows], self.batch.time[rows], self._heading[rows] = 0.0, 0.0, start[:, 2]
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) on the robots `rows` (R,) relative to their normal force [-]."""
-        masses, gravity = self.batch.expanded("body_mass"), float(np.linalg.norm(self.robot.model.opt.gravity))
+        masses, gravity = (
+            self.batch.expanded("body_mass"),
+            float(np.linalg.norm(self.robot.model.opt.gravity)),
+        )
         mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
         return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
-        """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots' velocity constant [-]."""
+        """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots'
+        velocity constant [-].
+        """
         direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
         along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
 
 def _along(forces: Array, forward: Array) -> Array:
-    """Components (..., 2) along `forward` (..., 2) of forces (..., 6) on the left and right tracks."""
+    """Components (..., 2) along `forward` (..., 2) of forces (..., 6) on the left and right
+    tracks.
+    """
     x, y = forces[..., 0::3], forces[..., 1::3]
     return x * forward[..., :1] + y * forward[..., 1:]
 
@@ -354,7 +447,8 @@ class Setting:
 
     start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
     ground: Ground = field(default_factory=Ground)  # ground under the robot
-    radius_error: float = RADIUS_ERROR  # relative error of the effective sprocket radius, real / nominal - 1 [-]
+    # relative error of the effective sprocket radius, real / nominal - 1 [-]
+    radius_error: float = RADIUS_ERROR
     lag: float | None = None  # time constant of the servos; None for the drive's own [s]
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forwards and to the left [m]."""

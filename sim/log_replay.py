@@ -51,15 +51,24 @@ class Replay:
         """Poses (n, 3) of the sensors on robots (n,) at times (n,)."""
         return se2.compose(self.at(robot, time), sensor.pose)
 
-    def log(self, robot: int, of: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
-        """A log of the robot's motion, with the rows of `of` and metadata `about`; for the rest, see `replay`."""
+    def log(
+        self, robot: int, of: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]
+    ) -> RunLog:
+        """A log of the robot's motion, with the rows of `of` and metadata `about`; for the rest,
+        see `replay`.
+        """
         known = np.flatnonzero(of.has_heading)
         row, first = (int(known[0]), of.pose[known[0]]) if len(known) else (0, np.zeros(3))
         seen = self.sensor_at(robot, sensor, of.time + clock)
-        frame = se2.compose(first, se2.inverse(seen[row]))  # pose of the simulated world in the measured one
-        truth = Truth(se2.compose(frame, self.at(robot, of.time)), self._at(self.twist, robot, of.time))
+        # pose of the simulated world in the measured one
+        frame = se2.compose(first, se2.inverse(seen[row]))
+        truth = Truth(
+            se2.compose(frame, self.at(robot, of.time)), self._at(self.twist, robot, of.time)
+        )
         pose = se2.compose(frame, seen)
-        return RunLog(of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about)
+        return RunLog(
+            of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about
+        )
 
     def _at(self, states: Array, robot: Any, time: Array) -> Array:
         place = np.clip((time - self.begin[robot]) / self.period, 0, len(states) - 1)
@@ -80,24 +89,27 @@ def replay(
 ) -> list[RunLog]:
     """Let simulated robots repeat the drives in logs.
 
-    A replay begins with the twist in the first 0.3 s of poses, or at rest if the sprockets are at rest in this time.
+    A replay begins with the twist in the first 0.3 s of poses, or at rest if the sprockets are at
+    rest in this time.
 
     Args:
         log: a drive, or several drives, which are replayed independently.
         robot: the robot.
         ground: the ground; by default the one in the robot's file.
-        inputs: "encoders" for measured sprocket speeds, averaged since the previous row, or "commands" for logged
-            commands, each of which holds until the next one.
-        sensor: position and yaw of the pose sensor on the robot; by default zero, at the robot's frame.
+        inputs: "encoders" for measured sprocket speeds, averaged since the previous row, or
+            "commands" for logged commands, each of which holds until the next one.
+        sensor: position and yaw of the pose sensor on the robot; by default zero, at the robot's
+            frame.
         clock: encoder clock minus pose clock, from -0.5 to 0.5 [s].
         threads: number of worker threads, 0 for one per processor.
 
     Returns:
-        For each log, a log with the same rows: simulated sensor poses that begin at the first measured pose, measured
-        sprocket speeds, and the robot's true pose and twist.
+        For each log, a log with the same rows: simulated sensor poses that begin at the first
+        measured pose, measured sprocket speeds, and the robot's true pose and twist.
 
     Raises:
-        LogError: for a log without commands if `inputs` is "commands", and for belt speeds above 9.9 m/s.
+        LogError: for a log without commands if `inputs` is "commands", and for belt speeds above
+            9.9 m/s.
         InvalidValueError: for arguments out of range.
     """
     require_within("clock", clock, -RUN_UP, RUN_UP, "s")
@@ -113,17 +125,24 @@ def replay(
 def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[RunLog]]:
     """Copies of each log, one per part between lasting jumps in its poses.
 
-    Only poses that identification uses are valid in a copy. Raises LogError for logs that identification refuses.
+    Only poses that identification uses are valid in a copy. Raises LogError for logs that
+    identification refuses.
     """
     look = first_look(drives_of(logs)[0], geometry)
     return [
-        [replace(log, valid=np.isin(log.time, part.time)) for part in look.drives if part.name == log.run]
+        [
+            replace(log, valid=np.isin(log.time, part.time))
+            for part in look.drives
+            if part.name == log.run
+        ]
         for log in logs
     ]
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
-    """The log without outliers and poses after its first lasting jump; unchanged if identification refuses it."""
+    """The log without outliers and poses after its first lasting jump; unchanged if identification
+    refuses it.
+    """
     try:
         return without_jumps([log], geometry)[0][0]
     except (LogError, IndexError):
@@ -143,7 +162,8 @@ class Replayer:
                     raise LogError(f"run {log.run!r}: {needed}")
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
-        self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # (N,) start of each log's run-up [s]
+        # (N,) start of each log's run-up [s]
+        self.begin = np.array([log.time[0] - RUN_UP for log in logs])
         self._turned = [_turned(log) for log in logs]
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
 
@@ -152,19 +172,28 @@ class Replayer:
         robot = compiled(parameters)
         fastest = self._fastest * robot.geometry.sprocket_radius
         if not fastest < MAX_SPEED:
-            raise LogError(f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s")
+            raise LogError(
+                f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s"
+            )
         drive = parameters.drive
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
-        fleet = Fleet(robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads)
+        fleet = Fleet(
+            robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads
+        )
         twist = np.array([first_twist(log, robot.geometry) for log in self.logs])
         fleet.launch(twist)
         period = fleet.period
-        periods = round((max(log.time[-1] - log.time[0] for log in self.logs) + 2 * RUN_UP) / period)
+        periods = round(
+            (max(log.time[-1] - log.time[0] for log in self.logs) + 2 * RUN_UP) / period
+        )
         poses, twists = np.empty((2, periods + 1, fleet.size, 3))
         poses[0], twists[0] = fleet.pose(), fleet.twist()
         edges = self.begin[:, None] + period * np.arange(periods + 1)  # (N, P + 1)
-        turned = [[np.interp(at, *side) for side in sides] for sides, at in zip(self._turned, edges, strict=True)]
+        turned = [
+            [np.interp(at, *side) for side in sides]
+            for sides, at in zip(self._turned, edges, strict=True)
+        ]
         measured = np.moveaxis(np.diff(turned), -1, 0) / period  # (P, N, 2)
         commanded = self._commands(edges[:, :-1]) if self.inputs == "commands" else measured
         for k in range(periods):
@@ -189,7 +218,9 @@ class Replayer:
 
 
 def _turned(log: RunLog) -> list[tuple[Array, Array]]:
-    """Times and angles of each sprocket, which turns at its first speed before the log and at its last after it."""
+    """Times and angles of each sprocket, which turns at its first speed before the log and at its
+    last after it.
+    """
     means = interval_means(log.time, log.omega)
     time = np.concatenate([[log.time[0] - 2 * RUN_UP], log.time, [log.time[-1] + _BEYOND]])
     speeds = np.concatenate([log.omega[:1], means, means[-1:]])
@@ -198,7 +229,8 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
-    """Twist (3,) from the poses in the first 0.3 s, or from the sprockets, assuming no slip, if there are too few.
+    """Twist (3,) from the poses in the first 0.3 s, or from the sprockets, assuming no slip, if
+    there are too few.
 
     If the sprockets are at rest during this time, the twist is 0.
     """

@@ -1,4 +1,6 @@
-"""Open- and closed-loop runs of a fleet with RunLogs as results, and the pilots that steer the fleet."""
+"""Open- and closed-loop runs of a fleet with RunLogs as results, and the pilots that steer the
+fleet.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ class Pilot:
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
         """Slip law for row k, after the compensation has observed the motion up to then."""
         if k > 0:
-            self.compensation.observe(record.omega[k, self.robots], record.period, record.estimated(k, self.robots))
+            self.compensation.observe(
+                record.omega[k, self.robots], record.period, record.estimated(k, self.robots)
+            )
         if self._loaded is not None:
             self._loaded.sense(record.load[k, self.robots])
         law = self.compensation.law()
@@ -70,7 +74,9 @@ class Pilot:
         return law
 
     def twist(self, record: RunRecorder, k: int, law: SlipLaw, reference: Reference) -> Array:
-        """Twists (R, 2) that the controller requests in row k; raises RunFailedError if the controller fails."""
+        """Twists (R, 2) that the controller requests in row k; raises RunFailedError if the
+        controller fails.
+        """
         pose: Array = record.pose[k, self.robots]
         omega, time = record.omega[k, self.robots], float(record.time[k])
         geometry = record.fleet.robot.geometry
@@ -82,7 +88,9 @@ class Pilot:
         with self._failing(record, time):
             if self._sensing is not None:
                 self._sensing.sense(omega)
-            twist = np.asarray(self.controller.twist(time + self.preview, pose, reference), dtype=float)
+            twist = np.asarray(
+                self.controller.twist(time + self.preview, pose, reference), dtype=float
+            )
         record.wanted(k, self.robots, twist)
         return twist
 
@@ -92,7 +100,8 @@ class Pilot:
         try:
             yield
         except (Exception, SystemExit) as error:
-            frames = traceback.extract_tb(error.__traceback__)[2:]  # without this frame and that of the call
+            # without this frame and that of the call
+            frames = traceback.extract_tb(error.__traceback__)[2:]
             where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
             what = f"its controller fails at {time:g} s ({type(error).__name__}: {error}){where}"
             raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
@@ -113,8 +122,8 @@ def open_loop(
 
     Args:
         fleet: N robots.
-        omega: sprocket speeds (N, 2) or (2,) [rad/s], or (T, N, 2) for T rows; if they exceed the top speed, both
-            tracks are scaled by the same factor.
+        omega: sprocket speeds (N, 2) or (2,) [rad/s], or (T, N, 2) for T rows; if they exceed the
+            top speed, both tracks are scaled by the same factor.
         duration: duration of each run [s].
         feed: scanner that observes the fleet; by default none.
         locator: finds poses in blocks of scans; by default the logs contain the true poses.
@@ -148,11 +157,13 @@ def closed_loop(
     descriptions: Sequence[Description] | None = None,
     progress: Progress = lambda seconds: None,
 ) -> list[RunLog]:
-    """Let controllers follow `reference` to its end; each scan leads to one command, limited as in `open_loop`.
+    """Let controllers follow `reference` to its end; each scan leads to one command, limited as in
+    `open_loop`.
 
     Args:
         fleet: N robots.
-        pilots: pilots that together control all robots, or one controller for all robots without slip compensation.
+        pilots: pilots that together control all robots, or one controller for all robots without
+            slip compensation.
         reference: the trajectory to follow.
         feed: scanner that observes the fleet; by default none, with a command every PERIOD.
         locator: finds poses in scans; by default controllers get the true poses.
@@ -161,14 +172,21 @@ def closed_loop(
 
     Raises:
         InvalidValueError: unless every robot has exactly one pilot.
-        RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the rows up to then.
+        RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the
+            rows up to then.
     """
     if not isinstance(pilots, Sequence):
         pilots = [Pilot(pilots, range(fleet.size))]
     valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
-    require(valid, "pilots", [list(pilot.robots) for pilot in pilots], f"each robot 0..{fleet.size - 1} once")
+    require(
+        valid,
+        "pilots",
+        [list(pilot.robots) for pilot in pilots],
+        f"each robot 0..{fleet.size - 1} once",
+    )
     period = PERIOD if feed is None else feed.period
-    rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last is at the reference's end or just after
+    # the last is at the reference's end or just after
+    rows = math.ceil(reference.duration / period - 1e-9) + 1
     record = RunRecorder(fleet, rows, period, descriptions)
     localization = Localization(record, TruePose(fleet))
     if feed is not None and locator is not None:
@@ -194,7 +212,9 @@ def _drive(
     progress: Progress,
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
-    """Drive, scan, localize, steer and record each row; `steer` returns a row's sprocket speeds (N, 2) [rad/s]."""
+    """Drive, scan, localize, steer and record each row; `steer` returns a row's sprocket speeds (N,
+    2) [rad/s].
+    """
     fleet, watch = record.fleet, watch or Stopwatch()
     try:
         for k in range(len(record.time)):

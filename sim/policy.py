@@ -1,8 +1,9 @@
-"""Trained policies, which are small NumPy networks from observations to actions, and a controller that uses them.
+"""Trained policies, which are small NumPy networks from observations to actions, and a controller
+that uses them.
 
-A policy for path tracking corrects the reference's twist: action = twist now + authority * network(features), clipped
-to [-1, 1]. The features are the observation with errors compressed by arsinh, which resolves both millimetres and
-decimetres.
+A policy for path tracking corrects the reference's twist: action = twist now + authority *
+network(features), clipped to [-1, 1]. The features are the observation with errors compressed by
+arsinh, which resolves both millimetres and decimetres.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from trackslip.trajectory.base import Reference
 
 _PRODUCTS = 100_000  # number of products of rows and weights that fit into a processor's cache
 ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # slices of an observation
-FINE = np.array([0.02, 0.02, 0.02])  # errors at which compression sets in, in the observation's units
+# errors at which compression sets in, in the observation's units
+FINE = np.array([0.02, 0.02, 0.02])
 _OPSET = 18
 _FEATURES = """
     errors, twist, others = Split <axis = 1> (observation, sizes)
@@ -53,18 +55,30 @@ class Network:
 
     def __post_init__(self) -> None:
         shapes, layers = [weight.shape for weight in self.weights], (*self.weights, *self.biases)
-        fit = layers and all(len(shape) == 2 for shape in shapes) and all(b[0] == a[1] for a, b in pairwise(shapes))
+        fit = (
+            layers
+            and all(len(shape) == 2 for shape in shapes)
+            and all(b[0] == a[1] for a, b in pairwise(shapes))
+        )
         fit = fit and [bias.shape for bias in self.biases] == [shape[1:] for shape in shapes]
         finite = all(layer.dtype.kind == "f" and np.isfinite(layer).all() for layer in layers)
-        require(fit and finite, "layers", shapes, "one or more of finite numbers, that fit each other")
+        require(
+            fit and finite, "layers", shapes, "one or more of finite numbers, that fit each other"
+        )
 
     def __call__(self, x: Array) -> Array:
         """Outputs (N, m) for inputs (N, n)."""
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # a matrix product would round differently for different N; blocks of rows limit the memory
+            # a matrix product would round differently for different N; blocks of rows limit the
+            # memory
             rows = max(1, _PRODUCTS // weight.size)
             blocks = [x[first : first + rows] for first in range(0, max(len(x), 1), rows)]
-            x = np.concatenate([np.add.reduce(block[:, :, None] * weight, axis=1) for block in blocks]) + bias
+            x = (
+                np.concatenate(
+                    [np.add.reduce(block[:, :, None] * weight, axis=1) for block in blocks]
+                )
+                + bias
+            )
             if k < len(self.weights) - 1:
                 x = np.tanh(x)
         return x
@@ -92,34 +106,48 @@ class Policy:
 
     def save(self, path: Path) -> None:
         """Write the policy to a .npz file."""
-        arrays: dict[str, Any] = {f"weight_{k}": weight for k, weight in enumerate(self.network.weights)}
+        arrays: dict[str, Any] = {
+            f"weight_{k}": weight for k, weight in enumerate(self.network.weights)
+        }
         arrays |= {f"bias_{k}": bias for k, bias in enumerate(self.network.biases)}
-        about = {"format": self.FORMAT} | {name: value for name, value in vars(self).items() if name != "network"}
+        about = {"format": self.FORMAT} | {
+            name: value for name, value in vars(self).items() if name != "network"
+        }
         with path.open("wb") as file:
             np.savez(file, about=np.array(json.dumps(about)), **arrays)
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a policy file, or policy.npz in a folder, without using pickle; raises LogError for other files."""
+        """Read a policy file, or policy.npz in a folder, without using pickle; raises LogError for
+        other files.
+        """
         file = policy_file(path)
         try:
             with regular_file(file).open("rb") as opened, np.load(opened) as stored:
                 about = json.loads(str(stored["about"]))
-                require(about["format"] == cls.FORMAT, "format", about.pop("format"), f"{cls.FORMAT!r}")
+                require(
+                    about["format"] == cls.FORMAT, "format", about.pop("format"), f"{cls.FORMAT!r}"
+                )
                 layers = range(sum(name.startswith("weight_") for name in stored.files))
-                weights, biases = (tuple(stored[f"{part}_{k}"] for k in layers) for part in ("weight", "bias"))
+                weights, biases = (
+                    tuple(stored[f"{part}_{k}"] for k in layers) for part in ("weight", "bias")
+                )
             return from_options(cls, {"network": Network(weights, biases)} | about)
         except InvalidValueError as error:
             raise LogError(f"{file}: {error}") from error
         except OSError as error:
             raise LogError(f"{file}: {error.strerror or error}") from error
         except Exception as error:  # any error of NumPy, zipfile and json for a damaged file
-            raise LogError(f"{file}: not a policy.npz of `trackslip train`: docs/controller.md has others") from error
+            raise LogError(
+                f"{file}: not a policy.npz of `trackslip train`: docs/controller.md has others"
+            ) from error
 
 
 @dataclass(frozen=True)
 class TrackingPolicy(Policy):
-    """A trained policy for robots that follow paths; its network turns features into corrections in [-1, 1]."""
+    """A trained policy for robots that follow paths; its network turns features into corrections in
+    [-1, 1].
+    """
 
     FORMAT: ClassVar[str] = "trackslip policy 1"
 
@@ -149,17 +177,32 @@ def features(observation: Array) -> Array:
 
 
 def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Array:
-    """Actions (N, 2): the reference's current twist in observations (N, n), plus corrections (N, 2) in [-1, 1]."""
-    return np.clip(observation[:, TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
+    """Actions (N, 2): the reference's current twist in observations (N, n), plus corrections (N, 2)
+    in [-1, 1].
+    """
+    return np.clip(
+        observation[:, TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority),
+        -1.0,
+        1.0,
+    )
 
 
 class PolicyController:
-    """A controller that builds the environment's observations from poses and applies a policy to them."""
+    """A controller that builds the environment's observations from poses and applies a policy to
+    them.
+    """
 
     def __init__(self, policy: TrackingPolicy, top_speed: float) -> None:
-        """Use sprockets with this `top_speed` [rad/s]; raises InvalidValueError for a policy of another environment."""
+        """Use sprockets with this `top_speed` [rad/s]; raises InvalidValueError for a policy of
+        another environment.
+        """
         config = from_options(EnvConfig, policy.options)
-        require(not config.loads, "loads of the policy", config.loads, "false: controllers sense no loads")
+        require(
+            not config.loads,
+            "loads of the policy",
+            config.loads,
+            "false: controllers sense no loads",
+        )
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
         shape, seen = policy.network.shape, len(self._layout.elements)
         require(shape == (seen, 2), "network of the policy", shape, f"from {seen} inputs to 2")
@@ -180,16 +223,20 @@ class PolicyController:
         error = body_errors(pose, reference.pose(time))
         ahead = reference.twist(time + self._layout.steps * PERIOD)
         twists = np.broadcast_to(ahead, (len(error), *ahead.shape))
-        omega, action = (np.broadcast_to(pair, (len(error), 2)) for pair in (self._omega, self._action))
+        omega, action = (
+            np.broadcast_to(pair, (len(error), 2)) for pair in (self._omega, self._action)
+        )
         self._action = self._policy.action(self._layout.observation(error, twists, omega, action))
         return self._action * self._scale
 
 
-def write_onnx(path: Path, policy: Policy, observed: Sequence[Element], commanded: Sequence[Element]) -> None:
+def write_onnx(
+    path: Path, policy: Policy, observed: Sequence[Element], commanded: Sequence[Element]
+) -> None:
     """Write a policy as a graph from `observation` (N, n) to `action` (N, A), both float32.
 
-    The model's metadata contain, as JSON, names, units, scales and bounds of both, and the environment's options.
-    Raises TrackslipError if the package onnx isn't installed.
+    The model's metadata contain, as JSON, names, units, scales and bounds of both, and the
+    environment's options. Raises TrackslipError if the package onnx isn't installed.
     """
     try:
         import onnx.parser
@@ -206,16 +253,30 @@ def write_onnx(path: Path, policy: Policy, observed: Sequence[Element], commande
             "authority": np.array(policy.authority, np.float32),
         }
     layers = []
-    for k, (weight, bias) in enumerate(zip(policy.network.weights, policy.network.biases, strict=True)):
+    for k, (weight, bias) in enumerate(
+        zip(policy.network.weights, policy.network.biases, strict=True)
+    ):
         constants |= {f"weight{k}": np.float32(weight), f"bias{k}": np.float32(bias)}
-        layers += [f"layer{k} = Gemm (hidden{k}, weight{k}, bias{k})", f"hidden{k + 1} = Tanh (layer{k})"]
+        layers += [
+            f"layer{k} = Gemm (hidden{k}, weight{k}, bias{k})",
+            f"hidden{k + 1} = Tanh (layer{k})",
+        ]
     layers[-1] = f"output = Identity (layer{k})"
     ends = f"policy (float[N, {len(observed)}] observation) => (float[N, {len(commanded)}] action)"
     graph = onnx.parser.parse_graph(f"{ends} {{ {before} {' '.join(layers)} {after} }}")
-    graph.initializer.extend(onnx.numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items())
+    graph.initializer.extend(
+        onnx.numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()
+    )
     opset = onnx.helper.make_opsetid("", _OPSET)
-    model = onnx.helper.make_model_gen_version(graph, producer_name="trackslip", opset_imports=[opset])
-    about = {"observation": [asdict(each) for each in observed], "action": [asdict(each) for each in commanded]}
-    onnx.helper.set_model_props(model, {k: json.dumps(v) for k, v in (about | {"options": policy.options}).items()})
+    model = onnx.helper.make_model_gen_version(
+        graph, producer_name="trackslip", opset_imports=[opset]
+    )
+    about = {
+        "observation": [asdict(each) for each in observed],
+        "action": [asdict(each) for each in commanded],
+    }
+    onnx.helper.set_model_props(
+        model, {k: json.dumps(v) for k, v in (about | {"options": policy.options}).items()}
+    )
     onnx.checker.check_model(model)
     path.write_bytes(model.SerializeToString())

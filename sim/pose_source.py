@@ -1,4 +1,6 @@
-"""Estimated poses of a fleet: the truth, noisy truth, or poses from the scanner, by row or by block of scans."""
+"""Estimated poses of a fleet: the truth, noisy truth, or poses from the scanner, by row or by block
+of scans.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from trackslip.logs.runlog import RunLog, ScanLog
 
 Index = NDArray[np.int_]
 
-_AT_ONCE, _MOST_AT_ONCE = 2500, 400  # largest number of scans in a block, of all robots and of each robot
+# largest number of scans in a block, of all robots and of each robot
+_AT_ONCE, _MOST_AT_ONCE = 2500, 400
 
 
 class TruePose(Restorable):
@@ -31,7 +34,9 @@ class TruePose(Restorable):
         self._valid = np.ones(fleet.size, bool)
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Begin runs of the robots `rows` (R,), with noise `seeds` (R,) and numbers `last` (R,) of their last rows."""
+        """Begin runs of the robots `rows` (R,), with noise `seeds` (R,) and numbers `last` (R,) of
+        their last rows.
+        """
 
     def start(self, rows: Index) -> Array:
         """Estimated poses (R, 3) of the robots `rows` (R,) at the beginning of their runs."""
@@ -40,12 +45,15 @@ class TruePose(Restorable):
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
         """Estimated poses of N robots in rows `k` (N,), counted from the beginning of their runs.
 
-        `omega` (N, 2) are mean sprocket speeds over the last `duration` [rad/s, s], `true` (N, 3) are true poses.
+        `omega` (N, 2) are mean sprocket speeds over the last `duration` [rad/s, s], `true` (N, 3)
+        are true poses.
         """
         return PoseEstimate(true, self._covariance, self._valid)
 
     def scan_logs(self, pose: Array) -> list[ScanLog] | None:
-        """Scans for the logs of N robots with poses (T, N, 3) estimated in T rows; None unless all scans were kept."""
+        """Scans for the logs of N robots with poses (T, N, 3) estimated in T rows; None unless all
+        scans were kept.
+        """
         return None
 
 
@@ -80,7 +88,9 @@ class NoisyPose(TruePose):
 
 
 class ScannedPose(TruePose):
-    """Poses from the plates in scans of the laser range finder, tracked from the known start poses."""
+    """Poses from the plates in scans of the laser range finder, tracked from the known start
+    poses.
+    """
 
     STATE = ("feed", "tracker")
 
@@ -113,12 +123,19 @@ class ScannedPose(TruePose):
             return None
         scans = [self.feed.scan(full.astype(float)) for full in self._full(len(pose))]
         plate = self._fleet.robot.plate
-        clusters = [extract_plate(scan, plate, scan.from_world(pose[:, k])) for k, scan in enumerate(scans)]
+        clusters = [
+            extract_plate(scan, plate, scan.from_world(pose[:, k])) for k, scan in enumerate(scans)
+        ]
         return self.logged(clusters, len(pose))
 
     def logged(self, clusters: Sequence[Cluster], rows: int) -> list[ScanLog]:
-        """Scans for the robots' logs: the parts recognised as plates, `clusters`, and all ranges if they were kept."""
-        empty, plate = self.feed.scan(np.empty((0, len(self.feed.bearings)))), self._fleet.robot.plate
+        """Scans for the robots' logs: the parts recognised as plates, `clusters`, and all ranges if
+        they were kept.
+        """
+        empty, plate = (
+            self.feed.scan(np.empty((0, len(self.feed.bearings)))),
+            self._fleet.robot.plate,
+        )
         full = self._full(rows) if self.scans else [None] * len(clusters)
         return [ScanLog(empty, plate, *own) for own in zip(clusters, full, strict=True)]
 
@@ -148,14 +165,17 @@ class Localization:
 class ScanBlocks(Localization):
     """Pose estimation in blocks of scans, which is faster, for open loops."""
 
-    def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
+    def __init__(
+        self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch
+    ) -> None:
         """Estimate poses with `locator`; `watch` measures the stages "scans" and "localization"."""
         super().__init__(record, source)
         self._scanned = source
         self._watch, self._follower = watch, Follower(locator, source.tracker)
         size = record.fleet.size
         block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
-        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))  # `_waiting` are valid
+        # `_waiting` are valid
+        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))
         self._waiting = 0
         self._located = 0  # number of rows with estimated poses
         self._clusters: list[list[Cluster]] = [[] for _ in range(size)]

@@ -1,4 +1,6 @@
-"""Drawing of a task's robots, with paths and trails or on courses: pictures of each robot, and a window."""
+"""Drawing of a task's robots, with paths and trails or on courses: pictures of each robot, and a
+window.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,13 @@ _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # camera behind a robot [m,
 
 
 class TaskRenderer(ABC):
-    """Renderer for a task's robots: it takes pictures of any robot, and shows robot 0 in a window."""
+    """Renderer for a task's robots: it takes pictures of any robot, and shows robot 0 in a
+    window.
+    """
 
     def __init__(self, looks: RobotLooks) -> None:
-        self.looks, self.data = looks, mujoco.MjData(looks.model)  # data: state of the robot being drawn
+        # data: state of the robot being drawn
+        self.looks, self.data = looks, mujoco.MjData(looks.model)
         self._window: Window | None = None
         self._pictures: Pictures | None = None
 
@@ -53,7 +58,9 @@ class TaskRenderer(ABC):
         """Append everything except the model of the robot `row` to a scene."""
 
     def picture(self, row: int) -> np.ndarray:
-        """Image (480, 640, 3) uint8 of the robot `row`; raises TrackslipError if OpenGL doesn't work."""
+        """Image (480, 640, 3) uint8 of the robot `row`; raises TrackslipError if OpenGL doesn't
+        work.
+        """
         self.pose(row)
         if self._pictures is None:
             quality = self.looks.model.vis.quality  # low enough for drawing in 60 ms on a CPU
@@ -115,7 +122,9 @@ class PathRenderer(TaskRenderer):
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append tracks, path and trail of the robot `row` to a scene."""
-        travel = self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
+        travel = (
+            self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
+        )
         self.looks.draw(scene, self.data, travel[self.looks.track_side])
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
         for points, (height, width, colour) in ((path, _PATH), (self._trails[row], _TRAIL)):
@@ -123,8 +132,12 @@ class PathRenderer(TaskRenderer):
                 if scene.ngeom == scene.maxgeom:
                     return
                 geom = scene.geoms[scene.ngeom]
-                mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour))
-                mujoco.mjv_connector(geom, kind, width, np.append(start, height), np.append(end, height))
+                mujoco.mjv_initGeom(
+                    geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour)
+                )
+                mujoco.mjv_connector(
+                    geom, kind, width, np.append(start, height), np.append(end, height)
+                )
                 scene.ngeom += 1
 
 
@@ -142,9 +155,12 @@ class CourseRenderer(TaskRenderer):
     """Drawing of robots on their courses."""
 
     def __init__(self, task: Crossing) -> None:
-        super().__init__(RobotLooks.of(build_tracked(task.world.tracked.robot, task.world.slots, looks=True)))
+        super().__init__(
+            RobotLooks.of(build_tracked(task.world.tracked.robot, task.world.slots, looks=True))
+        )
         self._task = task
-        self._travel = np.zeros(task.world.contact.belt.shape)  # (N, T) belt travel in this episode [m]
+        # (N, T) belt travel in this episode [m]
+        self._travel = np.zeros(task.world.contact.belt.shape)
 
     def begin(self, rows: Sequence[int]) -> None:
         """Reset the drawn belts of the robots `rows`."""

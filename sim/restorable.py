@@ -10,7 +10,9 @@ import numpy as np
 
 
 class Restorable:
-    """An object whose state is in the attributes named by `STATE`. Tuples in the state hold only immutable objects."""
+    """An object whose state is in the attributes named by `STATE`. Tuples in the state hold only
+    immutable objects.
+    """
 
     STATE: ClassVar[tuple[str, ...]] = ()
 
@@ -19,7 +21,9 @@ class Restorable:
         return {name: _saved(getattr(self, name)) for name in self.STATE}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state of this object or of another object with the same constructor arguments."""
+        """Restore a state of this object or of another object with the same constructor
+        arguments.
+        """
         for name in self.STATE:
             own, saved = getattr(self, name), state[name]
             if isinstance(own, Restorable):

@@ -30,7 +30,8 @@ class Contacts:
 
     load: Array  # (N, K) normal force [N]
     force: Array  # (N, K, 2) tangential force on the robot, along and across the pad [N]
-    velocity: Array  # (N, K, 2) velocity of the points over the ground, along and across the pad [m/s]
+    # (N, K, 2) velocity of the points over the ground, along and across the pad [m/s]
+    velocity: Array
     rising: Array  # (N, K) vertical speed, positive upwards [m/s]
     belt: Array  # (N, K) speed of the belt relative to the robot, along the pad [m/s]
     position: Array  # (N, K, 2) position in the robot's frame [m]
@@ -44,13 +45,16 @@ def read_contacts(fleet: Fleet) -> Contacts:
         force=sensed[..., 1:3].copy(),
         velocity=sensed[..., 7:9].copy(),
         rising=sensed[..., 6].copy(),
-        belt=np.repeat(fleet.belts / np.abs(fleet.robot.pad_sign), fleet.robot.points_per_pad, axis=1),
+        belt=np.repeat(
+            fleet.belts / np.abs(fleet.robot.pad_sign), fleet.robot.points_per_pad, axis=1
+        ),
         position=se2.from_world(fleet.pose()[:, None], sensed[..., 3:5]),
     )
 
 
 def pad_forces(fleet: Fleet) -> Array:
-    """Mean forces (N, P, 3) of the ground on the pads over the last `advance`: forwards, to the left, up [N].
+    """Mean forces (N, P, 3) of the ground on the pads over the last `advance`: forwards, to the
+    left, up [N].
 
     The fleet's robot must have been loaded with contact sensors.
     """
@@ -62,7 +66,9 @@ def pad_forces(fleet: Fleet) -> Array:
 
 
 def _of_points(fleet: Fleet, sensed: Array) -> Array:
-    """Data of the contact sensors at each point (N, K, CONTACT_WIDTH), from the data of all sensors (N, S)."""
+    """Data of the contact sensors at each point (N, K, CONTACT_WIDTH), from the data of all sensors
+    (N, S).
+    """
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
 
@@ -81,15 +87,23 @@ class RunRecorder:
     A row is complete once its command has been recorded; only complete rows are logged.
     """
 
-    def __init__(self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description] | None) -> None:
+    def __init__(
+        self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description] | None
+    ) -> None:
         n = fleet.size
         if descriptions is None:
             geometry = vars(fleet.robot.geometry)
             descriptions = [Description(f"run {k}", {"geometry": geometry}) for k in range(n)]
-        require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
+        require(
+            len(descriptions) == n,
+            "descriptions",
+            f"{len(descriptions)} descriptions",
+            f"{n}, one per robot",
+        )
         self.fleet, self.period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
-        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # whether its ground shears
+        # whether its ground shears
+        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]
         self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
         self.complete = 0  # number of complete rows
@@ -97,7 +111,9 @@ class RunRecorder:
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
-        """Tractions per load (T, N, 2) that the robots need, forwards and to the left [-]; 0 unless sensed."""
+        """Tractions per load (T, N, 2) that the robots need, forwards and to the left [-]; 0 unless
+        sensed.
+        """
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -114,7 +130,8 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}  # for twists and lean
+        # for twists and lean
+        row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}
         row |= {"traction": fleet.mean_traction, "torque": drive.torque}
         row |= {"energy": drive.energy, "saturated_time": drive.saturated_time}
         if self._in_detail:
@@ -127,7 +144,9 @@ class RunRecorder:
         upright = self.fleet.state.upright > _UPRIGHT
         if not upright.all():
             fallen = int(np.flatnonzero(~upright)[0])
-            raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
+            raise RunFailedError(
+                f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s"
+            )
 
     def sense_loads(self) -> None:
         """Record the loads of all robots from the next row on."""
@@ -140,7 +159,11 @@ class RunRecorder:
 
     def estimate(self, rows: int | slice, estimate: PoseEstimate) -> None:
         """Record poses estimated for a row (N,) or for T rows (T, N)."""
-        self.pose[rows], self._covariance[rows], self._valid[rows] = estimate.pose, estimate.covariance, estimate.valid
+        self.pose[rows], self._covariance[rows], self._valid[rows] = (
+            estimate.pose,
+            estimate.covariance,
+            estimate.valid,
+        )
 
     def name(self, robot: int) -> str:
         """Name of the run of a robot, given by its index."""
@@ -148,16 +171,23 @@ class RunRecorder:
 
     def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
         """Estimated poses (R,) of the robots with these indices in row k."""
-        return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
+        return PoseEstimate(
+            self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots]
+        )
 
     def wanted(self, k: int, robots: Sequence[int], twist: Array) -> None:
-        """Record the twists (R, 2) that a controller requests in row k; raises RunFailedError for non-finite twists."""
+        """Record the twists (R, 2) that a controller requests in row k; raises RunFailedError for
+        non-finite twists.
+        """
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
         if np.count_nonzero(np.isfinite(twist)) < twist.size:
             i = int(np.flatnonzero(~np.isfinite(twist).all(axis=1))[0])
-            what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
+            what = (
+                f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be "
+                "finite"
+            )
             raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
         self._twist_command[k, robots] = twist
 
@@ -167,8 +197,11 @@ class RunRecorder:
             for column, name in enumerate(("offset", "radius_error")):
                 self._icr[k, robots, column] = getattr(law, name)
 
-    def logs(self, scans: Sequence[ScanLog | None] | None = None, failure: str | None = None) -> list[RunLog]:
-        """One log per run, with its complete rows and `scans`; no logs if there are fewer than two rows.
+    def logs(
+        self, scans: Sequence[ScanLog | None] | None = None, failure: str | None = None
+    ) -> list[RunLog]:
+        """One log per run, with its complete rows and `scans`; no logs if there are fewer than two
+        rows.
 
         `failure` is the reason if the runs ended early.
         """
@@ -178,12 +211,18 @@ class RunRecorder:
         truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
         states = States(truth.pop("qpos"), truth.pop("qvel"))
         truth |= {"twist": states.twist, "lean": states.lean(self.fleet.robot.lrf_height)}
-        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # means since the previous row
+        # means since the previous row
+        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):
             sums = truth.pop(total)
             truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period
-        truths = [Truth(**{name: values[:, i] for name, values in truth.items()}) for i in range(self.fleet.size)]
+        truths = [
+            Truth(**{name: values[:, i] for name, values in truth.items()})
+            for i in range(self.fleet.size)
+        ]
         scans = scans or [None] * len(truths)
-        return [self._log(i, *own, failure) for i, own in enumerate(zip(truths, scans, strict=True))]
+        return [
+            self._log(i, *own, failure) for i, own in enumerate(zip(truths, scans, strict=True))
+        ]
 
     def _log(self, i: int, truth: Truth, scans: ScanLog | None, failure: str | None) -> RunLog:
         rows, description = slice(self.complete), self._descriptions[i]

@@ -21,13 +21,17 @@ except ImportError as error:
 
 
 class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """A vector environment with Stable-Baselines3's interface; the step that ends an episode also resets the robot."""
+    """A vector environment with Stable-Baselines3's interface; the step that ends an episode also
+    resets the robot.
+    """
 
     kind: ClassVar[type[TaskVectorEnv]]
 
     def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
         """Build the simulator for `num_envs` robots; see the vector environment."""
-        self.env = env = self.kind(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
+        self.env = env = self.kind(
+            num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options
+        )
         self.render_mode = env.render_mode
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._actions: np.ndarray = np.zeros(env.action_space.shape or ())
@@ -47,7 +51,9 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Simulate one control period; return observations (N, n), rewards (N,), episode ends (N,) and infos."""
+        """Simulate one control period; return observations (N, n), rewards (N,), episode ends (N,)
+        and infos.
+        """
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
         final, observations = info.pop("final_info", None), info.pop("final_obs", None)
@@ -72,13 +78,24 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raise InvalidValueError, because the robots in a batch have no attributes of their own."""
+        """Raise InvalidValueError, because the robots in a batch have no attributes of their
+        own.
+        """
         raise InvalidValueError("attr_name", attr_name, "set on `env`, for all robots")
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment once for all robots; return its result once per robot."""
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the vector environment once for all robots; return its result once per
+        robot.
+        """
         rows = list(self._get_indices(indices))
-        require(len(rows) == self.num_envs, "indices", indices, "None: robots of a batch have no own methods")
+        require(
+            len(rows) == self.num_envs,
+            "indices",
+            indices,
+            "None: robots of a batch have no own methods",
+        )
         return [getattr(self.env, method_name)(*args, **kwargs)] * len(rows)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -99,13 +116,19 @@ class TraverseVecEnv(TaskVecEnv):
 
 
 class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
-    """Wrapper with corrections to the reference's twist as actions and features as observations; see `sim.policy`."""
+    """Wrapper with corrections to the reference's twist as actions and features as observations;
+    see `sim.policy`.
+    """
 
     def __init__(self, robots: PathTrackingVecEnv, authority: tuple[float, float]) -> None:
-        """Limit corrections to (v, w) to `authority`, in units of the environment's `twist_scale` [-]."""
+        """Limit corrections to (v, w) to `authority`, in units of the environment's `twist_scale`
+        [-].
+        """
         box: Any = robots.observation_space
         low, high = features(box.low).astype(np.float32), features(box.high).astype(np.float32)
-        super().__init__(robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space)
+        super().__init__(
+            robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space
+        )
         self._robots, self._authority = robots, authority
         self._seen: np.ndarray = np.zeros((robots.num_envs, *box.shape))
 
@@ -119,13 +142,20 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
         self._robots.step_async(corrected(self._seen, actions, self._authority))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Simulate one control period; return features (N, n), rewards (N,), episode ends (N,) and infos."""
+        """Simulate one control period; return features (N, n), rewards (N,), episode ends (N,) and
+        infos.
+        """
         self._seen, reward, ended, infos = self._robots.step_wait()
         for row in np.flatnonzero(ended):
-            infos[row]["terminal_observation"] = features(infos[row]["terminal_observation"]).astype(np.float32)
+            infos[row]["terminal_observation"] = features(
+                infos[row]["terminal_observation"]
+            ).astype(np.float32)
         return features(self._seen).astype(np.float32), reward, ended, infos
 
 
 def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:
     """Split infos (N, ...) into one dictionary per robot."""
-    return [{name: values[row] for name, values in info.items() if not name.startswith("_")} for row in range(n)]
+    return [
+        {name: values[row] for name, values in info.items() if not name.startswith("_")}
+        for row in range(n)
+    ]

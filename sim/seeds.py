@@ -1,4 +1,6 @@
-"""Random numbers that depend on a root seed and on a run's description, but not on its position in a list."""
+"""Random numbers that depend on a root seed and on a run's description, but not on its position in
+a list.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Frozen dataclasses from TOML files and options; one-line errors name the field and its allowed values."""
+"""Frozen dataclasses from TOML files and options; one-line errors name the field and its allowed
+values.
+"""
 
 from __future__ import annotations
 
@@ -47,18 +49,22 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
-    """Read the TOML file `source`; raises InvalidValueError, which lists the known `names`, if it isn't a file."""
+    """Read the TOML file `source`; raises InvalidValueError, which lists the known `names`, if it
+    isn't a file.
+    """
     path = Path(source)
-    is_file = source and (path.suffix.lower() == ".toml" or os.path.exists(path))  # Path.exists fails for long names
+    # Path.exists fails for long names
+    is_file = source and (path.suffix.lower() == ".toml" or os.path.exists(path))
     require(is_file, field, source, f"one of {', '.join(names)}, or a .toml file")
     return read_toml(path)
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
-    """Build a frozen dataclass from a table of its fields; missing fields are those of `base` or the defaults.
+    """Build a frozen dataclass from a table of its fields; missing fields are those of `base` or
+    the defaults.
 
-    Raises SettingsFileError, which begins with `where`, for unknown or missing fields and values that aren't allowed;
-    see `converted`.
+    Raises SettingsFileError, which begins with `where`, for unknown or missing fields and values
+    that aren't allowed; see `converted`.
     """
     if not isinstance(table, Mapping):
         raise SettingsFileError(f"{where}: {reprlib.repr(table)} is not a table")
@@ -68,11 +74,17 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
         if name not in known:
             raise SettingsFileError(f"{where}: {name} is unknown; known are {', '.join(known)}")
     try:
-        values = {name: converted(name, value, hints[name], f"{where}: ") for name, value in table.items()}
+        values = {
+            name: converted(name, value, hints[name], f"{where}: ") for name, value in table.items()
+        }
         if base is not None:
             return dataclasses.replace(base, **values)  # type: ignore[type-var]
         for name, f in known.items():
-            if name not in values and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:
+            if (
+                name not in values
+                and f.default is dataclasses.MISSING
+                and f.default_factory is dataclasses.MISSING
+            ):
                 raise SettingsFileError(f"{where}: {name} is missing")
         return cls(**values)
     except InvalidValueError as error:
@@ -82,8 +94,8 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
 def from_options(cls: type[T], options: Mapping[str, Any]) -> T:
     """Build a dataclass from keyword arguments, whose values are converted by `converted`.
 
-    Raises TypeError for unknown names, InvalidValueError for values of the wrong type or that the dataclass refuses,
-    SettingsFileError for tables that contain such values.
+    Raises TypeError for unknown names, InvalidValueError for values of the wrong type or that the
+    dataclass refuses, SettingsFileError for tables that contain such values.
     """
     hints = _type_hints(cls)  # type: ignore[arg-type]
     for name in options:
@@ -93,7 +105,9 @@ def from_options(cls: type[T], options: Mapping[str, Any]) -> T:
 
 
 def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options by name; raises InvalidValueError unless they map names in `hints` to values of these types."""
+    """Return options by name; raises InvalidValueError unless they map names in `hints` to values
+    of these types.
+    """
     require(isinstance(options, Mapping), field, options, "a dictionary")
     assert isinstance(options, Mapping)
     for name in options:
@@ -102,10 +116,12 @@ def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[st
 
 
 def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
-    """Convert a value to its type hint: lists to tuples, tables to dataclasses, paths to texts and texts to paths.
+    """Convert a value to its type hint: lists to tuples, tables to dataclasses, paths to texts and
+    texts to paths.
 
-    A table, which may come from JSON, becomes the hinted dataclass that has its fields. Raises InvalidValueError for a
-    value of the wrong type, and SettingsFileError, which begins with `where`, for a table that contains such a value.
+    A table, which may come from JSON, becomes the hinted dataclass that has its fields. Raises
+    InvalidValueError for a value of the wrong type, and SettingsFileError, which begins with
+    `where`, for a table that contains such a value.
     """
     if hint is object:
         return value
@@ -113,7 +129,11 @@ def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
     origins = [typing.get_origin(part) or part for part in parts]
     if isinstance(value, Mapping) and dict not in origins and (kind := _dataclass_of(value, parts)):
         place = f"{where}{name}"
-        return kind.from_table(dict(value), place) if hasattr(kind, "from_table") else build(kind, value, place)
+        return (
+            kind.from_table(dict(value), place)
+            if hasattr(kind, "from_table")
+            else build(kind, value, place)
+        )
     if isinstance(value, list | tuple) and tuple in origins:
         of = typing.get_args(parts[origins.index(tuple)])[0]
         numbered = dataclasses.is_dataclass(of) or typing.get_origin(of) is tuple
@@ -124,14 +144,17 @@ def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
     if isinstance(value, str) and Path in parts:
         return Path(value)
     kinds = [_KINDS.get(origin, (origin, f"a {origin.__name__}")) for origin in origins]
-    valid = any(isinstance(value, kind) for kind, _ in kinds) and (bool in parts or not isinstance(value, bool))
+    valid = any(isinstance(value, kind) for kind, _ in kinds) and (
+        bool in parts or not isinstance(value, bool)
+    )
     valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
     require(valid, name, value, " or ".join(words for _, words in kinds))
     return float(value) if float in parts and value is not None else value
 
 
 def _dataclass_of(table: Mapping[str, Any], parts: Iterable[Any]) -> Any:
-    """The dataclass among types and their subclasses that has all fields of a table and the fewest others, or None.
+    """The dataclass among types and their subclasses that has all fields of a table and the fewest
+    others, or None.
 
     If there is only one candidate, it is returned whatever its fields.
     """
@@ -145,4 +168,8 @@ def _dataclasses(kind: Any) -> list[Any]:
     """The type if it is a dataclass, otherwise its subclasses that are dataclasses."""
     if dataclasses.is_dataclass(kind):
         return [kind]
-    return [each for subclass in getattr(kind, "__subclasses__", list)() for each in _dataclasses(subclass)]
+    return [
+        each
+        for subclass in getattr(kind, "__subclasses__", list)()
+        for each in _dataclasses(subclass)
+    ]

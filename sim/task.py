@@ -1,8 +1,10 @@
-"""Learning tasks: their interface for environments, the elements of their spaces, and the user's own terms.
+"""Learning tasks: their interface for environments, the elements of their spaces, and the user's
+own terms.
 
-The user's own rewards and observations are functions of a task, given as "MODULE:NAME" with a weight or scale. After a
-step, such a function gets the task (`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossing`) and
-returns an array (N,) with one value per robot:
+The user's own rewards and observations are functions of a task, given as "MODULE:NAME" with a
+weight or scale. After a step, such a function gets the task
+(`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossing`) and returns an array
+(N,) with one value per robot:
 
     def effort(task):
         return np.abs(task.fleet.drive.torque).sum(axis=1)
@@ -53,7 +55,9 @@ class OwnTerms(Checked):
     own_observations: dict[str, float] = field(default_factory=dict)
     """Scales of the user's own elements, which end the observation, by function."""
     privileged: dict[str, float] = field(default_factory=dict)
-    """Scales of elements that only a critic sees, by function; their values are in info["privileged"]."""
+    """Scales of elements that only a critic sees, by function; their values are in
+    info["privileged"].
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,13 +76,16 @@ def function(name: str) -> Callable[[Any], Any]:
     try:
         chosen = getattr(importlib.import_module(module), attribute)
     except Exception as error:  # any error from a user's module
-        raise InvalidValueError("function", name, f"MODULE:NAME ({type(error).__name__}: {error})") from error
+        raise InvalidValueError(
+            "function", name, f"MODULE:NAME ({type(error).__name__}: {error})"
+        ) from error
     require(callable(chosen), "function", name, "MODULE:NAME of a function of a task")
     return chosen
 
 
 class Task(Restorable, ABC):
-    """A task for N robots, one row each, without an environment's interface. Rows are bitwise independent.
+    """A task for N robots, one row each, without an environment's interface. Rows are bitwise
+    independent.
 
     Users step a task, and its episodes end one by one, so `sim.loop` can't run it.
     """
@@ -86,9 +93,16 @@ class Task(Restorable, ABC):
     STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")
 
     def __init__(
-        self, config: Any, size: int, period: float, observed: tuple[Element, ...], commanded: tuple[Element, ...]
+        self,
+        config: Any,
+        size: int,
+        period: float,
+        observed: tuple[Element, ...],
+        commanded: tuple[Element, ...],
     ) -> None:
-        """Set up a task with observed elements `observed`, followed by the user's own; see the attributes."""
+        """Set up a task with observed elements `observed`, followed by the user's own; see the
+        attributes.
+        """
         self.config = config  # the options, with `reward` and `OwnTerms`
         self.size = size  # number of robots
         self.period = period  # control period [s]
@@ -97,16 +111,22 @@ class Task(Restorable, ABC):
         self.commanded = commanded  # the A elements of an action, each in [-1, 1]
         names = (*config.own_rewards, *config.own_observations, *config.privileged)
         self._functions = {name: function(name) for name in names}
-        self._rewards = tuple(f"reward_{term}" for term in (*config.reward.TERMS, *config.own_rewards))
+        self._rewards = tuple(
+            f"reward_{term}" for term in (*config.reward.TERMS, *config.own_rewards)
+        )
         self._terms: Array = np.zeros((len(self._rewards), size))
         self._action: Array = np.zeros((size, len(commanded)))
         self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
-        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have terminated
-        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of episodes that have been truncated
+        # mask (N,) of episodes that have terminated
+        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
+        # mask (N,) of episodes that have been truncated
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
 
     @abstractmethod
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
-        """Draw an episode for a robot from the robot's own generator; `options` replace drawn values."""
+        """Draw an episode for a robot from the robot's own generator; `options` replace drawn
+        values.
+        """
 
     @abstractmethod
     def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
@@ -129,27 +149,51 @@ class Task(Restorable, ABC):
 
     def observation(self) -> Floats:
         """Observations (N, n), float32."""
-        return np.concatenate([self._observed(), self._scaled(self.config.own_observations)], axis=1)
+        return np.concatenate(
+            [self._observed(), self._scaled(self.config.own_observations)], axis=1
+        )
 
     def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities (N, ...) by name, some of them the task's own arrays; the names are always the same."""
+        """Further quantities (N, ...) by name, some of them the task's own arrays; the names are
+        always the same.
+        """
         privileged = self.config.privileged
         rewards = dict(zip(self._rewards, self._terms, strict=True))
-        return self._quantities() | rewards | ({"privileged": self._scaled(privileged)} if privileged else {})
+        return (
+            self._quantities()
+            | rewards
+            | ({"privileged": self._scaled(privileged)} if privileged else {})
+        )
 
     def _clear(self, rows: NDArray[np.int_], *states: NDArray[Any]) -> None:
-        """Zero the state of the robots `rows` (R,), and their rows in additional `states` (N, ...)."""
-        for state in (self._action, self.reward, self.terminated, self.truncated, *self._terms, *states):
+        """Zero the state of the robots `rows` (R,), and their rows in additional `states` (N,
+        ...).
+        """
+        for state in (
+            self._action,
+            self.reward,
+            self.terminated,
+            self.truncated,
+            *self._terms,
+            *states,
+        ):
             state[rows] = 0
 
     def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
-        """Clip actions (N, A) to [-1, 1] and store them; return them and their change since the last actions."""
+        """Clip actions (N, A) to [-1, 1] and store them; return them and their change since the
+        last actions.
+        """
         shape = self._action.shape
         try:
             action = np.asarray(actions, float)
         except (TypeError, ValueError, OverflowError) as error:
             raise InvalidValueError("action", actions, "an array of finite numbers") from error
-        require(action.shape == shape, "action", f"an array of shape {action.shape}", f"of shape {shape}")
+        require(
+            action.shape == shape,
+            "action",
+            f"an array of shape {action.shape}",
+            f"of shape {shape}",
+        )
         if np.count_nonzero(np.isfinite(action)) < action.size:
             row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
             raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
@@ -157,19 +201,36 @@ class Task(Restorable, ABC):
         return self._action, self._action - before
 
     def _earn(self, terms: Iterable[Array], running: NDArray[np.bool_] | bool = True) -> None:
-        """Set rewards from `terms` (N,) and the user's own terms, which are 0 for robots that aren't `running`."""
-        own = [np.where(running, weight * self._values(name), 0.0) for name, weight in self.config.own_rewards.items()]
+        """Set rewards from `terms` (N,) and the user's own terms, which are 0 for robots that
+        aren't `running`.
+        """
+        own = [
+            np.where(running, weight * self._values(name), 0.0)
+            for name, weight in self.config.own_rewards.items()
+        ]
         self._terms = np.array([*terms, *own])
-        self.reward = np.add.accumulate(self._terms)[-1]  # added in order: bitwise identical for any number of robots
+        # added in order: bitwise identical for any number of robots
+        self.reward = np.add.accumulate(self._terms)[-1]
 
     def _scaled(self, scales: Mapping[str, float]) -> Floats:
         """The user's own elements (N, k), scaled and clipped."""
-        columns = [np.clip(self._values(name) / scale, -BOUND, BOUND) for name, scale in scales.items()]
+        columns = [
+            np.clip(self._values(name) / scale, -BOUND, BOUND) for name, scale in scales.items()
+        ]
         return np.column_stack([np.empty((self.size, 0)), *columns]).astype(np.float32)
 
     def _values(self, name: str) -> Array:
-        """Values (N,) of a function; raises InvalidValueError unless it returns one finite number per robot."""
+        """Values (N,) of a function; raises InvalidValueError unless it returns one finite number
+        per robot.
+        """
         given = np.asarray(self._functions[name](self), float)
-        require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
-        require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")
+        require(
+            given.shape == (self.size,),
+            name,
+            f"an array of shape {given.shape}",
+            f"of shape {(self.size,)}",
+        )
+        require(
+            bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite"
+        )
         return given

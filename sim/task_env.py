@@ -41,7 +41,9 @@ class TaskInterface(Restorable):
     render_mode: str | None
     _renderer: TaskRenderer | None = None
 
-    def _make(self, options: Mapping[str, Any], size: int, threads: int, render_mode: str | None) -> None:
+    def _make(
+        self, options: Mapping[str, Any], size: int, threads: int, render_mode: str | None
+    ) -> None:
         self.render_mode = render_mode
         self.task = self.kind(from_options(self.configuration, options), size, threads)
         self.observed, self.commanded = self.task.observed, self.task.commanded
@@ -49,13 +51,16 @@ class TaskInterface(Restorable):
         self._renderer = self.drawing(self.task) if render_mode is not None else None
 
     def get_state(self) -> dict[str, Any]:
-        """Return a copy of the state, which can be pickled: robots, episodes, and the generators for later episodes."""
+        """Return a copy of the state, which can be pickled: robots, episodes, and the generators
+        for later episodes.
+        """
         return {"of": self._of} | super().get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state of this environment or of another environment with the same options.
 
-        Raises InvalidValueError for the state of an environment with another task, size, observation or action.
+        Raises InvalidValueError for the state of an environment with another task, size,
+        observation or action.
         """
         of = state.get("of")
         require(of == self._of, "state", f"that of {of}", f"that of {self._of}")
@@ -66,7 +71,10 @@ class TaskInterface(Restorable):
     @property
     def _of(self) -> str:
         observed, commanded = len(self.observed), len(self.commanded)
-        return f"{type(self.task).__name__}, {self.task.size} robots, {observed} observed values, {commanded} actions"
+        return (
+            f"{type(self.task).__name__}, {self.task.size} robots, {observed} observed "
+            f"values, {commanded} actions"
+        )
 
 
 class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
@@ -75,7 +83,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
     STATE = ("task", "np_random")
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are fields of `configuration`.
+        """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are fields
+        of `configuration`.
 
         Raises InvalidValueError for unknown options and values out of range.
         """
@@ -84,11 +93,14 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         self._make(options, 1, 1, render_mode)
         self.observation_space, self.action_space = _box(self.observed), _box(self.commanded)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """Begin an episode, drawn from a new generator with this seed, or from the existing one if `seed` is None.
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begin an episode, drawn from a new generator with this seed, or from the existing one if
+        `seed` is None.
 
-        `options` replace drawn values; see the task's `draw`. Raises InvalidValueError for unknown options and values
-        out of range.
+        `options` replace drawn values; see the task's `draw`. Raises InvalidValueError for unknown
+        options and values out of range.
         """
         super().reset(seed=seed)
         self.task.begin([0], [self.task.draw(self.np_random, {} if options is None else options)])
@@ -108,7 +120,9 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         return task.observation()[0], float(task.reward[0]), *ends, _only(task.info())
 
     def render(self) -> Any:
-        """Return an image (480, 640, 3), or update the window for "human"; raises TrackslipError if drawing fails."""
+        """Return an image (480, 640, 3), or update the window for "human"; raises TrackslipError if
+        drawing fails.
+        """
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make, to render")
         return self._renderer.picture(0) if self.render_mode == "rgb_array" else self._show()
@@ -126,8 +140,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
 class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
     """A task for N robots.
 
-    Row i is bitwise identical to row i of gymnasium's SyncVectorEnv with single environments and the same seeds;
-    spaces, autoreset modes and infos are identical as well.
+    Row i is bitwise identical to row i of gymnasium's SyncVectorEnv with single environments and
+    the same seeds; spaces, autoreset modes and infos are identical as well.
     """
 
     STATE = ("task", "_generators", "_seeds_used", "_ended", "_begun", "_steps")
@@ -141,27 +155,42 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
-        """Build the simulator for `num_envs` robots on `threads` worker threads, 0 for one per processor.
+        """Build the simulator for `num_envs` robots on `threads` worker threads, 0 for one per
+        processor.
 
-        `render_mode` is None or "rgb_array", `autoreset_mode` a mode of gymnasium. Episodes are truncated after
-        `max_episode_steps`; `options` are fields of `configuration`. Raises InvalidValueError for unknown options and
-        values out of range.
+        `render_mode` is None or "rgb_array", `autoreset_mode` a mode of gymnasium. Episodes are
+        truncated after `max_episode_steps`; `options` are fields of `configuration`. Raises
+        InvalidValueError for unknown options and values out of range.
         """
-        require(render_mode in (None, "rgb_array"), "render_mode", render_mode, 'None or "rgb_array", for many robots')
+        require(
+            render_mode in (None, "rgb_array"),
+            "render_mode",
+            render_mode,
+            'None or "rgb_array", for many robots',
+        )
         require_whole("num_envs", num_envs, 1, _MOST)
         require_whole("threads", threads, 0, _MOST_THREADS)
         modes = [mode.value for mode in AutoresetMode]
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-        require(isinstance(mode, str) and mode in modes, "autoreset_mode", mode, f"one of {', '.join(modes)}")
+        require(
+            isinstance(mode, str) and mode in modes,
+            "autoreset_mode",
+            mode,
+            f"one of {', '.join(modes)}",
+        )
         if max_episode_steps is not None:
             require_whole("max_episode_steps", max_episode_steps, 1)
         self._longest = np.inf if max_episode_steps is None else max_episode_steps
-        self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # steps (N,) in each robot's episode
+        # steps (N,) in each robot's episode
+        self._steps: NDArray[np.int_] = np.zeros(num_envs, int)
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(mode)
         self._make(options, num_envs, threads, render_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        self.single_observation_space, self.single_action_space = _box(self.observed), _box(self.commanded)
+        self.single_observation_space, self.single_action_space = (
+            _box(self.observed),
+            _box(self.commanded),
+        )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
@@ -170,35 +199,53 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self._begun = False
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Floats, dict[str, Any]]:
         """Begin episodes; raises InvalidValueError for unknown options and values out of range.
 
         Args:
-            seed: an integer s, which seeds row i like a single environment's reset(seed=s + i); or a sequence with one
-                entry per robot, in which None keeps that robot's generator.
-            options: `reset_mask`, (N,) bool, selects the robots to reset. The other options are those of the single
-                environment: one value for all robots, or a list with one entry per robot, in which None means drawn.
+            seed: an integer s, which seeds row i like a single environment's reset(seed=s + i); or
+                a sequence with one entry per robot, in which None keeps that robot's generator.
+            options: `reset_mask`, (N,) bool, selects the robots to reset. The other options are
+                those of the single environment: one value for all robots, or a list with one entry
+                per robot, in which None means drawn.
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})
         mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
-        valid = isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()
+        valid = (
+            isinstance(mask, np.ndarray)
+            and mask.dtype == bool
+            and mask.shape == (self.num_envs,)
+            and mask.any()
+        )
         require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
         rows = np.flatnonzero(mask)
         seeds = self._seeds(seed)
         for row in rows:
             own = seeds[row]
             if own is not None or self._generators[row] is None:
-                self._generators[row], self._seeds_used[row] = seeding.np_random(None if own is None else int(own))
-        require(self._begun or len(rows) == self.num_envs, "reset_mask", "not all robots", "all, the first time")
+                self._generators[row], self._seeds_used[row] = seeding.np_random(
+                    None if own is None else int(own)
+                )
+        require(
+            self._begun or len(rows) == self.num_envs,
+            "reset_mask",
+            "not all robots",
+            "all, the first time",
+        )
         self._begin(rows, options)
         self._begun = True
         return self.task.observation(), self._infos(mask)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
-        """Generators (N) for the robots' episodes, as in SyncVectorEnv; None before the first reset."""
+        """Generators (N) for the robots' episodes, as in SyncVectorEnv; None before the first
+        reset.
+        """
         return tuple(self._generators)
 
     @property
@@ -215,18 +262,24 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         require(valid, "seed", seed, f"an integer, or {self.num_envs}")
         return list(seed)
 
-    def step(self, actions: Floats) -> tuple[Floats, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(
+        self, actions: Floats
+    ) -> tuple[Floats, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Simulate one control period with actions (N, A).
 
         Raises:
             InvalidValueError: for actions that aren't finite.
-            TrackslipError: before the first reset; without autoreset, if a robot needs a new episode.
+            TrackslipError: before the first reset; without autoreset, if a robot needs a new
+                episode.
         """
         if not self._begun:
             raise TrackslipError("step: reset() comes first")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
             waiting = np.flatnonzero(self._ended).tolist()
-            raise TrackslipError(f"step: robots {waiting} have ended; reset(options={{'reset_mask': ...}}) comes first")
+            raise TrackslipError(
+                f"step: robots {waiting} have ended; reset(options={{'reset_mask': ...}}) comes "
+                "first"
+            )
         task = self.task
         task.step(actions)
         self._steps += 1
@@ -264,8 +317,13 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for row in rows:
             generator = self._generators[row]
             assert generator is not None
-            given = {k: v for k, v in options.items() if not isinstance(v, list) or v[row] is not None}
-            own = {name: value[row] if isinstance(value, list) else value for name, value in given.items()}
+            given = {
+                k: v for k, v in options.items() if not isinstance(v, list) or v[row] is not None
+            }
+            own = {
+                name: value[row] if isinstance(value, list) else value
+                for name, value in given.items()
+            }
             episodes.append(self.task.draw(generator, own))
         self.task.begin(rows.tolist(), episodes)
         self._ended[rows], self._steps[rows] = False, 0
@@ -278,10 +336,17 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for row, values in zip(np.flatnonzero(ended), self.task.observation()[ended], strict=True):
             observation[row] = values
         infos = self._infos(ended)
-        return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
+        return {
+            "final_obs": observation,
+            "_final_obs": ended.copy(),
+            "final_info": infos,
+            "_final_info": ended.copy(),
+        }
 
     def _infos(self, whose: NDArray[np.bool_]) -> dict[str, Any]:
-        """Infos for the robots in the mask `whose` (N,), with this mask; zero, or None, for other robots."""
+        """Infos for the robots in the mask `whose` (N,), with this mask; zero, or None, for other
+        robots.
+        """
         infos: dict[str, Any] = {}
         others = ~whose
         for name, values in self.task.info().items():
@@ -298,4 +363,7 @@ def _box(elements: Sequence[Element]) -> Any:
 
 def _only(info: dict[str, Any]) -> dict[str, Any]:
     """Entries of `info` for a single robot: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}
+    return {
+        name: values[0].copy() if values.ndim > 1 else values.item()
+        for name, values in info.items()
+    }

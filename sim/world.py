@@ -29,7 +29,9 @@ class _Silence:
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; callers read the engine's counters."""
+    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; callers read the
+    engine's counters.
+    """
     with _Silence.lock:
         if _Silence.threads == 0:
             _Silence.before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
@@ -51,7 +53,8 @@ class States:
 
     qpos: Array  # (..., nq) positions of all joints
     qvel: Array  # (..., nv) velocities of all joints
-    free: tuple[int, int] = (0, 0)  # indices at which the chassis' pose begins in qpos, and its velocity in qvel
+    # indices at which the chassis' pose begins in qpos, and its velocity in qvel
+    free: tuple[int, int] = (0, 0)
 
     @property
     def position(self) -> Array:
@@ -75,7 +78,9 @@ class States:
 
     @property
     def rotation(self) -> Array:
-        """Matrices (..., 3, 3) whose columns are the chassis' axes in the world: forwards, to the left, up."""
+        """Matrices (..., 3, 3) whose columns are the chassis' axes in the world: forwards, to the
+        left, up.
+        """
         w, x, y, z = np.moveaxis(self.quaternion, -1, 0)
         rows = (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -114,7 +119,9 @@ class States:
         return np.concatenate([along, self.rate[..., 2:]], axis=-1)
 
     def lean(self, height: float) -> Array:
-        """Leftward offset (...) of the chassis' vertical axis at a `height` above the ground [m]."""
+        """Leftward offset (...) of the chassis' vertical axis at a `height` above the ground
+        [m].
+        """
         x, y, z = np.moveaxis(self.rotation[..., 2], -1, 0)
         along, heading = (height - self.position[..., 2]) / z, self.heading
         return np.asarray(along * (np.cos(heading) * y - np.sin(heading) * x))
@@ -123,8 +130,11 @@ class States:
 class World(Restorable):
     """N simulations of a robot, each in its own world; rows are bitwise independent."""
 
-    def __init__(self, model: mujoco.MjModel, size: int, threads: int, free: tuple[int, int] = (0, 0)) -> None:
-        """Create `size` simulations of a model on `threads` worker threads (0: one per processor); `free` as in States.
+    def __init__(
+        self, model: mujoco.MjModel, size: int, threads: int, free: tuple[int, int] = (0, 0)
+    ) -> None:
+        """Create `size` simulations of a model on `threads` worker threads (0: one per processor);
+        `free` as in States.
 
         Raises InvalidValueError for fewer than one simulation or a negative number of threads.
         """
@@ -135,13 +145,15 @@ class World(Restorable):
         if model.nkey:
             self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
         self._fresh = self.batch.state[0].copy()  # state of a robot before it moves
-        self.state = States(self.batch.qpos, self.batch.qvel, free)  # states (N, ...) of the robots, views of the batch
+        # states (N, ...) of the robots, views of the batch
+        self.state = States(self.batch.qpos, self.batch.qvel, free)
 
     def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> None:
-        """Scale the mass and inertia of a body by `mass` (R,), and shift its centre of mass by `com` (R, 2) [m].
+        """Scale the mass and inertia of a body by `mass` (R,), and shift its centre of mass by
+        `com` (R, 2) [m].
 
-        The shift is forwards and to the left. The belts must be moving during the call, otherwise the engine concludes
-        that they never move.
+        The shift is forwards and to the left. The belts must be moving during the call, otherwise
+        the engine concludes that they never move.
         """
         model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
         if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
@@ -153,14 +165,22 @@ class World(Restorable):
         self.batch.set_const(ids=rows)
 
     def get_state(self) -> dict[str, Any]:
-        """Return a copy of the state, with the engine's state and the model fields that differ between simulations."""
+        """Return a copy of the state, with the engine's state and the model fields that differ
+        between simulations.
+        """
         expanded = {name: self.batch.expanded(name) for name in batch.MODEL_FIELDS}
         model = {name: values.copy() for name, values in expanded.items() if values is not None}
-        engine = {"state": self.batch.state.copy(), "warning": self.batch.warning.copy(), "model": model}
+        engine = {
+            "state": self.batch.state.copy(),
+            "warning": self.batch.warning.copy(),
+            "model": model,
+        }
         return super().get_state() | {"engine": engine}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state; quantities that the engine derives from it are up to date after the next step."""
+        """Restore a state; quantities that the engine derives from it are up to date after the next
+        step.
+        """
         super().set_state(state)
         of, engine = self.batch, state["engine"]
         of.state[:], of.warning[:] = engine["state"], engine["warning"]
@@ -172,17 +192,33 @@ class World(Restorable):
                 of.expand(name)[...] = getattr(plain, name.split(".")[-1])
 
     def _place_at(self, rows: np.ndarray, poses: Array, height: Array | float = 0.0) -> None:
-        """Reset the robots `rows` (R,) to upright poses (R, 3) [m, m, rad], with frames at heights (R,) [m]."""
+        """Reset the robots `rows` (R,) to upright poses (R, 3) [m, m, rad], with frames at heights
+        (R,) [m].
+        """
         self.batch.state[rows] = self._fresh
         half, zero = poses[:, 2] / 2, np.zeros(len(rows))
-        place = [*poses[:, :2].T, np.broadcast_to(height, zero.shape), np.cos(half), zero, zero, np.sin(half)]
+        place = [
+            *poses[:, :2].T,
+            np.broadcast_to(height, zero.shape),
+            np.cos(half),
+            zero,
+            zero,
+            np.sin(half),
+        ]
         first = self.state.free[0]
         self.batch.qpos[rows, first : first + 7] = np.stack(place, axis=-1)
 
 
 def steps_in(name: str, period: float, of: str, step: float) -> int:
-    """Number of steps in a period [s]; raises InvalidValueError unless it is a multiple of `step` [s], named `of`."""
+    """Number of steps in a period [s]; raises InvalidValueError unless it is a multiple of `step`
+    [s], named `of`.
+    """
     require_positive(name, period)
     count = round(period / step)
-    require(count >= 1 and abs(count * step - period) < 1e-9, name, period, f"a multiple of {of}, {step:g} s")
+    require(
+        count >= 1 and abs(count * step - period) < 1e-9,
+        name,
+        period,
+        f"a multiple of {of}, {step:g} s",
+    )
     return count

@@ -19,7 +19,8 @@ from trackslip.localization.scan import Plate, Scan
 
 settings.register_profile("trackslip", deadline=None, max_examples=15)  # a busy machine is no error
 settings.load_profile("trackslip")
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
+# as in a shell's background, which the commands would inherit
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 CORE = (
@@ -63,7 +64,9 @@ def scan_rectangle():
         direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
         template = Scan(bearings, np.empty((0, len(bearings))), noise, np.array(mount))
         local = template.from_world(np.asarray(poses, float))
-        ranges = rectangle(local[:, None], (plate.length, plate.thickness))(np.zeros(2), direction, np.zeros(1))
+        ranges = rectangle(local[:, None], (plate.length, plate.thickness))(
+            np.zeros(2), direction, np.zeros(1)
+        )
         ranges = np.where(np.isfinite(ranges), ranges + rng.normal(0, noise, ranges.shape), np.nan)
         return Scan(bearings, ranges, noise, np.array(mount))
 

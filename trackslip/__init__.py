@@ -1,4 +1,5 @@
-"""Slip of tracked robots: kinematics, localization, identification and control, usable without a simulator.
+"""Slip of tracked robots: kinematics, localization, identification and control, usable without a
+simulator.
 
     import trackslip
 

@@ -1,4 +1,6 @@
-"""Errors that a user can fix, with messages of one line that state what is allowed, and checks that raise them."""
+"""Errors that a user can fix, with messages of one line that state what is allowed, and checks that
+raise them.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,13 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        plain = float(value) if isinstance(value, float) else str(value) if isinstance(value, PurePath) else value
+        plain = (
+            float(value)
+            if isinstance(value, float)
+            else str(value)
+            if isinstance(value, PurePath)
+            else value
+        )
         shown = repr(plain)  # the repr of NumPy floats and paths includes the type
         if len(shown) > _LONG:
             shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
@@ -41,15 +49,21 @@ class InvalidValueError(TrackslipError, ValueError):
 
 
 class LogError(TrackslipError, ValueError):
-    """A log that cannot be read or used. The message names the file and, if possible, row and column."""
+    """A log that cannot be read or used. The message names the file and, if possible, row and
+    column.
+    """
 
 
 class LogWarning(UserWarning):
-    """Omitted rows or runs of a log. The message names the file and, if possible, row and column."""
+    """Omitted rows or runs of a log. The message names the file and, if possible, row and
+    column.
+    """
 
 
 class RobotWarning(UserWarning):
-    """A robot whose results need caution, because theory does not verify them or they use only part of its model."""
+    """A robot whose results need caution, because theory does not verify them or they use only part
+    of its model.
+    """
 
 
 class SettingsFileError(TrackslipError, ValueError):
@@ -70,11 +84,15 @@ class RunFailedError(TrackslipError):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.logs: list[Any] = []
-        """RunLogs of the fleet, with the message as "failure" in their metadata; empty for fewer than two rows."""
+        """RunLogs of the fleet, with the message as "failure" in their metadata; empty for fewer
+        than two rows.
+        """
 
 
 def require(allowed: object, field: str, value: object, what: str) -> None:
-    """Raise InvalidValueError for `field` unless `allowed` is true; `what` describes the allowed values."""
+    """Raise InvalidValueError for `field` unless `allowed` is true; `what` describes the allowed
+    values.
+    """
     if not allowed:
         raise InvalidValueError(field, value, what)
 
@@ -85,7 +103,9 @@ def require_positive(field: str, value: float, most: float = float("inf"), unit:
     require_at_most(field, value, most, unit)
 
 
-def require_non_negative(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:
+def require_non_negative(
+    field: str, value: float, most: float = float("inf"), unit: str = ""
+) -> None:
     """Raise InvalidValueError unless `value` is finite, at least zero and at most `most`."""
     require(_true(lambda: value >= 0.0 and _finite(value)), field, value, "a finite number >= 0")
     require_at_most(field, value, most, unit)
@@ -98,7 +118,12 @@ def require_at_most(field: str, value: float, limit: float, unit: str = "") -> N
 
 def require_within(field: str, value: float, low: float, high: float, unit: str = "") -> None:
     """Raise InvalidValueError unless `value` is from `low` to `high`."""
-    require(_true(lambda: low <= value <= high), field, value, f"from {low:g} to {high:g} {unit}".strip())
+    require(
+        _true(lambda: low <= value <= high),
+        field,
+        value,
+        f"from {low:g} to {high:g} {unit}".strip(),
+    )
 
 
 def require_finite(field: str, value: float) -> None:
@@ -114,14 +139,18 @@ def require_range(field: str, ends: Any, low: float, high: float) -> None:
 
 
 def require_whole(field: str, value: Any, low: int, high: float = float("inf")) -> None:
-    """Raise InvalidValueError unless `value` is a whole number, Python's or NumPy's, from `low` to `high`."""
+    """Raise InvalidValueError unless `value` is a whole number, Python's or NumPy's, from `low` to
+    `high`.
+    """
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     allowed = f"from {low} to {high}" if high < float("inf") else f">= {low}"
     require(whole and low <= value <= high, field, value, f"a whole number {allowed}")
 
 
 def checked(default: Any, require: Callable[..., None], *limits: Any, **metadata: Any) -> Any:
-    """Return a field of a Checked dataclass, whose values are checked with `require(name, value, *limits)`."""
+    """Return a field of a Checked dataclass, whose values are checked with `require(name, value,
+    *limits)`.
+    """
     return field(default=default, metadata={"check": (require, limits), **metadata})
 
 

@@ -1,4 +1,6 @@
-"""Reading of regular files and JSON, and the format of stored results, by which newer formats are refused."""
+"""Reading of regular files and JSON, and the format of stored results, by which newer formats are
+refused.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from typing import Any
 
 from trackslip.errors import LogError, first_line
 
-_MOST = 256_000_000  # largest text file, which takes several gigabytes of memory if it is JSON [bytes]
+# largest text file, which takes several gigabytes of memory if it is JSON [bytes]
+_MOST = 256_000_000
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _DIGITS = 18  # largest number of digits with which every integer fits in 64 bits
 
@@ -30,14 +33,17 @@ def regular_file(path: Path) -> Path:
         raise OSError(errno.EINVAL, "not a regular file")
     with path.open("rb") as file:
         if file.read(len(_POINTER)) == _POINTER:
-            raise OSError(errno.EINVAL, "a Git LFS pointer instead of the file; `git lfs pull` fetches it")
+            raise OSError(
+                errno.EINVAL, "a Git LFS pointer instead of the file; `git lfs pull` fetches it"
+            )
     return path
 
 
 def read_text(path: Path, most: int = _MOST) -> str:
     """Read the text of a file in UTF-8, without the byte order mark.
 
-    Raises OSError if `path` is not a regular file or has more than `most` bytes, UnicodeDecodeError if it isn't text.
+    Raises OSError if `path` is not a regular file or has more than `most` bytes, UnicodeDecodeError
+    if it isn't text.
     """
     size = regular_file(path).stat().st_size
     if size > most:
@@ -46,7 +52,9 @@ def read_text(path: Path, most: int = _MOST) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file, with integers above 64 bits as floats. Raises LogError if the file can't be read."""
+    """Read a JSON file, with integers above 64 bits as floats. Raises LogError if the file can't be
+    read.
+    """
     try:
         return json.loads(read_text(path), parse_int=_integer)
     except OSError as error:
@@ -61,7 +69,9 @@ def reason(error: Exception) -> str:
         case KeyError():
             return f"{error.args[0]} is missing"
         case OverflowError() | RecursionError():
-            return "a number is too large" if isinstance(error, OverflowError) else "nested too deeply"
+            return (
+                "a number is too large" if isinstance(error, OverflowError) else "nested too deeply"
+            )
         case TypeError() | AttributeError() | LookupError():
             return "a part has another form than expected"
         case UnicodeDecodeError():
@@ -75,14 +85,18 @@ def _integer(digits: str) -> int | float:
 
 
 FORMAT = 1
-"""Format of manifests, laws and runs from this version. The number increases when older versions cannot read them."""
+"""Format of manifests, laws and runs from this version. The number increases when older versions
+cannot read them.
+"""
 MANIFEST = "manifest.json"
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
-    """Raise LogError if `content`, called `source` in the message, has the format of a newer version.
+    """Raise LogError if `content`, called `source` in the message, has the format of a newer
+    version.
 
-    Content without the key `format` has the first format. In a manifest, `versions` includes the writer's version.
+    Content without the key `format` has the first format. In a manifest, `versions` includes the
+    writer's version.
     """
     version = content.get("format", 1)
     if version not in range(1, FORMAT + 1):
@@ -90,7 +104,9 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
         writer = versions.get("trackslip") if isinstance(versions, Mapping) else None
         by = f"trackslip {writer}" if writer else "a newer trackslip"
         this = f"trackslip {installed_version()}"
-        raise LogError(f"{source}: written by {by} in format {version}; {this} reads formats up to {FORMAT}")
+        raise LogError(
+            f"{source}: written by {by} in format {version}; {this} reads formats up to {FORMAT}"
+        )
 
 
 def installed_version() -> str:
@@ -102,7 +118,8 @@ def installed_version() -> str:
 
 
 def known_manifest(folder: Path) -> Mapping[str, Any]:
-    """Read the manifest of a results folder; empty if missing, as in a folder with a real robot's logs.
+    """Read the manifest of a results folder; empty if missing, as in a folder with a real robot's
+    logs.
 
     Raises LogError if the manifest is damaged or from a newer version.
     """

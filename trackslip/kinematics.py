@@ -1,6 +1,7 @@
 """Kinematics of a tracked robot with slip: Eqs. 2-7 and 15 of the paper.
 
-On the last axis, tracks are ordered (left, right), a twist is (v, w) and a pose (x, y, phi). Other axes are arbitrary.
+On the last axis, tracks are ordered (left, right), a twist is (v, w) and a pose (x, y, phi). Other
+axes are arbitrary.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ from trackslip.se2 import Array as Array
 from trackslip.se2 import advance as advance
 from trackslip.se2 import wrap_angle as wrap_angle
 
-SIDES = np.array([-1.0, 1.0])  # (2,) signs in the track speeds v + SIDES * b * w: the left track is slower if w > 0
+# (2,) signs in the track speeds v + SIDES * b * w: the left track is slower if w > 0
+SIDES = np.array([-1.0, 1.0])
 
 
 GEARS = (1e-4, 1e4)  # allowed range of turns of an encoder per turn of the sprocket
-_SIZES = (1e-3, 100.0)  # allowed range of a robot's dimensions; other values are mistakes in the units [m]
+# allowed range of a robot's dimensions; other values are mistakes in the units [m]
+_SIZES = (1e-3, 100.0)
 
 
 @dataclass(frozen=True)
@@ -52,18 +55,25 @@ def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
 
 
 def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Body twists (..., 2) from sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2 and 5."""
+    """Body twists (..., 2) from sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2
+    and 5.
+    """
     speeds = geometry.sprocket_radius * np.asarray(omega, float) * (1 - np.asarray(slip, float))
     return twist_of_tracks(speeds, geometry.half_gauge)
 
 
 def sprocket_speeds(twist: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2) at slips (..., 2) other than 1; Eq. 15."""
-    return track_speeds(twist, geometry.half_gauge) / (geometry.sprocket_radius * (1 - np.asarray(slip, float)))
+    """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2) at slips (..., 2) other than 1;
+    Eq. 15.
+    """
+    return track_speeds(twist, geometry.half_gauge) / (
+        geometry.sprocket_radius * (1 - np.asarray(slip, float))
+    )
 
 
 def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Slips (..., 2), i = 1 - V / (r omega), at sprocket speeds omega (..., 2) [rad/s] and twists (..., 2); Eqs. 2-3.
+    """Slips (..., 2), i = 1 - V / (r omega), at sprocket speeds omega (..., 2) [rad/s] and twists
+    (..., 2); Eqs. 2-3.
 
     The slip of a track whose sprocket is at rest is undefined, NaN.
     """
@@ -76,7 +86,9 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
 
 def curvature(twist: ArrayLike) -> Array:
-    """Path curvatures kappa = w / v (...) [1/m] of twists (..., 2): +-infinity when turning in place, 0 at rest."""
+    """Path curvatures kappa = w / v (...) [1/m] of twists (..., 2): +-infinity when turning in
+    place, 0 at rest.
+    """
     twist = np.asarray(twist, float)
     v, w = twist[..., 0], twist[..., 1]
     if v.all():
@@ -86,7 +98,9 @@ def curvature(twist: ArrayLike) -> Array:
 
 
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
-    """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature is preserved."""
+    """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature
+    is preserved.
+    """
     omega = np.asarray(omega, float)
     fastest = np.abs(omega).max(axis=-1, keepdims=True)
     return np.asarray(omega * (limit / np.maximum(fastest, limit)))

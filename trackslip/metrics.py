@@ -12,13 +12,16 @@ from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
-TRANSIENT = 12.0  # time by which an initial error has decayed, and at which the paper's arc begins [s]
+# time by which an initial error has decayed, and at which the paper's arc begins [s]
+TRANSIENT = 12.0
 LOST = 0.5  # distance from the reference above which a run counts as failed [m]
 _TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
 
 
 def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
-    """Errors (e_x, e_y, e_phi) (..., 3) of poses (..., 3) in the body frame [m, m, rad], e_phi wrapped; Eq. 18."""
+    """Errors (e_x, e_y, e_phi) (..., 3) of poses (..., 3) in the body frame [m, m, rad], e_phi
+    wrapped; Eq. 18.
+    """
     errors = se2.between(pose, desired)
     errors[..., 2] = wrap_angle(errors[..., 2])
     return errors
@@ -26,14 +29,20 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """Tracking errors of a run. Position errors are distances to the reference pose at the same time."""
+    """Tracking errors of a run. Position errors are distances to the reference pose at the same
+    time.
+    """
 
     rms_position: float
     """Root mean square of the position error [m]."""
     rms_position_after_12s: float
-    """Root mean square of the position error after the transient, from 12 s on [m]; NaN for a shorter run."""
+    """Root mean square of the position error after the transient, from 12 s on [m]; NaN for a
+    shorter run.
+    """
     rms_position_arc: float
-    """Root mean square of the position error in reference turns, as in the paper's arc [m]; NaN without turns."""
+    """Root mean square of the position error in reference turns, as in the paper's arc [m]; NaN
+    without turns.
+    """
     rms_heading: float
     """Root mean square of the heading error [rad]."""
     cross_track: float
@@ -81,7 +90,8 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
 
 
 def expense(log: RunLog, top_speed: float) -> Expense:
-    """Compute the motor effort in a simulated run with sprocket speeds limited to `top_speed` [rad/s].
+    """Compute the motor effort in a simulated run with sprocket speeds limited to `top_speed`
+    [rad/s].
 
     Raises ValueError if the run has no commands, or no true data about its motors.
     """

@@ -1,1 +1,3 @@
-"""`trackslip benchmark`: compare controllers and slip compensations on paths, grounds and drawn robots."""
+"""`trackslip benchmark`: compare controllers and slip compensations on paths, grounds and drawn
+robots.
+"""

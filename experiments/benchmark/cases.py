@@ -1,4 +1,6 @@
-"""A benchmark's runs: suites, single cases, and plants that differ from the plant used to identify the laws."""
+"""A benchmark's runs: suites, single cases, and plants that differ from the plant used to identify
+the laws.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,12 +25,15 @@ _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _GROUNDS = ("stone", "ice", "sticky")
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
-_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
+# forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
+_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # limits for a random start [m, rad]
 
 
 class Suite(NamedTuple):
-    """Full factorial designs over FACTORS, and the suite's defaults for `--plants` and `--gains`."""
+    """Full factorial designs over FACTORS, and the suite's defaults for `--plants` and
+    `--gains`.
+    """
 
     plants: str
     gains: str
@@ -41,15 +46,23 @@ _SECTION_4 = [
 ]
 SUITES = {
     "paper": Suite("nominal", "default", _SECTION_4),
-    "fair": Suite("drawn", "tuned", [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]),
-    "full": Suite("drawn", "tuned", [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))]),
+    "fair": Suite(
+        "drawn", "tuned", [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]
+    ),
+    "full": Suite(
+        "drawn",
+        "tuned",
+        [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))],
+    ),
 }
 """The suites by name."""
 
 
 @dataclass(frozen=True)
 class BenchmarkCase:
-    """One run: the names of its controller, compensation, reference, ground and start, and its seed."""
+    """One run: the names of its controller, compensation, reference, ground and start, and its
+    seed.
+    """
 
     controller: str
     compensation: str
@@ -82,7 +95,9 @@ class BenchmarkCase:
 
     @property
     def key(self) -> str:
-        """Key for random numbers, besides the seed: the reference's name, without its file's folder or ending."""
+        """Key for random numbers, besides the seed: the reference's name, without its file's folder
+        or ending.
+        """
         return Path(self.reference).stem
 
     def start_pose(self) -> Array:
@@ -93,13 +108,22 @@ class BenchmarkCase:
         elif self.start == "random":
             rng = generator(self.seed, f"start {self.key}")
             distance, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-            offset = np.array([*(distance * se2.direction(bearing)), rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)])
+            offset = np.array(
+                [*(distance * se2.direction(bearing)), rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)]
+            )
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
 def planned_cases(config: Config) -> list[BenchmarkCase]:
     """All cases that the options describe, without duplicates."""
-    options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
+    options = (
+        config.controllers,
+        config.compensations,
+        config.references,
+        config.grounds,
+        config.starts,
+        config.seeds,
+    )
     cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:
         values = [option or default for option, default in zip(options, design, strict=True)]
@@ -108,9 +132,11 @@ def planned_cases(config: Config) -> list[BenchmarkCase]:
 
 
 def plant_ranges(robot: RobotParameters) -> Randomization:
-    """Ranges around a robot's parameters, from which a plant's properties are drawn uniformly and independently.
+    """Ranges around a robot's parameters, from which a plant's properties are drawn uniformly and
+    independently.
 
-    Raises InvalidValueError for a robot so close to its limits that a drawn plant might not stand or be simulated.
+    Raises InvalidValueError for a robot so close to its limits that a drawn plant might not stand
+    or be simulated.
     """
     nominal, lag, shift = robot.radius_error, robot.drive.lag, 0.1 * robot.half_gauge
     ranges = Randomization(

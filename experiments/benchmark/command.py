@@ -1,4 +1,6 @@
-"""`trackslip benchmark`: drive the missing runs, and compare controllers and slip compensations in all runs."""
+"""`trackslip benchmark`: drive the missing runs, and compare controllers and slip compensations in
+all runs.
+"""
 
 import shlex
 import textwrap
@@ -35,19 +37,40 @@ def run(config: Config) -> None:
         rows, entries = over_seeds(runs), board(runs)
         for entry in entries:
             entry |= gains.choice(entry["controller"], entry["compensation"])._asdict()
-        failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
-        grounds = {name: plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
+        failures = [
+            {"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None
+        ]
+        grounds = {
+            name: plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)
+        }
         seeds = sorted({case.seed for case in cases})
         files = {Path(name).name: digest for name, digest in loops.files(cases).items() if digest}
-        about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds, "files": files})
-        names = {entry["controller"]: entry["compensation"] for entry in entries if entry["failed"] < entry["seeds"]}
-        steps = {name: loops.step_time(gains.specification(name, names[name]), cases[0].reference) for name in names}
-        best = answer(entries, _track_command(config, gains, entries[0]), steps, config.scanner.period)
+        about = run.manifest(
+            **loops.world.about | {"ground": grounds, "seed": seeds, "files": files}
+        )
+        names = {
+            entry["controller"]: entry["compensation"]
+            for entry in entries
+            if entry["failed"] < entry["seeds"]
+        }
+        steps = {
+            name: loops.step_time(gains.specification(name, names[name]), cases[0].reference)
+            for name in names
+        }
+        best = answer(
+            entries, _track_command(config, gains, entries[0]), steps, config.scanner.period
+        )
         lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
         with run.watch.stage("report"):
             page(best, entries, rows, lines, about).write(run.folder, config.pdf)
         scored = [row | {"score": score(row)} for row in runs]
-        summary = {"board": entries, "rows": rows, "cases": scored, "failures": failures, "runs": len(runs)}
+        summary = {
+            "board": entries,
+            "rows": rows,
+            "cases": scored,
+            "failures": failures,
+            "runs": len(runs),
+        }
         summary["timing"] = {"step_s": steps}
         run.write(summary, manifest=about)
     print(f"{best.heading}.")
@@ -65,7 +88,15 @@ def run(config: Config) -> None:
 def _track_command(config: Config, gains: Gains, best: Row) -> str:
     """The command that drives and records the best entry on the paper's path."""
     controller = gains.specification(best["controller"], best["compensation"])
-    words = ["trackslip", "track", "--controller", controller, "--compensation", best["compensation"], "--rrd"]
+    words = [
+        "trackslip",
+        "track",
+        "--controller",
+        controller,
+        "--compensation",
+        best["compensation"],
+        "--rrd",
+    ]
     words += ["--laws", str(config.laws)] if config.laws else []
     words += ["--robot", config.robot] if config.robot != SHIPPED else []
     return shlex.join(words)

@@ -41,22 +41,34 @@ class ClosedLoops:
 
     config: ClosedLoopOptions
     plants: str = "nominal"
-    """"nominal" for the robot that the laws were identified with, or "drawn" for random robots around it."""
+    """"nominal" for the robot that the laws were identified with, or "drawn" for random robots
+    around it.
+    """
     gains: Gains = field(default_factory=Gains)
     """Gains for the controllers."""
     sizes: ClassVar[tuple[int, int]] = (400, 400)
-    """Fleet sizes: a path's runs form one fleet, as localization and controllers cost little more in a large fleet."""
+    """Fleet sizes: a path's runs form one fleet, as localization and controllers cost little more
+    in a large fleet.
+    """
 
     @property
     def world(self) -> World:
-        """Robot, scanner and drives; raises TrackslipError for a file or name that does not exist."""
+        """Robot, scanner and drives; raises TrackslipError for a file or name that does not
+        exist.
+        """
         return _world(self.config)
 
     def plant(self, case: BenchmarkCase) -> Plant | None:
-        """The plant for a case, the same for all controllers and compensations; None for the nominal plant."""
+        """The plant for a case, the same for all controllers and compensations; None for the
+        nominal plant.
+        """
         if self.plants == "nominal":
             return None
-        world, path, rng = self.world, reference(case.reference), generator(case.seed, f"plant {case.key}")
+        world, path, rng = (
+            self.world,
+            reference(case.reference),
+            generator(case.seed, f"plant {case.key}"),
+        )
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
         setting = plant_ranges(robot).setting(rng, robot, self.ground(case.ground), poses)
@@ -69,16 +81,22 @@ class ClosedLoops:
     def controller(self, name: str) -> Controller:
         """A new controller by name."""
         world = self.world
-        return controller(name, world.robot.geometry, world.drive.top_speed, self.config.scanner.period)
+        return controller(
+            name, world.robot.geometry, world.drive.top_speed, self.config.scanner.period
+        )
 
     def compensation(self, name: str) -> Compensation:
         """A new compensation by name."""
         return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def check(self, cases: Sequence[BenchmarkCase]) -> None:
-        """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed, before driving."""
+        """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed,
+        before driving.
+        """
         controllers = [case.controller for case in cases]
-        controllers += [self.gains.specification(case.controller, case.compensation) for case in cases]
+        controllers += [
+            self.gains.specification(case.controller, case.compensation) for case in cases
+        ]
         look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
             (self.controller, controllers),
             (self.compensation, (case.compensation for case in cases)),
@@ -99,10 +117,14 @@ class ClosedLoops:
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
-            raise InvalidValueError(f"{error.field} of drawn plants", error.value, error.allowed) from error
+            raise InvalidValueError(
+                f"{error.field} of drawn plants", error.value, error.allowed
+            ) from error
 
     def step_time(self, controller: str, reference_name: str) -> float:
-        """Median computing time per step of a controller that follows a reference with one robot [s]."""
+        """Median computing time per step of a controller that follows a reference with one robot
+        [s].
+        """
         path, follower = reference(reference_name), self.controller(controller)
         follower.reset()
         taken = []
@@ -115,7 +137,9 @@ class ClosedLoops:
         return float(np.median(taken)) if taken else 0.0
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
-        """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if there is no file."""
+        """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if
+        there is no file.
+        """
         laws = self.config.laws or SHIPPED
         names = {name for case in cases for name in (case.reference, case.ground)}
         names |= {str(path) for case in cases if (path := policy_path(case.controller))}
@@ -123,15 +147,28 @@ class ClosedLoops:
         return {name: content(Path(name)) for name in sorted(names)}
 
     def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
-        """The cases with their ids; the modules of a user's controllers must already be imported."""
+        """The cases with their ids; the modules of a user's controllers must already be
+        imported.
+        """
         config, world, files = self.config, self.world, self.files(cases)
-        robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
+        robot = [
+            world.parameters,
+            world.ground,
+            world.radius_error,
+            world.robot.digest,
+            world.drive,
+        ]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
         common = digest([robot, room, files, self.plants])
         gains = [self.gains.specification(case.controller, case.compensation) for case in cases]
-        return [replace(case, id=digest([common, case.axes, own])) for case, own in zip(cases, gains, strict=True)]
+        return [
+            replace(case, id=digest([common, case.axes, own]))
+            for case, own in zip(cases, gains, strict=True)
+        ]
 
-    def drive(self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
+    def drive(
+        self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None
+    ) -> list[RunLog]:
         """Drive cases that share a reference as one fleet."""
         loops = [
             ClosedLoopRun(
@@ -143,14 +180,24 @@ class ClosedLoops:
                 start=case.start_pose(),
                 ground=None if self.plants == "drawn" else self.ground(case.ground),
                 plant=self.plant(case),
-                metadata={"reference": case.reference, "ground_name": case.ground, "start": case.start},
+                metadata={
+                    "reference": case.reference,
+                    "ground_name": case.ground,
+                    "start": case.start,
+                },
             )
             for case in runs
         ]
         path, config = reference(runs[0].reference), self.config
         progress = progress or (lambda seconds: None)
         return drive_closed_loops(
-            loops, self.world, path, config.localization, self.compensation, config.preview, progress
+            loops,
+            self.world,
+            path,
+            config.localization,
+            self.compensation,
+            config.preview,
+            progress,
         )
 
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
@@ -158,7 +205,11 @@ class ClosedLoops:
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
-        row = vars(errors) | vars(expense(log, top_speed)) | {"valid_fraction": float(log.is_valid.mean())}
+        row = (
+            vars(errors)
+            | vars(expense(log, top_speed))
+            | {"valid_fraction": float(log.is_valid.mean())}
+        )
         if log.icr is not None:
             row["icr_offset"], row["icr_radius_error"] = map(float, log.icr[-1])
         return row
@@ -166,5 +217,12 @@ class ClosedLoops:
 
 @functools.lru_cache(maxsize=1)
 def _world(config: Equipment) -> World:
-    equipment = (config.robot, config.radius_error, config.drive, config.scanner, config.obstacles, config.pull)
+    equipment = (
+        config.robot,
+        config.radius_error,
+        config.drive,
+        config.scanner,
+        config.obstacles,
+        config.pull,
+    )
     return World.of(Simulation(*equipment, threads=1))

@@ -10,9 +10,13 @@ from experiments.common.lookup import has_arguments
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"
-"""Name of the file with gains, in the results of `tune` and, for the shipped gains, beside this module."""
+"""Name of the file with gains, in the results of `tune` and, for the shipped gains, beside this
+module.
+"""
 ROUGHNESS_LIMIT = 2.0
-"""Roughness above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
+"""Roughness above which `tune` prefers smoother gains and the leaderboard marks an entry
+[rad/s^2].
+"""
 TUNED = "tuned"
 """Source name for the shipped gains of trackslip's controllers."""
 
@@ -24,22 +28,28 @@ class Choice(NamedTuple):
     """The gains chosen for a controller with a compensation."""
 
     gains: str
-    """Source of the gains: "tuned", the path of a `tune` result, "given" (with the controller's name), or "default"."""
+    """Source of the gains: "tuned", the path of a `tune` result, "given" (with the controller's
+    name), or "default".
+    """
     arguments: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Constructor arguments of tuned controllers; other controllers keep their classes' defaults."""
+    """Constructor arguments of tuned controllers; other controllers keep their classes'
+    defaults.
+    """
 
     tables: Mapping[str, Arguments] = field(default_factory=dict)
     """Tables by source; the first table that contains a controller is used."""
 
     @classmethod
     def load(cls, source: str) -> Self:
-        """Load gains: "default" for the classes' defaults, "tuned" for the shipped gains, or a path of `tune` results.
+        """Load gains: "default" for the classes' defaults, "tuned" for the shipped gains, or a path
+        of `tune` results.
 
-        Controllers missing from a `tune` result get the shipped gains. Raises InvalidValueError for any other source.
+        Controllers missing from a `tune` result get the shipped gains. Raises InvalidValueError for
+        any other source.
         """
         if source == "default":
             return cls()
@@ -53,8 +63,8 @@ class Gains:
     def choice(self, controller: str, compensation: str) -> Choice:
         """The gains of a controller with a compensation.
 
-        If the tables have none for this compensation, the gains for `online` are used if it learns online, otherwise
-        those for `icr_radius`.
+        If the tables have none for this compensation, the gains for `online` are used if it learns
+        online, otherwise those for `icr_radius`.
         """
         if has_arguments(controller):
             return Choice("given", {})
@@ -72,14 +82,20 @@ class Gains:
 
 
 def _arguments(path: Path) -> Arguments:
-    rows = json.loads((path / GAINS_FILE if path.is_dir() else path).read_text(encoding="utf-8"))["gains"]
+    rows = json.loads((path / GAINS_FILE if path.is_dir() else path).read_text(encoding="utf-8"))[
+        "gains"
+    ]
     return {
-        (row["controller"], row["compensation"]): {name: float(value) for name, value in row["arguments"].items()}
+        (row["controller"], row["compensation"]): {
+            name: float(value) for name, value in row["arguments"].items()
+        }
         for row in rows
     }
 
 
 def specified(controller: str, arguments: Mapping[str, float]) -> str:
-    """A controller's name with constructor arguments, in the form that `lookup.controller` expects."""
+    """A controller's name with constructor arguments, in the form that `lookup.controller`
+    expects.
+    """
     listed = ",".join(f"{name}={value!r}" for name, value in arguments.items())
     return f"{controller}:{listed}" if listed else controller

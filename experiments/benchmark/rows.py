@@ -17,8 +17,10 @@ MEASURES = (
     *(f.name for f in dataclasses.fields(Expense)),
     *("valid_fraction", "icr_offset", "icr_radius_error"),
 )
-"""Errors and expense of a run, as in `trackslip.metrics`; the share of scans with a pose [-]; and online
-compensation's final estimates: offset D of the ICRs [m] and relative error in the sprocket radius [-]."""
+"""Errors and expense of a run, as in `trackslip.metrics`; the share of scans with a pose [-]; and
+online compensation's final estimates: offset D of the ICRs [m] and relative error in the sprocket
+radius [-].
+"""
 SETTING = FACTORS[:-1]
 """Columns that identify a mean over seeds: all factors but the seed."""
 ENTRY = ("controller", "compensation", "start")
@@ -28,7 +30,9 @@ _RESAMPLES = 2000
 
 
 def score(run: Row) -> float:
-    """The score that ranks a run [m]: its position error after the transient, or LOST if it lost the path or failed."""
+    """The score that ranks a run [m]: its position error after the transient, or LOST if it lost
+    the path or failed.
+    """
     kept = run["error"] is None and run["success"]
     return float(run["rms_position_after_12s"]) if kept else LOST
 
@@ -39,22 +43,27 @@ def over_seeds(runs: Sequence[Row]) -> list[Row]:
 
 
 def board(runs: Sequence[Row]) -> list[Row]:
-    """The leaderboard: an entry for each controller, compensation and start, in order of their mean scores.
+    """The leaderboard: an entry for each controller, compensation and start, in order of their mean
+    scores.
 
-    Entries are compared by pairs of runs on the same plant and path from the same start. `behind` is the mean
-    difference from the best entry; `gain` is the mean score without compensation divided by the entry's mean score.
-    Both have 95 % intervals from 2000 bootstrap samples of the seeds, drawn separately for each path; runs on
-    different grounds with the same seed, which share plant, start and noise, stay together. Each sample has one seed
-    fewer than the benchmark, so that the variance is unbiased (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). The
-    `rank` of an entry is that of the first entry from which it can't be distinguished.
+    Entries are compared by pairs of runs on the same plant and path from the same start. `behind`
+    is the mean difference from the best entry; `gain` is the mean score without compensation
+    divided by the entry's mean score. Both have 95 % intervals from 2000 bootstrap samples of the
+    seeds, drawn separately for each path; runs on different grounds with the same seed, which share
+    plant, start and noise, stay together. Each sample has one seed fewer than the benchmark, so
+    that the variance is unbiased (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). The `rank` of an
+    entry is that of the first entry from which it can't be distinguished.
     """
     groups = sorted(_groups(runs, ENTRY), key=lambda group: np.mean([score(run) for run in group]))
-    scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])  # (E, P)
+    # (E, P)
+    scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])
     paths, seeds = (len({run[name] for run in runs}) for name in ("reference", "seed"))
     samples = _resampled(scores.reshape(len(groups), paths, seeds, -1).mean(axis=-1))  # (E, B)
     entries = [_means(group, ENTRY) for group in groups]
     uncompensated = {
-        (entry["controller"], entry["start"]): k for k, entry in enumerate(entries) if entry["compensation"] == "none"
+        (entry["controller"], entry["start"]): k
+        for k, entry in enumerate(entries)
+        if entry["compensation"] == "none"
     }
     leader = 0
     for k, entry in enumerate(entries):
@@ -71,11 +80,15 @@ def board(runs: Sequence[Row]) -> list[Row]:
 
 
 def _resampled(scores: Array) -> Array:
-    """Means (E, B) of bootstrap samples from scores (E, R, S) by entry, path and seed; B = 0 for a single seed."""
+    """Means (E, B) of bootstrap samples from scores (E, R, S) by entry, path and seed; B = 0 for a
+    single seed.
+    """
     entries, paths, seeds = scores.shape
     if seeds == 1:
         return np.empty((entries, 0))
-    drawn = generator(0, "bootstrap over plants").integers(seeds, size=(paths, _RESAMPLES, seeds - 1))
+    drawn = generator(0, "bootstrap over plants").integers(
+        seeds, size=(paths, _RESAMPLES, seeds - 1)
+    )
     return np.mean([scores[:, path, drawn[path]].mean(axis=-1) for path in range(paths)], axis=0)
 
 
@@ -93,9 +106,11 @@ def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
 
 
 def _means(group: Sequence[Row], names: Sequence[str]) -> Row:
-    """A row for a group of runs: the columns `names` that they share, counts, and means of measures (None if unknown).
+    """A row for a group of runs: the columns `names` that they share, counts, and means of measures
+    (None if unknown).
 
-    `success` is the share of runs that stayed within 0.5 m of the reference; failed runs count as unsuccessful.
+    `success` is the share of runs that stayed within 0.5 m of the reference; failed runs count as
+    unsuccessful.
     """
     driven = [run for run in group if run["error"] is None]
     row: Row = {name: group[0][name] for name in names}

@@ -33,7 +33,8 @@ _METRICS = {
     "heading": ("heading", float(np.degrees(1.0)), 1, "°"),
 }
 """Label, factor from SI, decimals and unit of each error, by the first part of its name."""
-_MIN_STEADY = 0.5  # least share of steady driving at which simulated runs are compared by steady samples [-]
+# least share of steady driving at which simulated runs are compared by steady samples [-]
+_MIN_STEADY = 0.5
 _STATISTICS = {"median": "median", "p90": "90 %"}
 
 
@@ -48,35 +49,53 @@ class Test:
 
 
 def first_candidate(
-    robot: str, ground: GroundOptions, sensor: tuple[float, float, float] | None, clock: float | None
+    robot: str,
+    ground: GroundOptions,
+    sensor: tuple[float, float, float] | None,
+    clock: float | None,
 ) -> Candidate:
-    """The robot before calibration, on the ground that the options name or, without a name, the robot's own ground."""
+    """The robot before calibration, on the ground that the options name or, without a name, the
+    robot's own ground.
+    """
     parameters, own = load_parameters(robot)
     named = load_ground(ground.source) if ground.source else own
-    return Candidate(parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0)
+    return Candidate(
+        parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0
+    )
 
 
 def read_target(name: str, config: Config, base: Candidate) -> Target:
-    """The published target, or a target from a file; a log without a geometry gets that of `base`. Raises LogError."""
+    """The published target, or a target from a file; a log without a geometry gets that of `base`.
+    Raises LogError.
+    """
     if name == "published":
         return PublishedTurns(config.threads)
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
     source = read_log_of(Path(name), reading, base.geometry)
     simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     if not source.logs or (simulated and _steady(source)):
-        return SteadyRows(source.sampling.samples, source.geometry, simulated, threads=config.threads)
+        return SteadyRows(
+            source.sampling.samples, source.geometry, simulated, threads=config.threads
+        )
     commands = bool(OF_DRIVE & set(config.free or ()))
-    return Drives(source.logs, source.geometry, "commands" if commands else "encoders", config.threads)
+    return Drives(
+        source.logs, source.geometry, "commands" if commands else "encoders", config.threads
+    )
 
 
 def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -> Source:
-    """Read a log; if neither the log nor the options state the robot's size, the `known` geometry is used."""
+    """Read a log; if neither the log nor the options state the robot's size, the `known` geometry
+    is used.
+    """
     try:
         return read_source(path, reading)
     except InvalidValueError:
         if known is None:
             raise
-        b, r = reading.half_gauge or known.half_gauge, reading.sprocket_radius or known.sprocket_radius
+        b, r = (
+            reading.half_gauge or known.half_gauge,
+            reading.sprocket_radius or known.sprocket_radius,
+        )
         return read_source(path, replace(reading, half_gauge=b, sprocket_radius=r))
 
 
@@ -89,7 +108,9 @@ def _steady(source: Source) -> bool:
 
 
 def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
-    """Fold labels (n,) for a target's errors; folds are consecutive parts of the log. None without folds."""
+    """Fold labels (n,) for a target's errors; folds are consecutive parts of the log. None without
+    folds.
+    """
     layout = target.layout
     if folds is None:
         return None
@@ -99,18 +120,25 @@ def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
 
 
 def tested(target: Target, base: Candidate, fit: Calibration) -> Test:
-    """Errors of `base` and `fit` on another target, each with its own clock offset if the clock is free."""
+    """Errors of `base` and `fit` on another target, each with its own clock offset if the clock is
+    free.
+    """
     candidates = [base, fit.candidate]
     if "clock" in fit.estimates and isinstance(target, Drives):
-        candidates = [calibrate(target, candidate, ("clock",)).candidate for candidate in candidates]
+        candidates = [
+            calibrate(target, candidate, ("clock",)).candidate for candidate in candidates
+        ]
     before, after = (target.metrics(target.errors(candidate)) for candidate in candidates)
     return Test(before, after, candidates[1].clock)
 
 
 def fit_summary(fit: Calibration) -> dict[str, Any]:
-    """A fit as an entry in summary.json: parameters with their errors, remaining errors, and values from each fold."""
+    """A fit as an entry in summary.json: parameters with their errors, remaining errors, and values
+    from each fold.
+    """
     parameters = {
-        name: {**vars(estimate), "identifiable": not estimate.vague} for name, estimate in fit.estimates.items()
+        name: {**vars(estimate), "identifiable": not estimate.vague}
+        for name, estimate in fit.estimates.items()
     }
     folds = [{name: fold.value(name) for name in fit.estimates} for fold in fit.folds]
     summary = {"parameters": parameters, "correlation": fit.correlation, **fit.metrics}
@@ -121,7 +149,12 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
     """Content of summary.json for a calibration."""
     place = fit.candidate.sensor
     summary = fit_summary(fit) | {
-        "sensor": {"x": place.x, "y": place.y, "yaw": place.yaw, "clock_offset": fit.candidate.clock},
+        "sensor": {
+            "x": place.x,
+            "y": place.y,
+            "yaw": place.yaw,
+            "clock_offset": fit.candidate.clock,
+        },
         "before": fit.before,
     }
     if fit.held_out is not None:
@@ -143,18 +176,24 @@ def parameter_rows(fit: Calibration) -> list[tuple[str, str]]:
 
 def _parameter_text(name: str, estimate: Estimate) -> str:
     unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
-    text = with_interval(estimate.value, None if estimate.vague else (estimate.low, estimate.high), unit)
+    text = with_interval(
+        estimate.value, None if estimate.vague else (estimate.low, estimate.high), unit
+    )
     return text.replace("no interval", "not determined") if estimate.vague else text
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:
-    """A table of the errors on the target, the held-out part and another log, before and after the fit."""
+    """A table of the errors on the target, the held-out part and another log, before and after the
+    fit.
+    """
     columns = {"before": fit.before, "calibrated": fit.metrics}
     if fit.held_out is not None and fit.held_out_before is not None:
         columns |= {"held out, before": fit.held_out_before, "held out": fit.held_out}
     if test is not None:
         columns |= {"test, before": test.before, "test": test.calibrated}
-    return Table("Simulated minus measured", ("error", *columns), _metric_rows(list(columns.values())))
+    return Table(
+        "Simulated minus measured", ("error", *columns), _metric_rows(list(columns.values()))
+    )
 
 
 def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
@@ -173,8 +212,12 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
-    """Lines on parameters that the target does not determine, and on the clock offset in the test log."""
-    lines = [f"{name}: {estimate.vague}" for name, estimate in fit.estimates.items() if estimate.vague]
+    """Lines on parameters that the target does not determine, and on the clock offset in the test
+    log.
+    """
+    lines = [
+        f"{name}: {estimate.vague}" for name, estimate in fit.estimates.items() if estimate.vague
+    ]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")
     return lines

@@ -35,14 +35,18 @@ def run(config: Config) -> None:
             test = None if other is None else tested(other, base, fit)
             report(1)
         fitted, comment = fit.candidate, f"made by: {command_line('calibrate')}"
-        (run.folder / ROBOT).write_text(robot_file_text(fitted.robot, fitted.ground, comment), encoding="utf-8")
+        (run.folder / ROBOT).write_text(
+            robot_file_text(fitted.robot, fitted.ground, comment), encoding="utf-8"
+        )
         (run.folder / GROUND).write_text(ground_file_text(fitted.ground, comment), encoding="utf-8")
         manifest = run.manifest()
         run.write(summary_of(fit, test), manifest=manifest)
         place, clock = fitted.sensor, fitted.clock
         use = f"--robot {config.out / ROBOT} --ground {config.out / GROUND}"
         if place != Mounting() or clock:
-            use += f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
+            use += (
+                f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
+            )
         page(fit, base, target, test, use, manifest).write(run.folder, config.pdf)
     parameter_table(f"Calibrated to {config.target}", fit).print()
     error_table(fit, test).print()

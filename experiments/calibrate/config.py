@@ -6,30 +6,64 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from experiments.common.choices import SHIPPED
 from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
-from experiments.common.options import Distinct, Excludes, Exclusion, ResultsOptions, Whole, Within, default_is
+from experiments.common.options import (
+    Distinct,
+    Excludes,
+    Exclusion,
+    ResultsOptions,
+    Whole,
+    Within,
+    default_is,
+)
 from experiments.simulate.options import MAX_THREADS, GroundOptions, RobotSource
 from trackslip.kinematics import GEARS
 
 Parameter = Literal[
-    "half_gauge", "contact_length", "radius_error", "radius_left", "radius_right", "friction", "friction_ratio",
-    "shear", "com_x", "com_y", "com_height", "sensor_x", "sensor_y", "sensor_yaw", "clock",
+    "half_gauge",
+    "contact_length",
+    "radius_error",
+    "radius_left",
+    "radius_right",
+    "friction",
+    "friction_ratio",
+    "shear",
+    "com_x",
+    "com_y",
+    "com_height",
+    "sensor_x",
+    "sensor_y",
+    "sensor_yaw",
+    "clock",
     "lag",
-]  # fmt: skip
+]
 
 OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
-OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
+OF_DRIVES: tuple[Parameter, ...] = (
+    "friction",
+    "friction_ratio",
+    "radius_error",
+    "sensor_x",
+    "clock",
+)
 """Parameters to fit by default: OF_TURNS to steady turns, OF_DRIVES to drives."""
 ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
-    ("to a log, each half predicted from the other", "trackslip calibrate --target log.csv --robot husky --folds 2"),
-    ("to commands, with the lag of the servos", "trackslip calibrate --target log.csv --free friction_ratio lag clock"),
+    (
+        "to a log, each half predicted from the other",
+        "trackslip calibrate --target log.csv --robot husky --folds 2",
+    ),
+    (
+        "to commands, with the lag of the servos",
+        "trackslip calibrate --target log.csv --free friction_ratio lag clock",
+    ),
 )
 
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
+    """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to
+    a log.
 
     Any log that identify reads can be used: drives or windows with poses, or steady samples.
     """
@@ -40,10 +74,13 @@ class Config(ResultsOptions):
         tuple[Parameter, ...] | None,
         Distinct("parameter"),
         default_is(
-            f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}", f"{{{','.join(get_args(Parameter))}}} ..."
+            f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}",
+            f"{{{','.join(get_args(Parameter))}}} ...",
         ),
     ] = None
-    """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag needs commands."""
+    """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag needs
+    commands.
+    """
     robot: RobotSource = SHIPPED
     """Robot with the initial values, and with the values of the parameters that are not fitted."""
     ground: GroundOptions = field(default_factory=GroundOptions)
@@ -51,7 +88,9 @@ class Config(ResultsOptions):
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("the middle", "X Y YAW")] = None
-    """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading [m, m, rad]."""
+    """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading
+    [m, m, rad].
+    """
     clock_offset: Annotated[float, Within(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET, "s")] = 0.0
     """Initial encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)

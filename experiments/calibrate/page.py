@@ -18,32 +18,51 @@ from trackslip.odometry.evaluation import from_pose
 
 
 def page(
-    fit: Calibration, base: Candidate, target: Target, test: Test | None, use: str, manifest: Mapping[str, Any]
+    fit: Calibration,
+    base: Candidate,
+    target: Target,
+    test: Test | None,
+    use: str,
+    manifest: Mapping[str, Any],
 ) -> Page:
     """The page; `use` holds the options that other commands need to use the calibrated robot."""
     line, facts = gain(fit, test), parameter_rows(fit)
     answer = Answer(
-        f"{line[0].upper()}{line[1:]}", facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"]
+        f"{line[0].upper()}{line[1:]}",
+        facts,
+        warnings=remarks(fit, test),
+        next=[f"trackslip evaluate LOG {use}"],
     )
     candidates = {"before": (ORANGE, base), "calibrated": (BLUE, fit.candidate)}
     paths = partial(_paths, target, candidates) if isinstance(target, Drives) else None
-    plot = Plot("paths", paths, "Measured and simulated paths", "In windows of the log, from the first pose on.")
+    plot = Plot(
+        "paths",
+        paths,
+        "Measured and simulated paths",
+        "In windows of the log, from the first pose on.",
+    )
     sections = [Section("Errors", [error_table(fit, test), plot])]
     made = command_line("calibrate")
     return Page("Calibration of the simulated robot", made, manifest, sections, answer=answer)
 
 
 def gain(fit: Calibration, test: Test | None) -> str:
-    """The error before and after the fit: on another log, on the held-out part, or on the fitted data."""
+    """The error before and after the fit: on another log, on the held-out part, or on the fitted
+    data.
+    """
     table = error_table(fit, test)
-    ahead = [row for row in table.texts if row[0].startswith("position") and row[0].endswith("median")]
+    ahead = [
+        row for row in table.texts if row[0].startswith("position") and row[0].endswith("median")
+    ]
     row = (ahead or table.texts)[-1 if ahead else 0]
     return f"{row[0]}: {row[-1]} ({table.header[-1]}), {row[-2]} before"
 
 
 @style.styled
 def _paths(target: Drives, candidates: Mapping[str, tuple[str, Candidate]]) -> style.Panels:
-    """Measured and simulated paths in up to four windows of a log; `candidates` has a colour and a robot per label."""
+    """Measured and simulated paths in up to four windows of a log; `candidates` has a colour and a
+    robot per label.
+    """
     figures = []
     for k in np.linspace(0, len(target.windows) - 1, min(4, len(target.windows))).astype(int):
         log = target.windows[k]
@@ -51,7 +70,9 @@ def _paths(target: Drives, candidates: Mapping[str, tuple[str, Candidate]]) -> s
         seen = log.has_heading
         axis.plot(*log.pose[seen, :2].T, ".", color=BLACK, ms=4, label="measured")
         for label, (colour, candidate) in candidates.items() if seen.any() else ():
-            path = target.motion(candidate).sensor_at(k, candidate.sensor, log.time[seen] + candidate.clock)
+            path = target.motion(candidate).sensor_at(
+                k, candidate.sensor, log.time[seen] + candidate.clock
+            )
             axis.plot(*from_pose(path, log.pose[seen])[:, :2].T, color=colour, label=label)
         style.plane(axis, adjustable="datalim")
         style.legend_below(figure, axis.lines)

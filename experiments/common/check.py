@@ -20,7 +20,9 @@ class Check:
     """The measured quantity."""
     measured: float
     tolerance: float | tuple[float, float]
-    """Largest deviation from `expected`, or a pair of the least and greatest allowed values, which may be infinite."""
+    """Largest deviation from `expected`, or a pair of the least and greatest allowed values, which
+    may be infinite.
+    """
     unit: str = "1"
     """SI unit, 1 for a pure number; "x", "steps/s" or "%" for computing speeds."""
     expected: float = 0.0
@@ -58,9 +60,16 @@ class Check:
         return f"{self.name} {self.measured:.3g}, {allowed}"
 
     def to_json(self) -> dict[str, Any]:
-        """The check as an entry of `checks` in summary.json, which stores infinite bounds as null."""
+        """The check as an entry of `checks` in summary.json, which stores infinite bounds as
+        null.
+        """
         expected = None if isinstance(self.tolerance, tuple) else self.expected
-        entry = {"name": self.name, "value": self.measured, "expected": expected, "bound": self.bound}
+        entry = {
+            "name": self.name,
+            "value": self.measured,
+            "expected": expected,
+            "bound": self.bound,
+        }
         return {**entry, "unit": self.unit, "holds": self.holds, "source": self.source}
 
 
@@ -68,8 +77,13 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
     """A table with a row per check."""
     cells = [(check.what, _in_its_unit(check, check.measured), _bound(check)) for check in checks]
     verdicts = ["holds" if check.holds else "does not hold" for check in checks]
-    cases = [check.case if k == 0 or check.case != checks[k - 1].case else "" for k, check in enumerate(checks)]
-    rows = [(case, *texts, verdict) for case, texts, verdict in zip(cases, cells, verdicts, strict=True)]
+    cases = [
+        check.case if k == 0 or check.case != checks[k - 1].case else ""
+        for k, check in enumerate(checks)
+    ]
+    rows = [
+        (case, *texts, verdict) for case, texts, verdict in zip(cases, cells, verdicts, strict=True)
+    ]
     return Table(title, ("case", "check", "value", "bound", ""), rows, "llrrl")
 
 
@@ -81,7 +95,9 @@ def _bound(check: Check) -> str:
 
 
 def _in_its_unit(check: Check, value: float) -> str:
-    """Format a value in a readable unit: small ratios in per cent, angles in degrees, short lengths in millimetres."""
+    """Format a value in a readable unit: small ratios in per cent, angles in degrees, short lengths
+    in millimetres.
+    """
     most = max(map(abs, check.ends))
     if check.unit == "1":
         return percent(value) if 0 < most <= _SHARE else significant(value)

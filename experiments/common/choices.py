@@ -1,14 +1,36 @@
-"""Names that options accept, listed here so that `--help` need not import the modules behind them."""
+"""Names that options accept, listed here so that `--help` need not import the modules behind
+them.
+"""
 
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
-    *("pure_pursuit", "regulated_pure_pursuit", "stanley", "path_following", "lqr", "ltv_mpc", "mpc", "mppi"),
+    *(
+        "pure_pursuit",
+        "regulated_pure_pursuit",
+        "stanley",
+        "path_following",
+        "lqr",
+        "ltv_mpc",
+        "mpc",
+        "mppi",
+    ),
 )
 """Names of the controllers in trackslip.controllers."""
-REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
+REFERENCE_NAMES = (
+    "paper",
+    "circle",
+    "figure_eight",
+    "slalom",
+    "rounded_square",
+    "clothoid",
+    "spiral",
+    "stop_and_go",
+)
 """Names of the references in trackslip.trajectory."""
 TRAINING_PATHS = ("circle", "slalom", "clothoid", "stop_and_go")
-"""References for tuning and training; the `fair` suite tests controllers on the other references."""
+"""References for tuning and training; the `fair` suite tests controllers on the other
+references.
+"""
 GROUND_NAMES = (
     *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
     *("firm_sand", "loose_sand", "clay", "snow", "asphalt", "grass", "ice"),

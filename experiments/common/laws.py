@@ -1,4 +1,6 @@
-"""How reports show slip laws: name, colour, line style, formula, and the symbols and units of the parameters."""
+"""How reports show slip laws: name, colour, line style, formula, and the symbols and units of the
+parameters.
+"""
 
 import math
 from collections.abc import Sequence
@@ -16,12 +18,14 @@ from trackslip.laws.families import FAMILIES, GAINS
 class Look:
     """Appearance of a slip law, a compensation or another motion model in figures and tables.
 
-    Colours have a contrast of at least 3 : 1 on light pages, and on dark pages, where figures are inverted.
+    Colours have a contrast of at least 3 : 1 on light pages, and on dark pages, where figures are
+    inverted.
     """
 
     label: str  # description in a few words
     colour: str = "#009E73"
-    dashes: Any = "-"  # matplotlib line style, different for each law so that lines can be told apart without colour
+    # matplotlib line style, different for each law so that lines can be told apart without colour
+    dashes: Any = "-"
     formula: tuple[str, ...] = ("-",)  # a string per line
 
 
@@ -30,12 +34,32 @@ _LOOKS: dict[str, tuple[Any, ...]] = {
     "exponential": ("#CC79A7", "-.", ("i = α exp(β R)",)),
     "exponential_speed": ("#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
     "icr": ("#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
-    "icr_radius": (BLUE, "-", ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)")),
+    "icr_radius": (
+        BLUE,
+        "-",
+        ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
+    ),
     GAINS: ("#6A51A3", (0, (3, 3)), ("as icr_radius",)),
-    "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), ("w as above, v = s (1 − g sin²θ)", "s: belts, tan θ = (b + D) w / s")),
-    "turn_loss_sides": ("#B5651D", (0, (4, 1.5, 1, 1.5, 1, 1.5)), ("as turn_loss, with ε of each track",)),
-    "centrifugal": ("#5F7F1F", (0, (1, 2)), ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w")),
-    "icr_load": ("#2B7A78", (0, (10, 2, 2, 2, 2, 2)), ("icr_radius, v + t √((C v)² + (S w)²)", "t: traction / load")),
+    "turn_loss": (
+        "#A63D6F",
+        (0, (8, 2, 2, 2)),
+        ("w as above, v = s (1 − g sin²θ)", "s: belts, tan θ = (b + D) w / s"),
+    ),
+    "turn_loss_sides": (
+        "#B5651D",
+        (0, (4, 1.5, 1, 1.5, 1, 1.5)),
+        ("as turn_loss, with ε of each track",),
+    ),
+    "centrifugal": (
+        "#5F7F1F",
+        (0, (1, 2)),
+        ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w"),
+    ),
+    "icr_load": (
+        "#2B7A78",
+        (0, (10, 2, 2, 2, 2, 2)),
+        ("icr_radius, v + t √((C v)² + (S w)²)", "t: traction / load"),
+    ),
     "icr_sides": ("#6A3D9A", (0, (2, 2.5)), ("as icr_radius, with D and ε of each track",)),
 }
 _OTHERS = {
@@ -48,15 +72,31 @@ _OTHERS = {
     "calibrated": Look("the simulated robot, fitted", "#1a1a1a", (0, (9, 1))),
 }
 _TRACKS = ("outer", "inner", "left", "right")
-_EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
+_EXTRA_SYMBOLS = {
+    "sensor_x": "X",
+    "sensor_y": "Y",
+    "drift": "c",
+    "clock_offset": "τ",
+    "sensor_yaw": "ψ",
+    "lag": "T",
+}
 _EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ"}
-_PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°"), "rad/s": (math.degrees(1.0), "°/s")}
+_PRINTED = {
+    "m": (1e3, "mm"),
+    "s": (1e3, "ms"),
+    "rad": (math.degrees(1.0), "°"),
+    "rad/s": (math.degrees(1.0), "°/s"),
+}
 _MAX_DIGITS = 4  # largest number of decimals
 
 
 def law_looks() -> dict[str, Look]:
-    """The looks of all laws, compensations and other motion models by name, labelled with descriptions."""
-    return {name: Look(law.title, *_LOOKS.get(name, ())) for name, law in FAMILIES.items()} | _OTHERS
+    """The looks of all laws, compensations and other motion models by name, labelled with
+    descriptions.
+    """
+    return {
+        name: Look(law.title, *_LOOKS.get(name, ())) for name, law in FAMILIES.items()
+    } | _OTHERS
 
 
 def shown(name: str) -> Look:
@@ -65,10 +105,15 @@ def shown(name: str) -> Look:
 
 
 def symbol(law: str, parameter: str) -> str:
-    """Symbol for a parameter of a law or a drive, such as "α outer" for alpha_outer; its name if it has no symbol."""
+    """Symbol for a parameter of a law or a drive, such as "α outer" for alpha_outer; its name if it
+    has no symbol.
+    """
     parameters, track = FAMILIES[law].parameters, parameter.rpartition("_")[2]
     letter = parameters[parameter].symbol if parameter in parameters else _EXTRA_SYMBOLS[parameter]
-    return f"{letter} {track if track in _TRACKS and parameter in parameters else ''}".strip() or parameter
+    return (
+        f"{letter} {track if track in _TRACKS and parameter in parameters else ''}".strip()
+        or parameter
+    )
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
@@ -79,10 +124,14 @@ def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
-    """Factor from SI and printed unit for a parameter of a law or a drive: mm, ms, °, or % for relative errors."""
+    """Factor from SI and printed unit for a parameter of a law or a drive: mm, ms, °, or % for
+    relative errors.
+    """
     if parameter.startswith(("radius_error", "gyro_scale")):
         return 1e2, "%"
-    return printed_unit((EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit)
+    return printed_unit(
+        (EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit
+    )
 
 
 def printed_unit(unit: str) -> tuple[float, str]:
@@ -90,10 +139,13 @@ def printed_unit(unit: str) -> tuple[float, str]:
     return _PRINTED.get(unit, (1.0, unit))
 
 
-def with_interval(value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")) -> str:
+def with_interval(
+    value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")
+) -> str:
     """Format a value with its 95 % interval, rounded to two significant digits of the half-width.
 
-    `unit` is the factor from SI and the name of the printed unit; `ends` is None or NaN if there is no interval.
+    `unit` is the factor from SI and the name of the printed unit; `ends` is None or NaN if there is
+    no interval.
     """
     factor, name = unit
     low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)
@@ -101,4 +153,6 @@ def with_interval(value: float, ends: Sequence[float] | None, unit: tuple[float,
     if not math.isfinite(half):
         return f"{factor * value:.4g} {name}".rstrip().replace("-", "−") + " (no interval)"
     digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(half)))) if half > 0 else _MAX_DIGITS
-    return f"{number(factor * value, digits, name)} ({number(low, digits)} to {number(high, digits)})"
+    return (
+        f"{number(factor * value, digits, name)} ({number(low, digits)} to {number(high, digits)})"
+    )

@@ -1,4 +1,6 @@
-"""Options for commands that read logs: what to read from a bag, and where the pose sensor is mounted."""
+"""Options for commands that read logs: what to read from a bag, and where the pose sensor is
+mounted.
+"""
 
 import math
 from dataclasses import dataclass
@@ -22,19 +24,25 @@ class BagOptions:
     """Topics, joints and sensors to read from a bag."""
 
     encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
-    """Topics of sensor_msgs/JointState with the wheels, separated by commas, or one topic of wheel odometry."""
+    """Topics of sensor_msgs/JointState with the wheels, separated by commas, or one topic of wheel
+    odometry.
+    """
     left: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """Names of the left joints, separated by commas; their readings are averaged."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """Names of the right joints, separated by commas; their readings are averaged."""
-    reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
+    reversed: Annotated[
+        Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")
+    ] = None
     """Encoders that count backwards."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic with the poses, or tf:PARENT:CHILD for a frame's pose, as in tf:map:base_link."""
     imu: Annotated[str | None, default_is("found", "TOPIC")] = None
     """Topic of sensor_msgs/Imu whose gyro measures the yaw rate, or none for no gyro."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
-    """Find a plate of this size on the robot, such as 0.5x0.02, in scans from a stationary scanner [m]."""
+    """Find a plate of this size on the robot, such as 0.5x0.02, in scans from a stationary scanner
+    [m].
+    """
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
     """Topic of sensor_msgs/LaserScan of the stationary scanner; needs --plate."""
 
@@ -42,7 +50,9 @@ class BagOptions:
         self.choice()
 
     def choice(self) -> BagChoice:
-        """The options in the form that bag readers expect; raises InvalidValueError for a malformed option."""
+        """The options in the form that bag readers expect; raises InvalidValueError for a malformed
+        option.
+        """
         parsed = {
             "left": _names("left", self.left),
             "right": _names("right", self.right),
@@ -71,8 +81,12 @@ def _plate(size: str) -> Plate:
         raise InvalidValueError("plate", size, allowed) from None
 
 
-def check_sensor(sensor: tuple[float, float, float] | None, middle: str = "middle of the tracks") -> None:
-    """Raise InvalidValueError unless a sensor (ahead [m], left [m], yaw [rad]) is near the robot; None is valid."""
+def check_sensor(
+    sensor: tuple[float, float, float] | None, middle: str = "middle of the tracks"
+) -> None:
+    """Raise InvalidValueError unless a sensor (ahead [m], left [m], yaw [rad]) is near the robot;
+    None is valid.
+    """
     if sensor is not None:
         for value, where in zip(sensor, ("ahead", "left"), strict=False):
             Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} of the {middle}").check("sensor", value)

@@ -1,4 +1,6 @@
-"""Names on the command line resolved to objects: references, compensations, controllers, localization methods."""
+"""Names on the command line resolved to objects: references, compensations, controllers,
+localization methods.
+"""
 
 import contextlib
 import functools
@@ -27,7 +29,8 @@ from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
 _POLICY = "ppo:"
-_OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # constructor parameters set from the robot
+# constructor parameters set from the robot
+_OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")
 _MARGIN = 0.98  # fraction of the top speed that controllers may use
 
 
@@ -38,24 +41,33 @@ def reference(name: str) -> Reference:
 
 
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
-    """A new compensation by name, using the laws in a file, by default those shipped with trackslip."""
+    """A new compensation by name, using the laws in a file, by default those shipped with
+    trackslip.
+    """
     return named_compensation(name, robot, laws or SHIPPED)
 
 
 def controller(
-    name: str, geometry: RobotGeometry, top_speed: float, period: float, half_gauge: float | None = None
+    name: str,
+    geometry: RobotGeometry,
+    top_speed: float,
+    period: float,
+    half_gauge: float | None = None,
 ) -> Controller:
-    """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, with or without arguments, or a policy, ppo:PATH.
+    """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, with or without arguments, or
+    a policy, ppo:PATH.
 
-    Constructor arguments follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters with these
-    names get this robot's values: `geometry`; `half_gauge`, b + D from the slip law in use [m], by default b;
-    `track_speed`, slightly below the tracks' `top_speed` [m/s]; `period` between two commands [s].
+    Constructor arguments follow the name, as in linear:stiffness=160,damping=1. Unless given,
+    parameters with these names get this robot's values: `geometry`; `half_gauge`, b + D from the
+    slip law in use [m], by default b; `track_speed`, slightly below the tracks' `top_speed` [m/s];
+    `period` between two commands [s].
 
     Raises InvalidValueError for an unknown name or argument, or a value that is not allowed.
     """
     if name.startswith(_POLICY):
         return PolicyController(
-            TrackingPolicy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius
+            TrackingPolicy.load(Path(name.removeprefix(_POLICY))),
+            top_speed / geometry.sprocket_radius,
         )
     values = (geometry, half_gauge or geometry.half_gauge, _MARGIN * top_speed, period)
     known = dict(zip(_OF_THE_ROBOT, values, strict=True))
@@ -64,42 +76,61 @@ def controller(
         arguments = {key: value for key, value in known.items() if key in parameters}
         made: Controller = make(**arguments | _arguments(name, given, parameters))
     if not all(callable(getattr(made, method, None)) for method in ("reset", "twist")):
-        raise InvalidValueError("controller", name, "a class with methods reset and twist: see trackslip.controllers")
+        raise InvalidValueError(
+            "controller", name, "a class with methods reset and twist: see trackslip.controllers"
+        )
     return made
 
 
 def tunable(name: str) -> tuple[dict[str, float], list[str]]:
-    """Gains in a controller's constructor with their defaults, and the names of its other parameters.
+    """Gains in a controller's constructor with their defaults, and the names of its other
+    parameters.
 
-    Gains are parameters that default to positive floats and do not describe the robot. Raises InvalidValueError for an
-    unknown name, a name with arguments, or a controller without gains.
+    Gains are parameters that default to positive floats and do not describe the robot. Raises
+    InvalidValueError for an unknown name, a name with arguments, or a controller without gains.
     """
     parameters: Mapping[str, inspect.Parameter] = {}
     if not has_arguments(name):
         with _errors_of(name):
             _, parameters, _ = _constructor(name)
-    free = {key: parameter.default for key, parameter in parameters.items() if key not in _OF_THE_ROBOT}
-    gains = {key: value for key, value in free.items() if isinstance(value, float) and 0 < value < math.inf}
+    free = {
+        key: parameter.default for key, parameter in parameters.items() if key not in _OF_THE_ROBOT
+    }
+    gains = {
+        key: value
+        for key, value in free.items()
+        if isinstance(value, float) and 0 < value < math.inf
+    }
     if not gains:
-        raise InvalidValueError("controllers", name, "a controller, without arguments, with gains such as gain=2.0")
+        raise InvalidValueError(
+            "controllers", name, "a controller, without arguments, with gains such as gain=2.0"
+        )
     return gains, [key for key in free if key not in gains]
 
 
 def has_arguments(name: str) -> bool:
-    """Whether constructor arguments follow a controller's name; the path of a policy counts as an argument."""
+    """Whether constructor arguments follow a controller's name; the path of a policy counts as an
+    argument.
+    """
     base, _, rest = name.partition(":")
     return bool(rest) if base in CONTROLLERS or name.startswith(_POLICY) else ":" in rest
 
 
-def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str | None]:
-    """A controller's class, its constructor's parameters, and the arguments that follow its name, if any."""
+def _constructor(
+    name: str,
+) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str | None]:
+    """A controller's class, its constructor's parameters, and the arguments that follow its name,
+    if any.
+    """
     base, colon, given = name.partition(":")
     if base in CONTROLLERS:
         make: Callable[..., Any] = CONTROLLERS[base]
     else:
         attribute, colon, given = given.partition(":")
         if not base or not attribute:
-            raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, ppo:FOLDER or MODULE:CLASS")
+            raise InvalidValueError(
+                "controller", name, f"one of {', '.join(CONTROLLERS)}, ppo:FOLDER or MODULE:CLASS"
+            )
         if os.getcwd() not in sys.path:
             sys.path.insert(0, os.getcwd())
         make = getattr(importlib.import_module(base), attribute)
@@ -115,28 +146,44 @@ def _errors_of(name: str) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         why = f"{type(error).__name__}: {error}"
-        raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error
+        raise InvalidValueError(
+            "controller", name, f"MODULE:CLASS that can be imported and called ({why})"
+        ) from error
 
 
-def _arguments(name: str, given: str | None, parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
-    """Parse ARGUMENT=VALUE,... into arguments by name, converted to the types of the constructor's parameters."""
+def _arguments(
+    name: str, given: str | None, parameters: Mapping[str, inspect.Parameter]
+) -> dict[str, Any]:
+    """Parse ARGUMENT=VALUE,... into arguments by name, converted to the types of the constructor's
+    parameters.
+    """
     if given is None:
         return {}
     plain = (bool, int, float, str, type(None), type)  # a missing default is a type
-    settable = {key: parameter for key, parameter in parameters.items() if isinstance(parameter.default, plain)}
+    settable = {
+        key: parameter
+        for key, parameter in parameters.items()
+        if isinstance(parameter.default, plain)
+    }
     arguments: dict[str, Any] = {}
     for text in given.split(","):
         key, equals, value = text.partition("=")
         if not equals or key not in settable or key in arguments:
             called = name.removesuffix(f":{given}")
-            form = f"{called}:ARGUMENT=VALUE,... with different arguments among {', '.join(settable)}"
-            raise InvalidValueError("controller", name, form if settable else f"{called} without arguments")
+            form = (
+                f"{called}:ARGUMENT=VALUE,... with different arguments among {', '.join(settable)}"
+            )
+            raise InvalidValueError(
+                "controller", name, form if settable else f"{called} without arguments"
+            )
         arguments[key] = _value(key, value, settable[key].default)
     return arguments
 
 
 def _value(key: str, text: str, default: Any) -> Any:
-    """Convert an argument to its default's type: text, boolean or number; without a default, to any of these."""
+    """Convert an argument to its default's type: text, boolean or number; without a default, to any
+    of these.
+    """
     if isinstance(default, str):
         return text
     value: Any = text

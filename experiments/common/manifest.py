@@ -1,4 +1,6 @@
-"""Manifests: everything needed to reproduce a result, from options and versions to the git state."""
+"""Manifests: everything needed to reproduce a result, from options and versions to the git
+state.
+"""
 
 import contextlib
 import functools
@@ -22,7 +24,9 @@ _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib")
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:
-    """Everything needed to reproduce a result: resolved options, versions, git state, and `more`."""
+    """Everything needed to reproduce a result: resolved options, versions, git state, and
+    `more`.
+    """
     return {
         "format": FORMAT,
         "command": command,
@@ -38,16 +42,25 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
-    """Seed, model hash and ground, each only if all runs share it; empty for runs of a real robot."""
+    """Seed, model hash and ground, each only if all runs share it; empty for runs of a real
+    robot.
+    """
     first = logs[0].metadata if logs else {}
     keys = [key for key in ("seed", "model_sha256", "ground") if first.get(key) is not None]
-    return {key: first[key] for key in keys if all(log.metadata.get(key) == first[key] for log in logs)}
+    return {
+        key: first[key] for key in keys if all(log.metadata.get(key) == first[key] for log in logs)
+    }
 
 
 @functools.cache
 def versions() -> dict[str, str | None]:
-    """Versions of Python and of the packages that results depend on; None for those that aren't installed."""
-    installed: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
+    """Versions of Python and of the packages that results depend on; None for those that aren't
+    installed.
+    """
+    installed: dict[str, str | None] = {
+        "python": platform.python_version(),
+        **dict.fromkeys(_PACKAGES),
+    }
     for package in _PACKAGES:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             installed[package] = importlib.metadata.version(package)
@@ -71,14 +84,17 @@ def content(path: Path) -> str | None:
 
 @functools.cache
 def _git_state() -> dict[str, Any] | None:
-    """Commit of trackslip's checkout, and whether its files were changed; None without a checkout or git."""
+    """Commit of trackslip's checkout, and whether its files were changed; None without a checkout
+    or git.
+    """
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
     git = functools.partial(subprocess.check_output, text=True, cwd=root, stderr=subprocess.DEVNULL)
     try:
         commit = git(["git", "rev-parse", "HEAD"]).strip()
-        changed = git(["git", "--no-optional-locks", "status", "--porcelain"])  # locks would outlive an interrupt
+        # locks would outlive an interrupt
+        changed = git(["git", "--no-optional-locks", "status", "--porcelain"])
     except (OSError, subprocess.CalledProcessError):
         return None
     return {"commit": commit, "dirty": bool(changed)}

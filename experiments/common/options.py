@@ -1,4 +1,6 @@
-"""The base class for every command's options: bounds on options and exclusions between them, both as data."""
+"""The base class for every command's options: bounds on options and exclusions between them, both
+as data.
+"""
 
 import dataclasses
 import functools
@@ -8,17 +10,25 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
-from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+from trackslip.errors import (
+    InvalidValueError,
+    require_at_most,
+    require_non_negative,
+    require_positive,
+)
 
 
 class Bound:
-    """Allowed values for an option, as metadata of its type: `speed: Annotated[float, Within(0.1, 2, "m/s")] = 0.3`.
+    """Allowed values for an option, as metadata of its type: `speed: Annotated[float, Within(0.1,
+    2, "m/s")] = 0.3`.
 
     None, for an option that isn't given, is allowed. Each number in a tuple is checked.
     """
 
     def check(self, name: str, value: Any) -> None:
-        """Raise InvalidValueError for a value that isn't allowed, naming option, value and what is allowed."""
+        """Raise InvalidValueError for a value that isn't allowed, naming option, value and what is
+        allowed.
+        """
         for number in value if isinstance(value, tuple) else (value,):
             if number is not None:
                 self._check_number(name, number)
@@ -37,7 +47,9 @@ class Within(Bound):
 
     def _check_number(self, name: str, number: float) -> None:
         if not self.least <= number <= self.most:
-            raise InvalidValueError(name, number, f"from {self.least:g} to {self.most:g} {self.unit}".strip())
+            raise InvalidValueError(
+                name, number, f"from {self.least:g} to {self.most:g} {self.unit}".strip()
+            )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +81,9 @@ class Whole(Bound):
 
     def _check_number(self, name: str, number: int) -> None:
         if number < self.least or (self.most is not None and number > self.most):
-            limits = f">= {self.least}" if self.most is None else f"from {self.least} to {self.most}"
+            limits = (
+                f">= {self.least}" if self.most is None else f"from {self.least} to {self.most}"
+            )
             raise InvalidValueError(name, number, f"an integer {limits}")
 
 
@@ -91,9 +105,11 @@ class Distinct(Bound):
 
 @dataclasses.dataclass(frozen=True)
 class Exclusion:
-    """Options `names` that have no effect for some values of another `option`, and then must keep their defaults.
+    """Options `names` that have no effect for some values of another `option`, and then must keep
+    their defaults.
 
-    The other option matches if it has one of `values` or, if there are no `values`, differs from its default.
+    The other option matches if it has one of `values` or, if there are no `values`, differs from
+    its default.
     """
 
     names: tuple[str, ...]
@@ -101,12 +117,16 @@ class Exclusion:
     values: tuple[Any, ...] = ()
 
     where: ClassVar[bool]
-    """True if `names` have no effect when `option` matches, False if they have no effect when it doesn't match."""
+    """True if `names` have no effect when `option` matches, False if they have no effect when it
+    doesn't match.
+    """
 
     def applies(self, options: "Options") -> bool:
         """Whether `names` have no effect in these options."""
         value = getattr(options, self.option)
-        matches = value in self.values if self.values else value != defaults_of(options)[self.option]
+        matches = (
+            value in self.values if self.values else value != defaults_of(options)[self.option]
+        )
         return bool(matches) == self.where
 
     def check(self, options: "Options") -> None:
@@ -116,7 +136,12 @@ class Exclusion:
             reason = " or ".join(map(self._flag, values or (None,)))
             for name in self.names:
                 default = defaults_of(options)[name]
-                refuse_changed(name, getattr(options, name), default, f"{'with' if self.where else 'without'} {reason}")
+                refuse_changed(
+                    name,
+                    getattr(options, name),
+                    default,
+                    f"{'with' if self.where else 'without'} {reason}",
+                )
 
     def _flag(self, value: Any) -> str:
         flag = f"--{'no-' if value is False else ''}{self.option.replace('_', '-')}"
@@ -181,11 +206,17 @@ def defaults_of(options: Options) -> dict[str, Any]:
     missing = dataclasses.MISSING
     fields = dataclasses.fields(options)
     plain = {field.name: field.default for field in fields if field.default is not missing}
-    return plain | {field.name: field.default_factory() for field in fields if field.default_factory is not missing}
+    return plain | {
+        field.name: field.default_factory()
+        for field in fields
+        if field.default_factory is not missing
+    }
 
 
 def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
-    """Raise InvalidValueError if an option without effect, or one in a group of options, differs from its default."""
+    """Raise InvalidValueError if an option without effect, or one in a group of options, differs
+    from its default.
+    """
     if dataclasses.is_dataclass(value):
         for field in dataclasses.fields(value):
             inner = f"{name}.{field.name}".removesuffix(".source")
@@ -200,7 +231,9 @@ def option(config: Any, name: str) -> Any:
 
 
 def with_option(config: Any, name: str, value: object) -> Any:
-    """`config` with another value for the option `name`; raises InvalidValueError for a value that isn't allowed."""
+    """`config` with another value for the option `name`; raises InvalidValueError for a value that
+    isn't allowed.
+    """
     head, _, rest = name.partition(".")
     if not rest:
         return dataclasses.replace(config, **{head: value})
@@ -212,5 +245,7 @@ def with_option(config: Any, name: str, value: object) -> Any:
 
 
 def default_is(text: str, metavar: str) -> object:
-    """Annotation for an option that is None by default, with the default and placeholder that `--help` shows."""
+    """Annotation for an option that is None by default, with the default and placeholder that
+    `--help` shows.
+    """
     return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {text})")

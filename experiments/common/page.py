@@ -1,4 +1,6 @@
-"""Report pages: an answer, then sections of text, tables and plots, in one self-contained HTML file."""
+"""Report pages: an answer, then sections of text, tables and plots, in one self-contained HTML
+file.
+"""
 
 import functools
 import io
@@ -17,7 +19,8 @@ from matplotlib.figure import Figure
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Table
 
-Drawing = Figure | Sequence[Figure] | None  # a figure, several figures to show side by side if there is room, or none
+# a figure, several figures to show side by side if there is room, or none
+Drawing = Figure | Sequence[Figure] | None
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,12 @@ class Drawn:
     @property
     def inline(self) -> Markup:
         """An <svg> element whose ids are unique on the page."""
-        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", self.svg[self.svg.index("<svg") :], flags=re.DOTALL)
+        text = re.sub(
+            r"<metadata>.*?</metadata>|<!--.*?-->",
+            "",
+            self.svg[self.svg.index("<svg") :],
+            flags=re.DOTALL,
+        )
         text = re.sub(r'( id="|xlink:href="#|url\(#)', rf"\g<1>{self.name}-", text)
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
@@ -54,7 +62,9 @@ def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
         figure.savefig(svg, format="svg", metadata={"Date": None})
         if pdf:
             figure.savefig(pages, format="pdf", metadata={"CreationDate": None})
-    return Drawn(name, svg.getvalue().decode(), pages.getvalue(), is_narrow=figure.get_figwidth() < 6.0)
+    return Drawn(
+        name, svg.getvalue().decode(), pages.getvalue(), is_narrow=figure.get_figwidth() < 6.0
+    )
 
 
 @dataclass(frozen=True)
@@ -62,9 +72,13 @@ class Plot:
     """A figure on a page, which is also written to a file."""
 
     name: str
-    """Name of the file and of the page's element; if there are several panels, file names also contain their titles."""
+    """Name of the file and of the page's element; if there are several panels, file names also
+    contain their titles.
+    """
     figure: Drawing | Callable[[], Drawing]
-    """The figure, or a function that makes it when the page is written; a plot without a figure is left out."""
+    """The figure, or a function that makes it when the page is written; a plot without a figure is
+    left out.
+    """
     heading: str
     caption: str = ""
     """Text or Markup; the page appends seed, ground and command in small print."""
@@ -77,7 +91,10 @@ def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
         return ()
     if isinstance(figure, Figure):
         return (drawn(plot.name, figure, pdf),)
-    return tuple(drawn(f"{plot.name}_{file_name(part.axes[0].get_title(loc='left'))}", part, pdf) for part in figure)
+    return tuple(
+        drawn(f"{plot.name}_{file_name(part.axes[0].get_title(loc='left'))}", part, pdf)
+        for part in figure
+    )
 
 
 @dataclass(frozen=True)
@@ -101,9 +118,13 @@ class Section:
 
     heading: str
     blocks: Sequence[Union["Block", None]]
-    """Contents of the section. None and empty sections are left out. A str is a paragraph; Markup keeps its tags."""
+    """Contents of the section. None and empty sections are left out. A str is a paragraph; Markup
+    keeps its tags.
+    """
     folded: bool = False
-    """Whether the section is collapsed until its heading is clicked; for methods and rarely needed details."""
+    """Whether the section is collapsed until its heading is clicked; for methods and rarely needed
+    details.
+    """
 
     @property
     def anchor(self) -> str:
@@ -148,7 +169,9 @@ class Page:
     command: str
     """The command line that made the page."""
     manifest: Mapping[str, Any]
-    """Configuration, versions, seed and anything else that fits into JSON; listed at the end of the page."""
+    """Configuration, versions, seed and anything else that fits into JSON; listed at the end of the
+    page.
+    """
     sections: Sequence[Section | None]
     intro: Sequence[Block | None] = ()
     """Blocks below the title and the answer."""
@@ -169,16 +192,24 @@ class Page:
 
     def _figures(self, pdf: bool = False) -> dict[str, tuple[Drawn, ...]]:
         """Draw the figures of all plots, by the plot's name."""
-        return {block.name: drawn_plot(block, pdf) for block in self.blocks if isinstance(block, Plot)}
+        return {
+            block.name: drawn_plot(block, pdf) for block in self.blocks if isinstance(block, Plot)
+        }
 
     def html(self, figures: Mapping[str, Sequence[Drawn]] | None = None) -> str:
-        """The page's HTML; `figures` are the plots' figures by plot name, if they have been drawn already."""
+        """The page's HTML; `figures` are the plots' figures by plot name, if they have been drawn
+        already.
+        """
         return _template().render(
             vars(self),
             sections=[section for section in self.sections if section],
             figures=self._figures() if figures is None else figures,
             conditions=conditions(self.manifest, self.command),
-            manifest=[(k, v) for k, v in flatten(self.manifest) if v != MISSING or not k.startswith("config.")],
+            manifest=[
+                (k, v)
+                for k, v in flatten(self.manifest)
+                if v != MISSING or not k.startswith("config.")
+            ],
         )
 
 
@@ -193,10 +224,15 @@ def _template() -> jinja2.Template:
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
-    """Seed, ground and command on one line, for captions; items missing from the manifest are left out."""
+    """Seed, ground and command on one line, for captions; items missing from the manifest are left
+    out.
+    """
     seed, ground = manifest.get("seed"), manifest.get("ground")
     seeds = ", ".join(map(str, seed)) if isinstance(seed, list | tuple) else seed
-    parts = [None if seed is None else f"seed {seeds}", _ground(ground) if isinstance(ground, Mapping) else None]
+    parts = [
+        None if seed is None else f"seed {seeds}",
+        _ground(ground) if isinstance(ground, Mapping) else None,
+    ]
     return " · ".join(filter(None, [*parts, command]))
 
 
@@ -213,7 +249,9 @@ def _ground(ground: Mapping[str, Any]) -> str:
 
 
 def file_name(text: str) -> str:
-    """A title as a file name: lower-case letters and digits, with underscores for everything else."""
+    """A title as a file name: lower-case letters and digits, with underscores for everything
+    else.
+    """
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
@@ -223,5 +261,11 @@ def flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
         for key, item in value.items():
             yield from flatten(item, f"{path}.{key!s}" if path else str(key))
     elif path:
-        items = value if isinstance(value, list | tuple) else [] if value is None or value == {} else [value]
+        items = (
+            value
+            if isinstance(value, list | tuple)
+            else []
+            if value is None or value == {}
+            else [value]
+        )
         yield path, ", ".join(str(item) for item in items) or MISSING

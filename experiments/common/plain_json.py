@@ -18,7 +18,8 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """`value` in JSON's types: dataclasses become mappings, and numbers that aren't finite become None.
+    """`value` in JSON's types: dataclasses become mappings, and numbers that aren't finite become
+    None.
 
     A dataclass field is left out if its value equals `stored_unless` in the field's metadata.
     """

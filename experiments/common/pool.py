@@ -1,4 +1,6 @@
-"""Where tasks run: in this process, in worker processes, or on a Dask cluster, behind one interface."""
+"""Where tasks run: in this process, in worker processes, or on a Dask cluster, behind one
+interface.
+"""
 
 import contextlib
 import multiprocessing
@@ -20,13 +22,17 @@ class WorkersFailedError(TrackslipError):
 
 @dataclass(frozen=True)
 class Workers:
-    """An executor, and the number of tasks that it runs at once; without an executor, tasks run in this process."""
+    """An executor, and the number of tasks that it runs at once; without an executor, tasks run in
+    this process.
+    """
 
     executor: futures.Executor | None = None
     count: int = 1
 
     def each(self, do: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
-        """Submit tasks as workers become free, and yield results as they arrive; raises WorkersFailedError."""
+        """Submit tasks as workers become free, and yield results as they arrive; raises
+        WorkersFailedError.
+        """
         if self.executor is None:
             yield from map(do, tasks)
             return
@@ -51,7 +57,9 @@ def processors() -> int:
 
 
 def workers(name: str, count: int) -> contextlib.AbstractContextManager[Workers]:
-    """Context with the workers `name`: "inline", "processes" (`count` of them), or a scheduler, dask://HOST:PORT."""
+    """Context with the workers `name`: "inline", "processes" (`count` of them), or a scheduler,
+    dask://HOST:PORT.
+    """
     if name == "inline":
         return contextlib.nullcontext(Workers())
     return _processes(count) if name == "processes" else _cluster(name)
@@ -59,8 +67,12 @@ def workers(name: str, count: int) -> contextlib.AbstractContextManager[Workers]
 
 @contextlib.contextmanager
 def _processes(count: int) -> Iterator[Workers]:
-    """Start worker processes, which end at once if this process is interrupted, and after their tasks if it fails."""
-    pool = futures.ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)
+    """Start worker processes, which end at once if this process is interrupted, and after their
+    tasks if it fails.
+    """
+    pool = futures.ProcessPoolExecutor(
+        count, multiprocessing.get_context("spawn"), initializer=_begin
+    )
     try:
         yield Workers(pool, count)
     except KeyboardInterrupt:  # no waiting, because a worker killed while sending would never end
@@ -84,7 +96,9 @@ def _end_with_parent() -> None:
 
 @contextlib.contextmanager
 def _cluster(name: str, patience: float = 10.0) -> Iterator[Workers]:
-    """Connect to a cluster whose workers can import trackslip; wait at most `patience` [s] for the first worker."""
+    """Connect to a cluster whose workers can import trackslip; wait at most `patience` [s] for the
+    first worker.
+    """
     try:
         from distributed import Client
 
@@ -92,8 +106,12 @@ def _cluster(name: str, patience: float = 10.0) -> Iterator[Workers]:
         client.wait_for_workers(1, timeout=patience)
         client.run(exec, "import sim.fleet")
     except ImportError as error:
-        raise TrackslipError(f'--executor {name}: {error}; pip install -e ".[dask]" here and there') from error
+        raise TrackslipError(
+            f'--executor {name}: {error}; pip install -e ".[dask]" here and there'
+        ) from error
     except OSError as error:
-        raise TrackslipError(f"--executor {name}: no workers answer there ({first_line(error)})") from error
+        raise TrackslipError(
+            f"--executor {name}: no workers answer there ({first_line(error)})"
+        ) from error
     with client:
         yield Workers(client.get_executor(pure=False), sum(client.nthreads().values()))

@@ -1,4 +1,6 @@
-"""Progress of a stage, on standard error: a bar on a terminal, a line a minute in the log of a long command."""
+"""Progress of a stage, on standard error: a bar on a terminal, a line a minute in the log of a long
+command.
+"""
 
 import sys
 import time
@@ -14,14 +16,24 @@ Advance = Callable[[float], None]  # called with the amount done since the last 
 
 
 @contextmanager
-def progress(stage: str, total: float | None, unit: str = "s", done: float = 0.0) -> Iterator[Advance]:
-    """Show a stage's progress, by default in simulated seconds; `done` is the amount done before the block."""
+def progress(
+    stage: str, total: float | None, unit: str = "s", done: float = 0.0
+) -> Iterator[Advance]:
+    """Show a stage's progress, by default in simulated seconds; `done` is the amount done before
+    the block.
+    """
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _logged(stage, total, unit, done)
         return
     count = TextColumn("" if total is None else "{task.completed:.0f}/{task.total:.0f} " + unit)
-    columns = (TextColumn("{task.description:<34}"), BarColumn(), count, TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description:<34}"),
+        BarColumn(),
+        count,
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(stage, total=total, completed=int(done))
         yield lambda passed: bar.advance(task, passed)

@@ -35,17 +35,22 @@ _LONGEST_NAME = 120  # characters in a file name; file systems allow 255
 
 @contextlib.contextmanager
 def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
-    """A folder to write results into, which are moved to `out` when the block ends, or deleted if it fails.
+    """A folder to write results into, which are moved to `out` when the block ends, or deleted if
+    it fails.
 
-    `out` must be new or empty or, with `overwrite`, contain a command's results, which are replaced. No other command
-    can write to `out` during the block. Hidden files, such as runs of an unfinished sweep, are deleted afterwards.
+    `out` must be new or empty or, with `overwrite`, contain a command's results, which are
+    replaced. No other command can write to `out` during the block. Hidden files, such as runs of an
+    unfinished sweep, are deleted afterwards.
 
-    Raises OutputError before the block starts if `out` can't be used, and later if the disk is full.
+    Raises OutputError before the block starts if `out` can't be used, and later if the disk is
+    full.
     """
     with output_errors(f"out = {str(out)!r}"), _folders(out), _locked(out):
         old = [file for file in out.iterdir() if not file.name.startswith(".")]
         if old and not (out / MANIFEST_FILE).is_file():
-            raise OutputError(f"out = {str(out)!r}: contains files that are no results; move them away")
+            raise OutputError(
+                f"out = {str(out)!r}: contains files that are no results; move them away"
+            )
         if old and not overwrite:
             raise OutputError(f"out = {str(out)!r}: contains results; --overwrite replaces them")
         draft = out / _DRAFT
@@ -57,20 +62,24 @@ def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
                 if file.name not in (_DRAFT, _LOCK):
                     shutil.rmtree(file) if file.is_dir() else file.unlink()
             for file in sorted(draft.iterdir(), key=lambda file: file.name == MANIFEST_FILE):
-                file.replace(out / file.name)  # the manifest, which marks the results as complete, is last
+                # the manifest, which marks the results as complete, is last
+                file.replace(out / file.name)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
 
 @contextlib.contextmanager
 def output_errors(what: str) -> Iterator[None]:
-    """Turn write errors from the system or pyarrow into OutputErrors that say what can't be written."""
+    """Turn write errors from the system or pyarrow into OutputErrors that say what can't be
+    written.
+    """
     try:
         yield
     except OutputError:
         raise
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else first_line(error)  # pyarrow's own text is longer
+        # pyarrow's own text is longer
+        reason = os.strerror(error.errno) if error.errno else first_line(error)
         raise OutputError(f"{what}: can't be written ({reason})") from error
     except RecursionError as error:  # from mkdir
         raise OutputError(f"{what}: can't be written (its path is too deep)") from error
@@ -93,7 +102,9 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _folders(folder: Path) -> Iterator[None]:
-    """Make a folder and its parents for a block, and remove new folders that the block leaves empty."""
+    """Make a folder and its parents for a block, and remove new folders that the block leaves
+    empty.
+    """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -105,7 +116,9 @@ def _folders(folder: Path) -> Iterator[None]:
 
 
 def write_whole(file: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a draft next to `file`, and move the draft into place; a failure leaves nothing behind."""
+    """Let `write` fill a draft next to `file`, and move the draft into place; a failure leaves
+    nothing behind.
+    """
     draft = file.with_name(f".{file.name}-{os.getpid()}")
     with _folders(file.parent):
         try:
@@ -116,7 +129,9 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
-    """Write or replace a file named by the user; raises OutputError if it can't be written or isn't a regular file."""
+    """Write or replace a file named by the user; raises OutputError if it can't be written or isn't
+    a regular file.
+    """
     with output_errors(str(file)):
         if file.exists() and not file.is_file():
             raise OutputError(f"{file}: can't be replaced (it is not a regular file)")
@@ -124,18 +139,24 @@ def write_output(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def require_new(file: Path, overwrite: bool) -> None:
-    """Raise OutputError if a file that the user has named exists, and `overwrite` is False, or can't exist."""
+    """Raise OutputError if a file that the user has named exists, and `overwrite` is False, or
+    can't exist.
+    """
     with output_errors(str(file)):
         if file.exists() and not overwrite:
             raise OutputError(f"{file}: exists already; --overwrite replaces it")
 
 
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:
-    """File names (n,) with this ending for run names (n,), all different even on file systems that ignore case."""
+    """File names (n,) with this ending for run names (n,), all different even on file systems that
+    ignore case.
+    """
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST_NAME] or "run"
-        candidates = (f"{plain}{ending}" if k == 1 else f"{plain}_{k}{ending}" for k in itertools.count(1))
+        candidates = (
+            f"{plain}{ending}" if k == 1 else f"{plain}_{k}{ending}" for k in itertools.count(1)
+        )
         file = next(file for file in candidates if file.lower() not in used)
         used[file.lower()] = file
     return list(used.values())
@@ -169,9 +190,11 @@ def write_bags(
     options: Callable[[RunLog], dict[str, Any]] = lambda log: {},
     done: Callable[[float], None] = lambda bags: None,
 ) -> dict[str, str]:
-    """Write each run as a bag, named as in `names`, to `folder`/BAGS_FOLDER; returns paths in `folder` by name.
+    """Write each run as a bag, named as in `names`, to `folder`/BAGS_FOLDER; returns paths in
+    `folder` by name.
 
-    `options` returns further arguments of `write_bag` for a run; `done` is called with 1 after each bag.
+    `options` returns further arguments of `write_bag` for a run; `done` is called with 1 after each
+    bag.
     """
     from sim.bags.writer import write_bag  # imported late, because few commands need it
 

@@ -1,4 +1,6 @@
-"""A command's run: its results folder, progress, times and manifest, and the logs kept if driving fails."""
+"""A command's run: its results folder, progress, times and manifest, and the logs kept if driving
+fails.
+"""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,11 +18,12 @@ from trackslip.logs.runlog import RunLog
 
 
 class Run:
-    """A command's run with the options `config`: a context manager, in whose block results are written to `folder`.
+    """A command's run with the options `config`: a context manager, in whose block results are
+    written to `folder`.
 
-    The results are moved to `config.out` when the block ends, unless it fails. If driving fails in the block
-    (RunFailedError), `config.out` gets the logs up to the failure and a manifest with the reason under "error", and
-    TrackslipError is raised. Raises OutputError as `results_folder` does.
+    The results are moved to `config.out` when the block ends, unless it fails. If driving fails in
+    the block (RunFailedError), `config.out` gets the logs up to the failure and a manifest with the
+    reason under "error", and TrackslipError is raised. Raises OutputError as `results_folder` does.
     """
 
     def __init__(self, config: Any) -> None:
@@ -41,8 +44,12 @@ class Run:
         """Show during a block that a stage of unknown length is under way."""
         return progress(stage, None, "")
 
-    def progress(self, stage: str, total: float, unit: str = "s", done: float = 0.0) -> AbstractContextManager[Advance]:
-        """Show a stage's progress during a block, which calls the yielded function with each amount done."""
+    def progress(
+        self, stage: str, total: float, unit: str = "s", done: float = 0.0
+    ) -> AbstractContextManager[Advance]:
+        """Show a stage's progress during a block, which calls the yielded function with each amount
+        done.
+        """
         return progress(stage, total, unit, done)
 
     def manifest(self, **about: Any) -> dict[str, Any]:
@@ -73,7 +80,9 @@ class Run:
         if logs:
             write_runs(self.folder, logs)
         write_json(self.folder / SUMMARY_FILE, {**plain(summary), "timing": timing})
-        write_json(self.folder / MANIFEST_FILE, self.manifest(**about) if manifest is None else manifest)
+        write_json(
+            self.folder / MANIFEST_FILE, self.manifest(**about) if manifest is None else manifest
+        )
 
     def __enter__(self) -> "Run":
         return self._context.__enter__()
@@ -94,4 +103,6 @@ class Run:
                 write_runs(self.folder, error.logs)
                 write_json(self.folder / MANIFEST_FILE, {**self.manifest(), "error": str(error)})
         if failure is not None:
-            raise TrackslipError(f"{failure}; {self.config.out} contains the runs until then") from failure
+            raise TrackslipError(
+                f"{failure}; {self.config.out} contains the runs until then"
+            ) from failure

@@ -26,7 +26,11 @@ COLUMNS = {
         Column("slip_r", PURE, "measured slip of the right track"),
         Column("true_slip_l", PURE, "true slip of the left track"),
         Column("true_slip_r", PURE, "true slip of the right track"),
-        Column("note", NO_UNIT, "parts of the run that could not be used, and why; null if there are none"),
+        Column(
+            "note",
+            NO_UNIT,
+            "parts of the run that could not be used, and why; null if there are none",
+        ),
         Column("rmse_x", "m", "root mean square error of the poses along x"),
         Column("rmse_y", "m", "root mean square error of the poses along y"),
         Column("rmse_heading", "rad", "root mean square error of the headings"),
@@ -41,7 +45,8 @@ _SHOWN = 10  # most axis values that a message lists
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:
     """Names of the runs for which every NAME=VALUE in `where` holds.
 
-    Raises InvalidValueError for an axis or value that is not in the sweep, LogError for a folder without a run table.
+    Raises InvalidValueError for an axis or value that is not in the sweep, LogError for a folder
+    without a run table.
     """
     if not (folder / TABLE_FILE).exists():
         raise LogError("holds no runs of a sweep: --where must be left out")

@@ -32,23 +32,37 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
 }
-RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the fraction dark enough to see
+# colour maps, and the fraction dark enough to see
+RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)
 _EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
-DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "round", "path_effects": _EDGES}  # road
+# road
+DESIRED: dict[str, Any] = {
+    "color": "#e3e3e3",
+    "lw": 3.6,
+    "solid_capstyle": "round",
+    "path_effects": _EDGES,
+}
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 
-Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
+# parts of a figure, drawn separately so that they stack on a narrow page
+Panels = tuple[Figure, ...]
 Lines = Sequence[tuple[Any, dict[str, Any]]]  # points, and keywords for their line
 styled = matplotlib.rc_context(STYLE)
 
 
-def subplots(height: float, rows: int = 1, columns: int = 1, *, width: float = 9.0, **more: Any) -> tuple[Figure, Any]:
-    """A figure of this size [in], by default as wide as the page, and its axes; `more` goes to Figure.subplots."""
+def subplots(
+    height: float, rows: int = 1, columns: int = 1, *, width: float = 9.0, **more: Any
+) -> tuple[Figure, Any]:
+    """A figure of this size [in], by default as wide as the page, and its axes; `more` goes to
+    Figure.subplots.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, **more)
 
 
-def panel(title: str, xlabel: str, ylabel: str, height: float = 3.6, **more: Any) -> tuple[Figure, Axes]:
+def panel(
+    title: str, xlabel: str, ylabel: str, height: float = 3.6, **more: Any
+) -> tuple[Figure, Axes]:
     """A figure with one set of axes, about as wide as a phone; `more` goes to Figure.subplots."""
     figure, axes = subplots(height, width=4.6, **more)
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
@@ -56,12 +70,16 @@ def panel(title: str, xlabel: str, ylabel: str, height: float = 3.6, **more: Any
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist], ncols: int = 3, **look: Any) -> None:
-    """Put a legend below all axes, which shrink to make room for it; `look` goes to Figure.legend."""
+    """Put a legend below all axes, which shrink to make room for it; `look` goes to
+    Figure.legend.
+    """
     figure.legend(handles=handles, loc="outside lower center", ncols=ncols, **look)
 
 
 def thin(rows: int, most: int = 500) -> slice:
-    """A slice with every n-th of `rows` rows, about `most` in all; the default is as many as a line can show."""
+    """A slice with every n-th of `rows` rows, about `most` in all; the default is as many as a line
+    can show.
+    """
     return slice(None, None, max(1, rows // most))
 
 
@@ -92,9 +110,13 @@ def zero_line(axes: Axes) -> None:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 in each decade, or at 1 to 9 if the range is short."""
+    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 in each decade, or at 1 to 9 if
+    the range is short.
+    """
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=range(1, 10) if high < 3 * low else (1.0, 2.0, 5.0), numticks=7))
+    axis.set_major_locator(
+        LogLocator(subs=range(1, 10) if high < 3 * low else (1.0, 2.0, 5.0), numticks=7)
+    )
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 

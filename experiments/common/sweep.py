@@ -1,6 +1,8 @@
-"""Sweeps: runs are driven fleet by fleet on any workers and stored as they finish, so that a killed command can resume.
+"""Sweeps: runs are driven fleet by fleet on any workers and stored as they finish, so that a killed
+command can resume.
 
-The store has a JSON file of rows and a Parquet file of logs per fleet. A run's id hashes everything but the code.
+The store has a JSON file of rows and a Parquet file of logs per fleet. A run's id hashes everything
+but the code.
 """
 
 import contextlib
@@ -27,12 +29,17 @@ from trackslip.logs.runlog import RunLog
 
 STORE = ".runs"
 """Subfolder of the results folder with the finished runs of an unfinished command."""
-_EACH = 4  # fewest fleets per worker, so that workers finish together, unless fleets would be too small
-_LONG = 2_000.0  # simulated time of a fleet, summed over robots, above which starting another worker pays off [s]
-_AT_ONCE = 20_000.0  # longest simulated time of a fleet, summed over robots, whose logs fit into memory [s]
+# fewest fleets per worker, so that workers finish together, unless fleets would be too small
+_EACH = 4
+# simulated time of a fleet, summed over robots, above which starting another worker pays off [s]
+_LONG = 2_000.0
+# longest simulated time of a fleet, summed over robots, whose logs fit into memory [s]
+_AT_ONCE = 20_000.0
 
 Row = dict[str, Any]
-"""Data on a run by column: its name `run`, `id`, `error` (None unless the run failed), and measurements."""
+"""Data on a run by column: its name `run`, `id`, `error` (None unless the run failed), and
+measurements.
+"""
 
 
 class Planned(Protocol):
@@ -70,8 +77,12 @@ class RunKind(Protocol[KindRunT]):
     def sizes(self) -> tuple[int, int]:
         """Numbers of robots in the smallest and the largest fleet worth driving."""
 
-    def drive(self, runs: Sequence[KindRunT], watch: Stopwatch, progress: Progress | None) -> Sequence[RunLog]:
-        """Drive runs as one fleet; `progress`, None in worker processes, is called with simulated seconds."""
+    def drive(
+        self, runs: Sequence[KindRunT], watch: Stopwatch, progress: Progress | None
+    ) -> Sequence[RunLog]:
+        """Drive runs as one fleet; `progress`, None in worker processes, is called with simulated
+        seconds.
+        """
 
     def measure(self, run: KindRunT, log: RunLog) -> Row:
         """Measurements from a run that didn't fail, by column."""
@@ -81,7 +92,9 @@ class Store:
     """Rows and logs of finished runs by id, kept in the STORE of a results folder."""
 
     def __init__(self, out: Path, ids: Collection[str], anew: bool) -> None:
-        """Load the stored rows with these `ids`, except those of failed runs; with `anew`, load nothing."""
+        """Load the stored rows with these `ids`, except those of failed runs; with `anew`, load
+        nothing.
+        """
         self.rows: dict[str, Row] = {}
         self._folder, self._logs = out / STORE, dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
@@ -90,7 +103,8 @@ class Store:
                 self._add([row for row in rows if row["id"] in ids and row["error"] is None], file)
 
     def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
-        """Store rows and the Parquet file of their logs: logs first, then rows, each file completely or not at all.
+        """Store rows and the Parquet file of their logs: logs first, then rows, each file
+        completely or not at all.
 
         If all runs failed, nothing is written, so that a resumed command drives them again.
         """
@@ -102,10 +116,14 @@ class Store:
         self._add(rows, file)
 
     def gather(self, runs: Iterable[Planned], file: Path) -> None:
-        """Write the logs of runs, in order, to one file; if there are no logs, no file is written."""
+        """Write the logs of runs, in order, to one file; if there are no logs, no file is
+        written.
+        """
         driven = [run for run in runs if self.rows[run.id]["error"] is None]
         if driven:
-            join_parquet([(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven], file)
+            join_parquet(
+                [(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven], file
+            )
 
     def _add(self, rows: Iterable[Row], file: Path) -> None:
         for row in rows:
@@ -123,8 +141,12 @@ class DrivenFleet:
     """Computing time by stage [s]."""
 
 
-def drive_fleet(kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> DrivenFleet:
-    """Drive and measure a fleet and isolate runs that fail; `report` is called with seconds, summed over robots."""
+def drive_fleet(
+    kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | None = None
+) -> DrivenFleet:
+    """Drive and measure a fleet and isolate runs that fail; `report` is called with seconds, summed
+    over robots.
+    """
     watch = Stopwatch()
 
     def drive(some: Sequence[RunT]) -> Sequence[RunLog]:
@@ -143,7 +165,9 @@ def drive_fleet(kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | No
 def _isolating(
     runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]
 ) -> list[RunLog | BaseException]:
-    """Drive runs as one fleet; if it fails, drive its halves, until each failing run is driven alone."""
+    """Drive runs as one fleet; if it fails, drive its halves, until each failing run is driven
+    alone.
+    """
     try:
         return list(drive(runs))
     except (Exception, SystemExit) as error:  # a user's controller may raise anything
@@ -157,12 +181,18 @@ def _row(kind: RunKind[RunT], run: RunT, outcome: RunLog | BaseException) -> Row
     about = {"run": run.name, "id": run.id, **run.axes, "error": None}
     if isinstance(outcome, RunLog):
         return about | dict(kind.measure(run, outcome))
-    reason = str(outcome) if isinstance(outcome, TrackslipError) else f"{type(outcome).__name__}: {outcome}"
+    reason = (
+        str(outcome)
+        if isinstance(outcome, TrackslipError)
+        else f"{type(outcome).__name__}: {outcome}"
+    )
     return about | {"error": " ".join(reason.split())}
 
 
 def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[tuple[RunT, ...]]:
-    """Split runs into fleets that can be driven together, sized within `sizes` for the workers, longest first."""
+    """Split runs into fleets that can be driven together, sized within `sizes` for the workers,
+    longest first.
+    """
     least, most = sizes
     size = min(max(least, -(-len(runs) // (_EACH * workers))), most)
     alike: dict[str, list[RunT]] = {}
@@ -217,15 +247,23 @@ def drive_missing(
 
 
 @contextlib.contextmanager
-def resumable(config: Any, ids: Collection[str], what: str = "runs driven") -> Iterator[tuple[Run, Store]]:
-    """The run of a command that can be stopped and resumed, and its store, which is deleted when results are complete.
+def resumable(
+    config: Any, ids: Collection[str], what: str = "runs driven"
+) -> Iterator[tuple[Run, Store]]:
+    """The run of a command that can be stopped and resumed, and its store, which is deleted when
+    results are complete.
 
-    The error raised when the command is stopped says how much was kept, and that the same command resumes.
+    The error raised when the command is stopped says how much was kept, and that the same command
+    resumes.
     """
     with Run(config) as run:
         store = Store(Path(config.out), ids, config.overwrite)
         try:
             yield run, store
         except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
-            kept = f" with {len(store.rows)} of {len(ids)} {what}; the same command resumes" if store.rows else ""
+            kept = (
+                f" with {len(store.rows)} of {len(ids)} {what}; the same command resumes"
+                if store.rows
+                else ""
+            )
             raise type(stop)((str(stop) or "interrupted") + kept) from None

@@ -16,14 +16,18 @@ MISSING = "–"
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
-    """Format a number with `digits` decimals and its unit; MISSING for None, NaN and infinite values."""
+    """Format a number with `digits` decimals and its unit; MISSING for None, NaN and infinite
+    values.
+    """
     if value is None or not math.isfinite(value):
         return MISSING
     return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
 
 
 def significant(value: float | None, unit: str = "", digits: int = 2) -> str:
-    """Format a number with `digits` significant digits, never in exponential notation, and its unit."""
+    """Format a number with `digits` significant digits, never in exponential notation, and its
+    unit.
+    """
     if value is None or not math.isfinite(value):
         return MISSING
     places = 0 if value == 0 else max(0, digits - 1 - math.floor(math.log10(abs(value))))
@@ -41,7 +45,9 @@ def pair(values: Sequence[str], unit: str = "") -> str:
 
 
 def span(values: Array, unit: str = "") -> str:
-    """Format the smallest and largest value, or the common value if all are equal, with three significant digits."""
+    """Format the smallest and largest value, or the common value if all are equal, with three
+    significant digits.
+    """
     low, high = float(np.min(values)), float(np.max(values))
     text = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
@@ -70,7 +76,8 @@ class Cell:
 class Table:
     """A table to print on the terminal and show on a page.
 
-    A row whose first cell is empty continues the row above: on a page, the first cells of both rows are merged.
+    A row whose first cell is empty continues the row above: on a page, the first cells of both rows
+    are merged.
     """
 
     title: str
@@ -84,7 +91,11 @@ class Table:
     def print(self) -> None:
         """Print the table on the terminal, as plain text that can be searched and copied."""
         table = RichTable(
-            title=escape(self.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0
+            title=escape(self.title),
+            title_justify="left",
+            title_style="bold",
+            box=SIMPLE_HEAD,
+            padding=0,
         )
         table.pad_edge = False
         for name, side in zip(self.header, self.sides, strict=True):
@@ -99,7 +110,10 @@ class Table:
     def texts(self) -> list[list[str]]:
         """The rows for the terminal."""
         cells = [[_cell(value) for value in row] for row in self.rows]
-        return [[(cell.name or cell.text).replace("−", "-").replace(MISSING, "-") for cell in row] for row in cells]
+        return [
+            [(cell.name or cell.text).replace("−", "-").replace(MISSING, "-") for cell in row]
+            for row in cells
+        ]
 
     @property
     def sides(self) -> str:

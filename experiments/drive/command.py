@@ -1,7 +1,13 @@
 """`trackslip drive`: drive a tracked robot over a course."""
 
 from experiments.common.manifest import command_line
-from experiments.common.results import DRIVE_RECORDING, PICTURES_FOLDER, RECORDINGS_FOLDER, REPORT_FILE, RUNS_FILE
+from experiments.common.results import (
+    DRIVE_RECORDING,
+    PICTURES_FOLDER,
+    RECORDINGS_FOLDER,
+    REPORT_FILE,
+    RUNS_FILE,
+)
 from experiments.common.run import Run
 from experiments.drive.config import Config
 from sim.opengl import prefer_egl

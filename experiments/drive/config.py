@@ -8,15 +8,29 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.common.choices import FTR_NAMES
-from experiments.common.options import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
+from experiments.common.options import (
+    Excludes,
+    Exclusion,
+    Positive,
+    ResultsOptions,
+    Whole,
+    Within,
+    default_is,
+)
 from experiments.simulate.options import MAX_DURATION, RobotSource
 from trackslip.errors import require, require_positive
 
 EXAMPLES = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
-    ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --pictures 8"),
+    (
+        "slowly over a step, with pictures",
+        "trackslip drive --course step10 --speed 0.1 --pictures 8",
+    ),
     ("your own robot and course", "trackslip drive --robot r.toml --course c.toml"),
-    ("over a rail as in FTR-Bench, scaled to the robot", "trackslip drive --course rails --difficulty 0.8"),
+    (
+        "over a rail as in FTR-Bench, scaled to the robot",
+        "trackslip drive --course rails --difficulty 0.8",
+    ),
     ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
 )
 
@@ -26,22 +40,32 @@ FLIPPERS = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Drive a robot with tracks over a course, store the run with pictures, and print how it went."""
+    """Drive a robot with tracks over a course, store the run with pictures, and print how it
+    went.
+    """
 
     robot: RobotSource = "rescue"
-    """Robot: a name, a model file (MJCF, URDF) with its tracks, or a parameter file as written by calibrate."""
+    """Robot: a name, a model file (MJCF, URDF) with its tracks, or a parameter file as written by
+    calibrate.
+    """
     course: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "stairs"
-    """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, FTR-Bench's, FILE."""
+    """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena,
+    FTR-Bench's, FILE.
+    """
     difficulty: Annotated[float, Within(0.0, 1.0)] = 0.5
     """Difficulty of an FTR-Bench course, from the smallest published sizes to the largest [-]."""
     speed: Annotated[float, Within(-2.0, 2.0, "m/s")] = 0.3
     """Speed of the belts, negative to drive backwards [m/s]."""
     turn: Annotated[float, Within(-5.0, 5.0, "rad/s")] = 0.0
-    """Commanded yaw rate, positive to the left; the robot turns more slowly because its tracks slip [rad/s]."""
+    """Commanded yaw rate, positive to the left; the robot turns more slowly because its tracks slip
+    [rad/s].
+    """
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
     """File of waypoints x, y in the course's frame, which are followed using the true pose [m]."""
     flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex}|FRONT,REAR")] = "reflex"
-    """Flippers: up, down (along the tracks), reflex, or front and rear angles, positive with the tips up [rad]."""
+    """Flippers: up, down (along the tracks), reflex, or front and rear angles, positive with the
+    tips up [rad].
+    """
     preset: Literal["accurate", "fast"] = "accurate"
     """Track contact: steps of 2 ms (accurate) or 4 ms (fast)."""
     friction: Annotated[float | None, Positive(5.0), default_is("the course's", "FLOAT")] = None
@@ -51,7 +75,9 @@ class Config(ResultsOptions):
     seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
     """Seed for the course's random parts."""
     policy: Annotated[Path | None, default_is("none", "FILE")] = None
-    """Policy from train --env traverse that drives the robot: its .npz file, or the folder with that file."""
+    """Policy from train --env traverse that drives the robot: its .npz file, or the folder with
+    that file.
+    """
     pictures: Annotated[int, Whole(0, 1000)] = 0
     """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False
@@ -67,7 +93,9 @@ class Config(ResultsOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         has_difficulty = self.course in FTR_NAMES or self.difficulty == Config.difficulty
-        require(has_difficulty, "difficulty", self.difficulty, "left out without a course of FTR-Bench")
+        require(
+            has_difficulty, "difficulty", self.difficulty, "left out without a course of FTR-Bench"
+        )
         if self.path is not None:
             require_positive("speed", self.speed)
         self.flipper_angles()
@@ -81,5 +109,10 @@ class Config(ResultsOptions):
         except ValueError:
             front = rear = math.nan
         is_allowed = abs(front) <= math.tau and abs(rear) <= math.tau
-        require(is_allowed, "flippers", self.flippers, "up, down, reflex, or angles FRONT,REAR within a turn [rad]")
+        require(
+            is_allowed,
+            "flippers",
+            self.flippers,
+            "up, down, reflex, or angles FRONT,REAR within a turn [rad]",
+        )
         return front, rear

@@ -55,13 +55,23 @@ class DrivenCourse:
 
     @cached_property
     def slope(self) -> Array:
-        """Slopes (R,) along the robot of a line fitted to the ground under its tracks, positive uphill [rad]."""
+        """Slopes (R,) along the robot of a line fitted to the ground under its tracks, positive
+        uphill [rad].
+        """
         hull = np.array(self.robot.hull)
         along = np.linspace(hull[:, 0].min(), hull[:, 0].max(), _SIDE_POINTS)
         heading = self.state.heading[:, None, None]
         across = self.robot.half_gauge * np.array([1.0, -1.0])[:, None]
-        x = self.state.position[:, 0, None, None] + along * np.cos(heading) - across * np.sin(heading)
-        y = self.state.position[:, 1, None, None] + along * np.sin(heading) + across * np.cos(heading)
+        x = (
+            self.state.position[:, 0, None, None]
+            + along * np.cos(heading)
+            - across * np.sin(heading)
+        )
+        y = (
+            self.state.position[:, 1, None, None]
+            + along * np.sin(heading)
+            + across * np.cos(heading)
+        )
         height = self.course.height(x, y).mean(axis=1)  # (R, P)
         offset = along - along.mean()
         return np.asarray(np.arctan((height * offset).sum(axis=-1) / (offset**2).sum()))
@@ -70,14 +80,18 @@ class DrivenCourse:
 def drive_course(
     world: Traverse, driver: Driver, progress: Callable[[float], None] = lambda seconds: None
 ) -> DrivenCourse:
-    """Drive until there is an outcome or the driver returns None; `progress` is called with newly simulated seconds."""
+    """Drive until there is an outcome or the driver returns None; `progress` is called with newly
+    simulated seconds.
+    """
     rows = [_row(world, Command(np.zeros((1, 2)), world.servo.angle))]
     while world.outcome[0] == Outcome.DRIVING and (command := driver(world)) is not None:
         world.step(command)
         rows.append(_row(world, command))
         progress(world.period)
     outcome = Outcome(int(world.outcome[0]))
-    time, qpos, qvel, speed, flippers, work, *contact = (np.concatenate(column) for column in zip(*rows, strict=True))
+    time, qpos, qvel, speed, flippers, work, *contact = (
+        np.concatenate(column) for column in zip(*rows, strict=True)
+    )
     return DrivenCourse(
         robot=world.tracked.robot,
         course=world.course[0],
@@ -95,5 +109,8 @@ def drive_course(
 
 def _row(world: Traverse, command: Command) -> list[Array]:
     """Copies of time, state, command and contact at the end of a control period."""
-    state, driven = world.state, (*vars(command).values(), world.work, *vars(world.contact).values())
+    state, driven = (
+        world.state,
+        (*vars(command).values(), world.work, *vars(world.contact).values()),
+    )
     return [np.array(values) for values in (world.time, state.qpos, state.qvel, *driven)]

@@ -28,18 +28,30 @@ SENTENCES = {
 }
 _PICTURES = 12  # approximate number of pictures on the page
 _EARTH = "#b9b2a6"  # colour of the ground
-_TABLE_NOTE = "Slip is weighted by the distance that the belt runs. Work is negative where a belt holds the robot back."
+_TABLE_NOTE = (
+    "Slip is weighted by the distance that the belt runs. Work is negative where a "
+    "belt holds the robot back."
+)
 _SLIP_CAPTION = (
-    "Every tick is a row of the run. The slope is that of the line that best fits the ground under the tracks, "
-    "positive uphill; slip is positive where the belt runs ahead. The recording has slip, loads and attitude over time."
+    "Every tick is a row of the run. The slope is that of the line that best fits the ground "
+    "under the tracks, "
+    "positive uphill; slip is positive where the belt runs ahead. The recording has slip, loads "
+    "and attitude over time."
 )
 
 
 def page(
-    run: DrivenCourse, answer: Answer, table: Table, manifest: Mapping[str, Any], command: str, pictures: Sequence[Path]
+    run: DrivenCourse,
+    answer: Answer,
+    table: Table,
+    manifest: Mapping[str, Any],
+    command: str,
+    pictures: Sequence[Path],
 ) -> Page:
     """The page on a drive, which shows some of the `pictures`."""
-    shown = [f"{PICTURES_FOLDER}/{file.name}" for file in pictures[:: len(pictures) // _PICTURES + 1]]
+    shown = [
+        f"{PICTURES_FOLDER}/{file.name}" for file in pictures[:: len(pictures) // _PICTURES + 1]
+    ]
     profile = Plot("drive_profile", _profile(run), "Path of the chassis")
     slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION)
     return Page(
@@ -48,7 +60,10 @@ def page(
         manifest=manifest,
         answer=answer,
         sections=(
-            Section("Over the course", (profile, Pictures(shown, "The robot on the course") if shown else None)),
+            Section(
+                "Over the course",
+                (profile, Pictures(shown, "The robot on the course") if shown else None),
+            ),
             Section("Slip", (slip, table)),
         ),
     )
@@ -61,13 +76,23 @@ def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
         heading += f", {result['remaining']:.2f} m before the end"
     x = number(run.state.position[-1, 0], 2, "m")
     pitch, roll, slope = (f"{number(angle, 0)}°" for angle in np.round(run.attitude[-1]) + 0.0)
-    lines = [f"It ended at x = {x} on a slope of {slope}, with a pitch of {pitch} and a roll of {roll}."]
-    deepest, usual = (f"{1e3 * result[name]:.2f} mm" for name in ("max_penetration", "penetration_p99"))
+    lines = [
+        f"It ended at x = {x} on a slope of {slope}, with a pitch of {pitch} and a roll of {roll}."
+    ]
+    deepest, usual = (
+        f"{1e3 * result[name]:.2f} mm" for name in ("max_penetration", "penetration_p99")
+    )
     facts = (
         ("distance driven", number(result["way"], 2, "m")),
         ("height gained", number(round(result["climbed"], 2) + 0.0, 2, "m")),
-        ("slip, left | right track", pair([percent(track["slip"]) for track in result["tracks"][:2]])),
-        ("largest pitch and roll", f"{degrees(result['max_pitch']):.1f}° and {degrees(result['max_roll']):.1f}°"),
+        (
+            "slip, left | right track",
+            pair([percent(track["slip"]) for track in result["tracks"][:2]]),
+        ),
+        (
+            "largest pitch and roll",
+            f"{degrees(result['max_pitch']):.1f}° and {degrees(result['max_roll']):.1f}°",
+        ),
         ("penetration", f"up to {deepest}, 99 %: {usual}"),
         ("work of the belts", number(result["energy"], 0, "J")),
     )
@@ -110,9 +135,19 @@ def _slip_over_slope(run: DrivenCourse) -> Figure:
     """Slip of the chassis' tracks against the slope of the ground under them."""
     figure = Figure(figsize=(5.4, 3.2), layout="constrained")
     axes, shown = figure.subplots(), thin(len(run.time), 1500)
-    for k, (side, marker, colour) in enumerate((("left", TICKLEFT, BLUE), ("right", TICKRIGHT, ORANGE))):
+    for k, (side, marker, colour) in enumerate(
+        (("left", TICKLEFT, BLUE), ("right", TICKRIGHT, ORANGE))
+    ):
         slip = run.contact.slip[shown, k]
-        axes.plot(np.degrees(run.slope[shown]), slip, marker=marker, ls="", color=colour, alpha=0.5, label=side)
+        axes.plot(
+            np.degrees(run.slope[shown]),
+            slip,
+            marker=marker,
+            ls="",
+            color=colour,
+            alpha=0.5,
+            label=side,
+        )
     axes.axhline(0, color=GREY, lw=0.8)
     axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]")
     known = run.contact.slip[np.isfinite(run.contact.slip)]

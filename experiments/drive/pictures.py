@@ -16,13 +16,19 @@ _SIZE = 960, 540  # width and height [px]
 
 
 def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: int) -> list[Path]:
-    """Write `count` PNG files, spread evenly over the run, named by number and time; `looks` is the model to draw."""
+    """Write `count` PNG files, spread evenly over the run, named by number and time; `looks` is the
+    model to draw.
+    """
     rows = np.unique(np.linspace(0, len(run.time) - 1, count + 1).astype(int)[1:])
     files = [folder / f"{number:03d}_{run.time[row]:.1f}s.png" for number, row in enumerate(rows)]
     if not files:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    data, view, pictures = mujoco.MjData(looks.model), RobotLooks.of(looks), Pictures(looks.model, *_SIZE)
+    data, view, pictures = (
+        mujoco.MjData(looks.model),
+        RobotLooks.of(looks),
+        Pictures(looks.model, *_SIZE),
+    )
     climbed = run.state.position[:, 2] - run.state.position[0, 2]
     for file, row in zip(files, rows, strict=True):
         place(data, run.state.qpos[row])

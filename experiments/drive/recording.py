@@ -1,4 +1,6 @@
-"""Recording of a drive over a course: terrain, the robot with its belts and wheels, contacts with forces, plots."""
+"""Recording of a drive over a course: terrain, the robot with its belts and wheels, contacts with
+forces, plots.
+"""
 
 from pathlib import Path
 
@@ -10,7 +12,15 @@ from experiments.common.colours import BLUE, GREEN, VERMILLION
 from experiments.drive.course import DrivenCourse
 from experiments.recorder.model import drawn, send_geoms, send_paving, send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
-from experiments.recorder.stream import CAMERA, FIELD, RUN, Recording, Series, paint, write_recording
+from experiments.recorder.stream import (
+    CAMERA,
+    FIELD,
+    RUN,
+    Recording,
+    Series,
+    paint,
+    write_recording,
+)
 from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
 from sim.traverse.outcome import ContactPoints
@@ -21,7 +31,9 @@ _COLOURS = (LEFT, RIGHT, "#009E73", "#F0E442", "#CC79A7", "#D55E00", "#8d6bd1", 
 
 
 def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> None:
-    """Record a drive over a course; `looks` is the model to draw. Raises OutputError as `record` does."""
+    """Record a drive over a course; `looks` is the model to draw. Raises OutputError as `record`
+    does.
+    """
 
     def send(recording: Recording) -> None:
         rows = np.arange(0, len(run.time), _EVERY)
@@ -29,8 +41,13 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> N
         _send_terrain(recording, looks.model, position[:, :2])
         recording.poses(CAMERA, time, position[rows])
         shown = RobotLooks.of(looks)
-        tracks = [(name, body, look) for name, (_, body, look) in zip(run.tracks, shown.tracks, strict=True)]
-        send_robot(recording, RUN, looks.model, time, run.state.qpos[rows], tracks, run.travel[rows])
+        tracks = [
+            (name, body, look)
+            for name, (_, body, look) in zip(run.tracks, shown.tracks, strict=True)
+        ]
+        send_robot(
+            recording, RUN, looks.model, time, run.state.qpos[rows], tracks, run.travel[rows]
+        )
         _send_contacts(recording, run, looks, rows)
         recording.line(f"{RUN}/path/driven", position[rows] + [0, 0, 0.02], BLUE, 0.008)
         panels = _send_plots(recording, run)
@@ -40,23 +57,39 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> N
 
 
 def _send_terrain(recording: Recording, model: mujoco.MjModel, path: np.ndarray) -> None:
-    """Send everything fixed in the world, and a floor that surrounds it and the robot's path (n, 2)."""
+    """Send everything fixed in the world, and a floor that surrounds it and the robot's path (n,
+    2).
+    """
     send_geoms(recording, f"{FIELD}/course", model, 0)
     fixed = drawn(model, 0)
     middle, reach = model.geom_pos[fixed, :2], model.geom_rbound[fixed, None]
     for i in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE):
-        send_paving(recording, np.concatenate([middle - reach, middle + reach, path]), float(model.geom_pos[i, 2]))
+        send_paving(
+            recording,
+            np.concatenate([middle - reach, middle + reach, path]),
+            float(model.geom_pos[i, 2]),
+        )
 
 
-def _send_contacts(recording: Recording, run: DrivenCourse, looks: TrackedModel, rows: np.ndarray) -> None:
+def _send_contacts(
+    recording: Recording, run: DrivenCourse, looks: TrackedModel, rows: np.ndarray
+) -> None:
     """Send the points where the robot touches the ground, and the forces there."""
     contacts, state = ContactPoints(looks), run.state
-    moments = [contacts.at(state.qpos[k], state.qvel[k], run.contact.belt[k], run.command.flippers[k]) for k in rows]
+    moments = [
+        contacts.at(state.qpos[k], state.qvel[k], run.contact.belt[k], run.command.flippers[k])
+        for k in rows
+    ]
     points, forces = (np.concatenate(parts) for parts in zip(*moments, strict=True))
     counts, time = np.array([len(points) for points, _ in moments]), run.time[rows]
-    dot, arrow = rr.Points3D.from_fields(**paint(VERMILLION, 0.008)), rr.Arrows3D.from_fields(**paint(GREEN, 0.004))
+    dot, arrow = (
+        rr.Points3D.from_fields(**paint(VERMILLION, 0.008)),
+        rr.Arrows3D.from_fields(**paint(GREEN, 0.004)),
+    )
     recording.shapes(f"{RUN}/contacts/points", time, counts, dot, positions=points)
-    recording.shapes(f"{RUN}/contacts/forces", time, counts, arrow, origins=points, vectors=_NEWTON * forces)
+    recording.shapes(
+        f"{RUN}/contacts/forces", time, counts, arrow, origins=points, vectors=_NEWTON * forces
+    )
 
 
 def _send_plots(recording: Recording, run: DrivenCourse) -> list[Panel]:
@@ -67,11 +100,22 @@ def _send_plots(recording: Recording, run: DrivenCourse) -> list[Panel]:
         ("Load [N]", "contact/load", contact.load, run.tracks, forces),
         ("Traction [N]", "contact/traction", contact.traction, run.tracks, forces),
         ("Penetration [mm]", "contact/depth", 1e3 * contact.depth, run.tracks, forces),
-        ("Attitude and slope [deg]", "attitude/chassis", run.attitude, ("pitch", "roll", "slope"), attitude),
+        (
+            "Attitude and slope [deg]",
+            "attitude/chassis",
+            run.attitude,
+            ("pitch", "roll", "slope"),
+            attitude,
+        ),
         ("Flippers [deg]", "attitude/flippers", np.degrees(run.angles), run.flippers, attitude),
         ("Belts [m/s]", "belts/mean", contact.belt, run.tracks, attitude),
     )
     for _, entity, values, names, _ in plots:
         legend = [name.replace("_", " ") for name in names]
-        recording.series(RUN, run.time, [Series(entity, values, legend, _COLOURS)] if legend else [])
-    return [Panel(title, (entity,), tab=tab, has_outliers="slip" in entity) for title, entity, *_, tab in plots]
+        recording.series(
+            RUN, run.time, [Series(entity, values, legend, _COLOURS)] if legend else []
+        )
+    return [
+        Panel(title, (entity,), tab=tab, has_outliers="slip" in entity)
+        for title, entity, *_, tab in plots
+    ]

@@ -1,4 +1,6 @@
-"""Results from a drive over a course: outcome, slip of each track, penetration and energy; and a table of its rows."""
+"""Results from a drive over a course: outcome, slip of each track, penetration and energy; and a
+table of its rows.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,15 +21,19 @@ _NAME = "drive"  # name of the run
 
 
 def drive_summary(run: DrivenCourse) -> dict[str, Any]:
-    """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and a summary per track."""
+    """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and a
+    summary per track.
+    """
     state, contact, position = run.state, run.contact, run.state.position
     deepest = contact.depth.max(axis=1)[1:] if len(run.time) > 1 else np.zeros(1)
     return {
         "outcome": run.outcome,
         "duration": round(float(run.time[-1]), 9),  # simulated time [s]
-        "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),  # path length of the chassis in the plane
+        # path length of the chassis in the plane
+        "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),
         "remaining": max(0.0, run.goal - float(position[-1, 0])),  # distance left along the course
-        "climbed": float(position[-1, 2] - position[0, 2]),  # height of the chassis at the end, above the start
+        # height of the chassis at the end, above the start
+        "climbed": float(position[-1, 2] - position[0, 2]),
         "max_pitch": float(np.abs(state.pitch).max()),
         "max_roll": float(np.abs(state.roll).max()),
         "max_penetration": float(deepest.max()),
@@ -38,7 +44,9 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
 
 
 def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
-    """Slip [-], share of the time in contact, penetration [m] and work [J] of a track; no slip without contact."""
+    """Slip [-], share of the time in contact, penetration [m] and work [J] of a track; no slip
+    without contact.
+    """
     contact = run.contact
     known = np.isfinite(contact.slip[:, k])
     slip, belt = contact.slip[known, k], np.abs(contact.belt[known, k])
@@ -53,19 +61,25 @@ def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
 
 
 def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) -> None:
-    """Write a drive as a table with units, and `about` as its metadata. Undefined values are null, never NaN."""
+    """Write a drive as a table with units, and `about` as its metadata. Undefined values are null,
+    never NaN.
+    """
     columns, fields = [pa.array([_NAME] * len(run.time))], [pa.field("run", pa.string())]
     for begin, ends, unit, text, values in _columns(run, about["geometry"]["sprocket_radius"]):
         for end, column in zip(ends, values.T, strict=True):
             columns.append(pa.array(np.ascontiguousarray(column), from_pandas=True))
-            fields.append(pa.field(begin + end, pa.float64(), metadata={"unit": unit, "description": text}))
+            fields.append(
+                pa.field(begin + end, pa.float64(), metadata={"unit": unit, "description": text})
+            )
     table = with_units(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
     table = table.replace_schema_metadata(file_metadata({_NAME: plain(about)}))
     pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(table.schema))
 
 
 def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str], str, str, Array]]:
-    """Groups of columns: prefix, n suffixes, unit, description (empty for columns in every log), and values (R, n)."""
+    """Groups of columns: prefix, n suffixes, unit, description (empty for columns in every log),
+    and values (R, n).
+    """
     state, contact = run.state, run.contact
     return [
         ("", ["t"], "s", "", run.time[:, None]),
@@ -78,14 +92,38 @@ def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str],
         ("", ["pitch"], "rad", "angle by which the chassis points upwards", state.pitch[:, None]),
         ("v_", "xyz", "m/s", "velocity of the chassis' frame in the world", state.velocity),
         ("w_", "xyz", "rad/s", "angular velocity in the chassis' frame", state.rate),
-        ("", ["slope"], "rad", "slope of the ground under the tracks, along the robot, uphill", run.slope[:, None]),
+        (
+            "",
+            ["slope"],
+            "rad",
+            "slope of the ground under the tracks, along the robot, uphill",
+            run.slope[:, None],
+        ),
         ("belt_cmd_", "lr", "m/s", "commanded belt speed", run.command.speed),
         ("belt_", run.tracks, "m/s", "mean belt speed since the previous row", contact.belt),
-        ("slip_", run.tracks, PURE, "1 - ground speed / belt speed; null without contact or at rest", contact.slip),
+        (
+            "slip_",
+            run.tracks,
+            PURE,
+            "1 - ground speed / belt speed; null without contact or at rest",
+            contact.slip,
+        ),
         ("traction_", run.tracks, "N", "mean force of the ground along the belt", contact.traction),
         ("load_", run.tracks, "N", "mean normal force", contact.load),
         ("depth_", run.tracks, "m", "largest penetration since the previous row", contact.depth),
-        ("work_", run.tracks, "J", "work of the belt against the ground since the previous row", run.work),
+        (
+            "work_",
+            run.tracks,
+            "J",
+            "work of the belt against the ground since the previous row",
+            run.work,
+        ),
         ("angle_", run.flippers, "rad", "angle of the flipper, tip up", run.angles),
-        ("angle_cmd_", run.flippers, "rad", "angle asked of the flipper, tip up", run.command.flippers),
+        (
+            "angle_cmd_",
+            run.flippers,
+            "rad",
+            "angle asked of the flipper, tip up",
+            run.command.flippers,
+        ),
     ]

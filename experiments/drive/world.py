@@ -31,15 +31,20 @@ from trackslip.trajectory.waypoints import read_waypoints
 SAMPLE = 0.004  # time between changes of the belts' speeds [s]
 TOP_SPEED = 0.6  # top speed of the belts, unless a higher speed is requested [m/s]
 ACCELERATION = 2.0  # acceleration at both ends of a path [m/s^2]
-_SEARCH = 200  # number of periods ahead on the path that are searched for the point beside the robot
+# number of periods ahead on the path that are searched for the point beside the robot
+_SEARCH = 200
 
 
 def make_world(config: Config) -> Traverse:
-    """A robot at the start of a course; raises TrackslipError for a robot or a course that can't be built."""
+    """A robot at the start of a course; raises TrackslipError for a robot or a course that can't be
+    built.
+    """
     robot = load_tracked(config.robot)
     if config.course in FTR_COURSES:
         seed = config.seed or 0
-        drawn = draw_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
+        drawn = draw_course(
+            config.course, config.difficulty, generator(seed, config.course), robot.hull
+        )
         course = replace(drawn, seed=seed)
     else:
         course = load_course(config.course, config.seed, FTR_COURSES)
@@ -60,7 +65,9 @@ def make_world(config: Config) -> Traverse:
 
 
 def driver(config: Config, world: Traverse) -> Driver:
-    """The driver: a policy, a path follower, or constant speeds; flippers by reflex or at the requested angles."""
+    """The driver: a policy, a path follower, or constant speeds; flippers by reflex or at the
+    requested angles.
+    """
     if config.policy is not None:
         return PolicyDriver(Policy.load(config.policy), world)
     asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
@@ -76,15 +83,25 @@ def driver(config: Config, world: Traverse) -> Driver:
 
 
 class PolicyDriver:
-    """A policy as driver, with the observations and actions of the environment that it was trained in."""
+    """A policy as driver, with the observations and actions of the environment that it was trained
+    in.
+    """
 
     def __init__(self, policy: Policy, world: Traverse) -> None:
         """Raises InvalidValueError for a policy that was trained for another robot."""
         options = from_options(TraverseConfig, policy.options)
         self._policy, self._actions = policy, Actions(options, world)
-        self._layout, self._every = CrossingLayout(world, options.noise), round(options.period / PERIOD)
+        self._layout, self._every = (
+            CrossingLayout(world, options.noise),
+            round(options.period / PERIOD),
+        )
         fits = len(self._layout.elements), len(self._actions.elements)
-        require(policy.network.shape == fits, "policy", policy.network.shape, f"from {fits[0]} inputs to {fits[1]}")
+        require(
+            policy.network.shape == fits,
+            "policy",
+            policy.network.shape,
+            f"from {fits[0]} inputs to {fits[1]}",
+        )
         self._rows, self._command = 0, Command(np.zeros((1, 2)), world.servo.angle)
 
     def __call__(self, world: Traverse) -> Command:
@@ -97,13 +114,23 @@ class PolicyDriver:
 
 
 class PathDriver:
-    """Pure pursuit of waypoints using the true pose, at the speed that the reference has beside the robot."""
+    """Pure pursuit of waypoints using the true pose, at the speed that the reference has beside the
+    robot.
+    """
 
-    def __init__(self, path: Path, speed: float, half_gauge: float, flippers: Callable[[Traverse], Array]) -> None:
-        """Raises ReferenceFileError for waypoints that can't be followed with belt speeds up to `speed` [m/s]."""
-        limits = MotionLimits(speed, ACCELERATION, speed / half_gauge, track_speed=speed, half_gauge=half_gauge)
+    def __init__(
+        self, path: Path, speed: float, half_gauge: float, flippers: Callable[[Traverse], Array]
+    ) -> None:
+        """Raises ReferenceFileError for waypoints that can't be followed with belt speeds up to
+        `speed` [m/s].
+        """
+        limits = MotionLimits(
+            speed, ACCELERATION, speed / half_gauge, track_speed=speed, half_gauge=half_gauge
+        )
         self.reference = read_waypoints(path, limits)
-        self._times = np.append(np.arange(PERIOD, self.reference.duration, PERIOD), self.reference.duration)
+        self._times = np.append(
+            np.arange(PERIOD, self.reference.duration, PERIOD), self.reference.duration
+        )
         self._points = self.reference.pose(self._times)[:, :2]
         self._beside = 0  # index of the point beside the robot
         self._controller, self._flippers = PurePursuit(), flippers
@@ -126,8 +153,15 @@ def about_world(world: Traverse) -> dict[str, Any]:
     """Metadata for a run: properties of robot and course that the options do not determine."""
     robot, course, tracked = world.tracked.robot, world.course[0], world.tracked
     return {
-        "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
-        "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
+        "geometry": {
+            "half_gauge": robot.half_gauge,
+            "sprocket_radius": max(r for _, _, r in robot.hull),
+        },
+        "robot": {
+            **plain(robot),
+            "model": robot.model.name,
+            "packages": [each.name for each in robot.packages],
+        },
         "course": {name: getattr(course, name) for name in ("friction", "seed", "width")}
         | {"goal": float(world.goal[0])},
         "seed": course.seed,

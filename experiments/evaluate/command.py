@@ -10,7 +10,12 @@ import numpy as np
 from experiments.calibrate.calibration import fit_summary
 from experiments.common.manifest import command_line, origin
 from experiments.common.plain_json import plain
-from experiments.common.results import RECORDINGS_FOLDER, REPORT_FILE, TRAJECTORIES_FOLDER, file_names
+from experiments.common.results import (
+    RECORDINGS_FOLDER,
+    REPORT_FILE,
+    TRAJECTORIES_FOLDER,
+    file_names,
+)
 from experiments.common.run import Run
 from experiments.evaluate.config import Config
 from experiments.evaluate.data_set import load_data_set
@@ -27,7 +32,9 @@ _MOST_PATHS = 20  # largest number of drives whose paths are written
 
 
 def run(config: Config) -> None:
-    """Predict a log, and compare, store and report; exits with 1 if a bound in a data set is exceeded."""
+    """Predict a log, and compare, store and report; exits with 1 if a bound in a data set is
+    exceeded.
+    """
     given, data = config, None
     if config.path.suffix == ".toml":
         data = load_data_set(config.path)
@@ -47,10 +54,13 @@ def run(config: Config) -> None:
         with run.watch.stage("predictions"):
             predictions = predict(log.logs, part, models)
         step(1.0)
-        notes = [*log.notes, *(() if config.folds else predictions[0].errors.notes)]  # windows of folds are short
+        # windows of folds are short
+        notes = [*log.notes, *(() if config.folds else predictions[0].errors.notes)]
         checks = data.checks(predictions) if data else []
         title = data.title if data else f"Predictions of “{config.path.resolve().name}”"
-        report = Report(title, f"{data.source}; {data.licence}" if data else "", predictions, checks, fit, notes)
+        report = Report(
+            title, f"{data.source}; {data.licence}" if data else "", predictions, checks, fit, notes
+        )
         manifest = run.manifest(**origin(log.logs), **({"data_set": plain(data)} if data else {}))
         summary = {
             "geometry": asdict(log.geometry),
@@ -69,20 +79,26 @@ def run(config: Config) -> None:
 
 
 def _write_paths(predictions: Sequence[Prediction], log: Source, folder: Path, rrd: bool) -> None:
-    """Write measured and predicted paths of the first drives for evo and, with `rrd`, for the rerun viewer."""
+    """Write measured and predicted paths of the first drives for evo and, with `rrd`, for the rerun
+    viewer.
+    """
     drives = predictions[0].errors.trajectories[:_MOST_PATHS]
     labels = file_names([prediction.model.label for prediction in predictions])
     trajectories, logs = folder / TRAJECTORIES_FOLDER, {drive.run: drive for drive in log.logs}
     trajectories.mkdir()
     for drive, file in zip(drives, file_names([drive.name for drive in drives]), strict=True):
         write_tum(trajectories / f"{file}_measured.tum", drive.time, drive.measured)
-        measured = replace(logs[drive.name], run="measured", truth=None, scans=None, covariance=None)
+        measured = replace(
+            logs[drive.name], run="measured", truth=None, scans=None, covariance=None
+        )
         recorded = [measured]
         for prediction, label in zip(predictions, labels, strict=True):
             path = prediction.drive(drive.name)
             write_tum(trajectories / f"{file}_{label}.tum", path.time, path.placed)
             omega = measured.omega[np.searchsorted(measured.time[:-1], path.time)]
-            known = RunLog(prediction.model.label, path.time, omega, path.placed, metadata=measured.metadata)
+            known = RunLog(
+                prediction.model.label, path.time, omega, path.placed, metadata=measured.metadata
+            )
             recorded.append(known)
         if rrd:
             record(folder / RECORDINGS_FOLDER / f"{file}.rrd", recorded)

@@ -8,7 +8,16 @@ import tyro
 
 from experiments.calibrate.config import Parameter
 from experiments.common.log_options import Bag, BagOptions, check_sensor
-from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Whole, Within, default_is
+from experiments.common.options import (
+    Distinct,
+    Exclusion,
+    Needs,
+    Positive,
+    ResultsOptions,
+    Whole,
+    Within,
+    default_is,
+)
 from experiments.simulate.options import GroundOptions
 from trackslip.errors import require
 from trackslip.identification.source import MULTIPLIERS
@@ -16,7 +25,10 @@ from trackslip.kinematics import GEARS
 
 EXAMPLES = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
-    ("two laws on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
+    (
+        "two laws on a ROS bag",
+        "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss",
+    ),
     (
         "laws and a robot, fitted to the other half",
         "trackslip evaluate log.csv --robot r.toml --folds 2 --free friction_ratio",
@@ -29,25 +41,41 @@ _SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Measure how well slip laws and simulated robots predict a log from its encoders, compared with no slip.
+    """Measure how well slip laws and simulated robots predict a log from its encoders, compared
+    with no slip.
 
-    The log needs poses, and laws must come from other logs, unless --folds fits them to the log's other parts. A data
-    set is a .toml file that states log, models and bounds; the command exits with 1 if a bound is exceeded.
+    The log needs poses, and laws must come from other logs, unless --folds fits them to the log's
+    other parts. A data set is a .toml file that states log, models and bounds; the command exits
+    with 1 if a bound is exceeded.
     """
 
     path: tyro.conf.Positional[Path]
-    """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's .toml file."""
-    law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
-    """none, a folder (its best law) or file of laws, optionally with :NAME, or, to fit a law by --folds, its name."""
-    robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
+    """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's
+    .toml file.
+    """
+    law: Annotated[
+        tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")
+    ] = ()
+    """none, a folder (its best law) or file of laws, optionally with :NAME, or, to fit a law by
+    --folds, its name.
+    """
+    robot: Annotated[
+        tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")
+    ] = ()
     """A robot to simulate: a name, or a file as written by calibrate."""
     ground: GroundOptions = field(default_factory=GroundOptions)
     """Ground of the simulated robots, and properties that differ from the named ground."""
     inputs: Literal["encoders", "commands"] = "encoders"
-    """Inputs of simulated robots: measured sprocket speeds, or the logged commands through the robot's drive."""
+    """Inputs of simulated robots: measured sprocket speeds, or the logged commands through the
+    robot's drive.
+    """
     folds: Annotated[int | None, Whole(2, MAX_FOLDS), default_is("nothing is fitted", "INT")] = None
-    """Number of parts of the log, each predicted by laws, gains and robots fitted to the other parts."""
-    free: Annotated[tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")] = None
+    """Number of parts of the log, each predicted by laws, gains and robots fitted to the other
+    parts.
+    """
+    free: Annotated[
+        tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")
+    ] = None
     """Parameters of the first robot to fit to the log's other parts, as calibrate does."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Half the distance between the tracks [m]."""
@@ -57,14 +85,22 @@ class Config(ResultsOptions):
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("1", "FLOAT")] = None
     """wheel_separation_multiplier of the odometry that is used instead of encoders [-]."""
-    sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
-    """Position of the pose sensor, ahead and to the left of the turning centre, and its heading [m, m, rad]."""
-    clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None
+    sensor: Annotated[
+        tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")
+    ] = None
+    """Position of the pose sensor, ahead and to the left of the turning centre, and its heading [m,
+    m, rad].
+    """
+    clock_offset: Annotated[
+        float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")
+    ] = None
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     rrd: bool = False
-    """Also record measured and predicted paths of up to 20 drives for the rerun viewer, in OUT/recordings."""
+    """Also record measured and predicted paths of up to 20 drives for the rerun viewer, in
+    OUT/recordings.
+    """
     out: Path = Path("out/evaluate")
     """Folder for the results."""
     pdf: bool = False

@@ -31,13 +31,20 @@ class Bound:
     most: float
 
     def __post_init__(self) -> None:
-        require(self.quantity in _QUANTITIES, "quantity", self.quantity, f"one of {', '.join(_QUANTITIES)}")
+        require(
+            self.quantity in _QUANTITIES,
+            "quantity",
+            self.quantity,
+            f"one of {', '.join(_QUANTITIES)}",
+        )
         require_positive("most", self.most)
 
 
 @dataclass(frozen=True)
 class DataSet:
-    """A robot's log, its origin, and the options of its evaluation; file names are relative to the data set."""
+    """A robot's log, its origin, and the options of its evaluation; file names are relative to the
+    data set.
+    """
 
     title: str
     log: Path
@@ -53,12 +60,23 @@ class DataSet:
     def __post_init__(self) -> None:
         require(self.log.exists(), "log", self.log, "a file beside the data set")
         for name in self.free:
-            require(name in get_args(Parameter), "free", name, f"one of {', '.join(get_args(Parameter))}")
+            require(
+                name in get_args(Parameter),
+                "free",
+                name,
+                f"one of {', '.join(get_args(Parameter))}",
+            )
         self.options(Config(self.log))
 
     def options(self, config: Config) -> Config:
-        """`config` with the options in the data set; raises InvalidValueError for an option that both of them state."""
-        stated: dict[str, Any] = {"law": self.law, "robot": self.robot, "ground": GroundOptions(self.ground)}
+        """`config` with the options in the data set; raises InvalidValueError for an option that
+        both of them state.
+        """
+        stated: dict[str, Any] = {
+            "law": self.law,
+            "robot": self.robot,
+            "ground": GroundOptions(self.ground),
+        }
         stated |= {"free": self.free or None, "folds": self.folds}
         for name in stated:
             default = getattr(Config(config.path), name)
@@ -67,12 +85,17 @@ class DataSet:
 
     def checks(self, predictions: Sequence[Prediction]) -> list[Check]:
         """A check for each bound."""
-        errors, checks = {each.model.label: each.errors.after_seconds.get(_AHEAD) for each in predictions}, []
+        errors, checks = (
+            {each.model.label: each.errors.after_seconds.get(_AHEAD) for each in predictions},
+            [],
+        )
         for bound in self.bounds:
             require(bound.row in errors, "bounds", bound.row, f"one of {', '.join(errors)}")
             what, _, kind = bound.quantity.partition("_")
             value = getattr(getattr(errors[bound.row], what, None), kind, float("nan"))
-            checks.append(Check(self.title, f"{bound.row}, {bound.quantity}", value, bound.most, _UNITS[what]))
+            checks.append(
+                Check(self.title, f"{bound.row}, {bound.quantity}", value, bound.most, _UNITS[what])
+            )
         return checks
 
 
@@ -81,7 +104,11 @@ def load_data_set(path: Path) -> DataSet:
     table = read_toml(path)
 
     def beside(value: object) -> object:
-        return str(path.parent / value) if isinstance(value, str) and (path.parent / value).exists() else value
+        return (
+            str(path.parent / value)
+            if isinstance(value, str) and (path.parent / value).exists()
+            else value
+        )
 
     for name in table.keys() & {"log", "robot", "ground", "law"}:
         value = table[name]

@@ -22,7 +22,9 @@ _TIME = np.linspace(0.0, 1.0, 11)
 
 
 def read_log(config: Config, known: RobotGeometry | None) -> Source:
-    """Read the drives that the options name, with the `known` geometry if neither log nor options state one."""
+    """Read the drives that the options name, with the `known` geometry if neither log nor options
+    state one.
+    """
     size, bag = (config.half_gauge, config.sprocket_radius), config.bag.choice()
     reading = ReadOptions(*size, config.gear, bag=bag, multiplier=config.multiplier)
     source = read_log_of(config.path, reading, known)
@@ -30,7 +32,11 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     notes = [*source.notes, *map(str, source.refused)]
     if config.folds:
         if len(drives) < config.folds:
-            drives = [part for log in drives for part in log.cut((log.time[-1] - log.time[0]) / config.folds)]
+            drives = [
+                part
+                for log in drives
+                for part in log.cut((log.time[-1] - log.time[0]) / config.folds)
+            ]
         prepared, refused = drives_of(drives)
         usable = {drive.name for drive in prepared}
         drives = [_read_once(log) for log in drives if log.run in usable]
@@ -39,12 +45,19 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
 
 
 def _windows(samples: SlipSamples) -> list[RunLog]:
-    """Steady samples as drives of one second at constant twist, so that errors 1 s ahead are errors in the twist."""
+    """Steady samples as drives of one second at constant twist, so that errors 1 s ahead are errors
+    in the twist.
+    """
     left = np.zeros(len(samples)) if samples.lateral is None else np.nan_to_num(samples.lateral)
-    motions = _TIME[:, None, None] * np.column_stack([samples.twist[:, 0], left, samples.twist[:, 1]])
+    motions = _TIME[:, None, None] * np.column_stack(
+        [samples.twist[:, 0], left, samples.twist[:, 1]]
+    )
     poses = np.moveaxis(se2.exp(motions), 0, 1)
     omegas = np.repeat(samples.omega[:, None], len(_TIME), axis=1)
-    return [RunLog(name, _TIME, omega, pose) for name, omega, pose in zip(samples.run, omegas, poses, strict=True)]
+    return [
+        RunLog(name, _TIME, omega, pose)
+        for name, omega, pose in zip(samples.run, omegas, poses, strict=True)
+    ]
 
 
 def _read_once(log: RunLog) -> RunLog:
@@ -54,12 +67,18 @@ def _read_once(log: RunLog) -> RunLog:
 
 
 def parts(drives: Sequence[RunLog], count: int, name: str) -> np.ndarray:
-    """Part numbers (n,) for drives: consecutive parts of about equal size; drives with the same command share a part.
+    """Part numbers (n,) for drives: consecutive parts of about equal size; drives with the same
+    command share a part.
 
     Raises LogError, with the `name` of the log, if it has too few different commands.
     """
-    keys = [log.run if log.command is None else tuple(log.command.mean(axis=0).round(3)) for log in drives]
+    keys = [
+        log.run if log.command is None else tuple(log.command.mean(axis=0).round(3))
+        for log in drives
+    ]
     rank = {key: k for k, key in enumerate(dict.fromkeys(keys))}
     if len(rank) < count:
-        raise LogError(f"{name}: has {counted(len(rank), 'different command')}, too few for folds = {count}")
+        raise LogError(
+            f"{name}: has {counted(len(rank), 'different command')}, too few for folds = {count}"
+        )
     return np.array([rank[key] * count // len(rank) for key in keys])

@@ -50,12 +50,17 @@ class Model:
     clock_offset: float
     """Encoder clock minus pose clock [s]."""
     trajectories: Callable[[Sequence[RunLog], Sequence[RunLog]], list[Trajectory]]
-    """Function of drives, and of the same drives with encoders as read, that returns measured and predicted poses."""
+    """Function of drives, and of the same drives with encoders as read, that returns measured and
+    predicted poses.
+    """
 
 
-def _law_model(label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: Gyro | None = None) -> Model:
+def _law_model(
+    label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: Gyro | None = None
+) -> Model:
     """Odometry with a slip law and, if `gyro` is given, with the log's gyroscope."""
-    odometry = replace(law, errors=None, gyro=gyro).odometry()  # computing with the law's errors takes longer
+    # computing with the law's errors takes longer
+    odometry = replace(law, errors=None, gyro=gyro).odometry()
 
     def trajectories(drives: Sequence[RunLog], _: Sequence[RunLog]) -> list[Trajectory]:
         return [trajectory_of(drive, odometry, sensor, clock) for drive in drives]
@@ -63,30 +68,40 @@ def _law_model(label: str, law: LawInUse, sensor: Mounting, clock: float, gyro: 
     return Model(label, law.name, sensor, clock, trajectories)
 
 
-def _robot_model(label: str, candidate: Candidate, geometry: RobotGeometry, config: Config) -> Model:
+def _robot_model(
+    label: str, candidate: Candidate, geometry: RobotGeometry, config: Config
+) -> Model:
     """A simulated robot that is driven by the log's encoders or commands."""
     sensor, clock = candidate.sensor, candidate.clock
 
     def trajectories(drives: Sequence[RunLog], read: Sequence[RunLog]) -> list[Trajectory]:
         motion = Replayer(read, config.inputs).run(candidate.robot, candidate.ground)
         poses = [partial(motion.sensor_at, k, sensor) for k in range(len(drives))]
-        return [estimated_trajectory(*pair, geometry, clock) for pair in zip(drives, poses, strict=True)]
+        return [
+            estimated_trajectory(*pair, geometry, clock) for pair in zip(drives, poses, strict=True)
+        ]
 
     return Model(label, CALIBRATED if label == CALIBRATED else ROBOT, sensor, clock, trajectories)
 
 
 def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None) -> LawInUse | None:
-    """The law in a file that --law names; None for `none`, and for laws that are to be fitted with folds."""
+    """The law in a file that --law names; None for `none`, and for laws that are to be fitted with
+    folds.
+    """
     if text == NO_SLIP or (config.folds and text in drive_laws()):
         return None
     file, _, name = (text, "", "") if os.path.exists(text) else text.rpartition(":")
     if not os.path.exists(file):  # unlike Path.exists, also False for names that are too long
-        raise InvalidValueError("law", text, f"{NO_SLIP}, a folder or file with laws, or with --folds a law of drives")
+        raise InvalidValueError(
+            "law", text, f"{NO_SLIP}, a folder or file with laws, or with --folds a law of drives"
+        )
     return identified_law(file, name or None, geometry)
 
 
 def known_geometry(config: Config) -> RobotGeometry | None:
-    """Geometry of the robot that stored laws belong to, or of the first simulated robot; checks every --law."""
+    """Geometry of the robot that stored laws belong to, or of the first simulated robot; checks
+    every --law.
+    """
     laws = [law for text in config.law if (law := stored_law(text, config)) is not None]
     if laws:
         return laws[0].geometry
@@ -94,9 +109,15 @@ def known_geometry(config: Config) -> RobotGeometry | None:
 
 
 def models_of(
-    config: Config, source: Source, part: np.ndarray, k: int, robots: Mapping[str, Sequence[Candidate]]
+    config: Config,
+    source: Source,
+    part: np.ndarray,
+    k: int,
+    robots: Mapping[str, Sequence[Candidate]],
 ) -> list[Model]:
-    """Models that predict the drives labelled k in `part` (n,): laws, robots and, with folds, no slip and two gains."""
+    """Models that predict the drives labelled k in `part` (n,): laws, robots and, with folds, no
+    slip and two gains.
+    """
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
     geometry, models = source.geometry, list[Model]()
@@ -115,17 +136,22 @@ def models_of(
     return models
 
 
-def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro: bool) -> list[Model]:
-    """Models of the laws in --law, or of default laws; without folds, also of the first law with a gyroscope if `gyro`.
+def _law_models(
+    config: Config, look: Look | None, geometry: RobotGeometry, gyro: bool
+) -> list[Model]:
+    """Models of the laws in --law, or of default laws; without folds, also of the first law with a
+    gyroscope if `gyro`.
 
-    Unless given, sensor and clock offset are those identified with each law, because they differ between laws. Laws
-    without a sensor and clock offset get those of the first law that has them.
+    Unless given, sensor and clock offset are those identified with each law, because they differ
+    between laws. Laws without a sensor and clock offset get those of the first law that has them.
     """
     texts = config.law or (_FITTED if config.folds else (NO_SLIP,))
     fitted = config.folds and any(text in drive_laws() for text in texts)
     reference = None
     if look is not None and fitted:
-        reference = fit_drives(REFERENCE, look.drives, geometry, start=look.gains.start(geometry, look.clock))
+        reference = fit_drives(
+            REFERENCE, look.drives, geometry, start=look.gains.start(geometry, look.clock)
+        )
     laws = [_law(text, config, geometry, reference) for text in texts]
     known = next((law for law in laws if law.mounting is not None), laws[0])
     names, models = [law.name for law in laws], list[Model]()
@@ -135,7 +161,9 @@ def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro
         if not config.folds:  # laws that are fitted have their own turning centre and clock
             sensor = Mounting(*config.sensor) if config.sensor else sensor
             clock = clock if config.clock_offset is None else config.clock_offset
-        models.append(_law_model(text if names.count(law.name) > 1 else law.name, law, sensor, clock))
+        models.append(
+            _law_model(text if names.count(law.name) > 1 else law.name, law, sensor, clock)
+        )
     if gyro and not config.folds:
         first = next((k for k, name in enumerate(names) if name != NO_SLIP), 0)
         model, law = models[first], laws[first]
@@ -144,8 +172,12 @@ def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro
     return models
 
 
-def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit | None) -> LawInUse:
-    """The law `text`: from a file, no slip, or fitted to the log's other parts, starting from the `reference` fit."""
+def _law(
+    text: str, config: Config, geometry: RobotGeometry, reference: DriveFit | None
+) -> LawInUse:
+    """The law `text`: from a file, no slip, or fitted to the log's other parts, starting from the
+    `reference` fit.
+    """
     law = stored_law(text, config, geometry)
     if law is not None or text == NO_SLIP:
         return law or no_slip(geometry)
@@ -153,7 +185,9 @@ def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit
     fit = fit_drives(text, reference.fit.drives.drives, geometry, reference=reference)
     sensor = Mounting(*(fit.extras[key] for key in ("sensor_x", "sensor_y", "sensor_yaw")))
     clock = fit.extras["clock_offset"] - fit.extras["lag"]
-    return LawInUse(text, fit.law, geometry, drift=fit.extras["drift"], mounting=sensor, clock_offset=clock)
+    return LawInUse(
+        text, fit.law, geometry, drift=fit.extras["drift"], mounting=sensor, clock_offset=clock
+    )
 
 
 def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
@@ -164,9 +198,11 @@ def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
 def robots_of(
     config: Config, source: Source, part: np.ndarray
 ) -> tuple[dict[str, Sequence[Candidate]], Calibration | None]:
-    """The robots by label, one for each part of a log, and the fit of the first robot's free parameters.
+    """The robots by label, one for each part of a log, and the fit of the first robot's free
+    parameters.
 
-    As poses are stamped late, folds always fit the clock offset to the log's other parts, unless it is given.
+    As poses are stamped late, folds always fit the clock offset to the log's other parts, unless it
+    is given.
     """
     robots, fit = dict[str, Sequence[Candidate]](), None
     clock = ("clock",) if config.folds and config.clock_offset is None else ()
@@ -180,6 +216,8 @@ def robots_of(
         if clock:
             robots[label] = calibrate(target, base, clock, part[target.log]).folds
         if k == 0 and config.free:
-            fit = calibrate(target, base, tuple(dict.fromkeys((*config.free, *clock))), part[target.log])
+            fit = calibrate(
+                target, base, tuple(dict.fromkeys((*config.free, *clock))), part[target.log]
+            )
             robots[CALIBRATED] = fit.folds
     return robots, fit

@@ -22,13 +22,29 @@ from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.prediction import PredictionErrors
 from trackslip.laws.file import NO_SLIP
 
-_HEADER = ("ahead", "model", "pairs", "position", "90 %", "rms [m]", "heading", "90 %", "rms [deg]", "rate")
+_HEADER = (
+    "ahead",
+    "model",
+    "pairs",
+    "position",
+    "90 %",
+    "rms [m]",
+    "heading",
+    "90 %",
+    "rms [deg]",
+    "rate",
+)
 _NOTE = (
-    "All models predict the same motion: from every measured pose to the one nearest to the time or distance ahead. "
-    "Errors contain the noise of both poses. Rates: mean errors over the time or the distance ahead."
+    "All models predict the same motion: from every measured pose to the one nearest to the time "
+    "or distance ahead. "
+    "Errors contain the noise of both poses. Rates: mean errors over the time or the distance "
+    "ahead."
 )
 _DOTS = "Dots: medians. Lines: to the errors that 90 % stay below."
-_BEGINS = "The drive that goes far and turns most. Every path begins at its first measured pose, or fits all positions."
+_BEGINS = (
+    "The drive that goes far and turns most. Every path begins at its first measured pose, "
+    "or fits all positions."
+)
 
 
 @dataclass(frozen=True)
@@ -60,11 +76,26 @@ class Report:
         facts = [("position, median and 90 %", f"{position} and {far} m")]
         facts += [("heading, median and 90 %", f"{heading}° and {turned}°")]
         title = f"Best after {length:g} {unit}: {best.model.label}, {position} m off"
-        answer = Answer(title, facts, [f"{line}." for line in (self._gain, self._verdict) if line], self.notes)
-        drive = max(best.errors.trajectories, key=lambda drive: np.ptp(drive.way) * np.ptp(drive.estimated[:, 2]))
+        answer = Answer(
+            title, facts, [f"{line}." for line in (self._gain, self._verdict) if line], self.notes
+        )
+        drive = max(
+            best.errors.trajectories,
+            key=lambda drive: np.ptp(drive.way) * np.ptp(drive.estimated[:, 2]),
+        )
         plots = [
-            Plot("errors_ahead", partial(_errors_ahead, self.predictions), "Errors of all models", _DOTS),
-            Plot("paths", partial(_paths, self.predictions, drive.name), f"Paths of {drive.name}", _BEGINS),
+            Plot(
+                "errors_ahead",
+                partial(_errors_ahead, self.predictions),
+                "Errors of all models",
+                _DOTS,
+            ),
+            Plot(
+                "paths",
+                partial(_paths, self.predictions, drive.name),
+                f"Paths of {drive.name}",
+                _BEGINS,
+            ),
         ]
         sections = [Section("Errors", [*self._tables, *plots])]
         return Page(self.title, command, manifest, sections, [self.source], answer)
@@ -92,7 +123,9 @@ class Report:
                     continue
                 is_best = prediction is best and [length, unit] == compared
                 name = replace(law_cell(model.name, is_best, formula=False), text=model.label)
-                rows.append((ahead, name, f"{errors.count:,}", *_cells(errors), _rate(errors, length, unit)))
+                rows.append(
+                    (ahead, name, f"{errors.count:,}", *_cells(errors), _rate(errors, length, unit))
+                )
                 ahead = ""
         return Table("Errors: median, 90 % and rms", _HEADER, rows, "llr", _NOTE)
 
@@ -103,15 +136,22 @@ class Report:
 
     @property
     def _gain(self) -> str:
-        """A line that compares the best model with no slip compensation; empty if no model is better."""
+        """A line that compares the best model with no slip compensation; empty if no model is
+        better.
+        """
         best, length, unit = self._winner
-        baseline = next((each for each in self.predictions if each.model.name in (TODAY, NO_SLIP)), best)
+        baseline = next(
+            (each for each in self.predictions if each.model.name in (TODAY, NO_SLIP)), best
+        )
         better = []
         for what in ("position", "heading"):
             errors, without = (getattr(each.ahead(length, unit), what) for each in (best, baseline))
             if errors and errors.median > 0 and baseline is not best:
                 better.append(f"{what} {significant(without.median / errors.median)} times better")
-        line = f"{best.model.label}, after {length:g} {unit}, compared with no slip compensation: {', '.join(better)}"
+        line = (
+            f"{best.model.label}, after {length:g} {unit}, compared with no slip "
+            f"compensation: {', '.join(better)}"
+        )
         return line if better else ""
 
 
@@ -126,14 +166,18 @@ def _cells(errors: PredictionErrors) -> list[str]:
 
 def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
     """Mean errors per metre or per second ahead."""
-    position, heading = (part.mean / length if part else nan for part in (errors.position, errors.heading))
+    position, heading = (
+        part.mean / length if part else nan for part in (errors.position, errors.heading)
+    )
     forwards = percent(position) if unit == "m" else significant(position, "m/s")
     return f"{forwards}, {significant(degrees(heading), f'°/{unit}')}"
 
 
 @style.styled
 def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
-    """Median errors at the length where models are compared, with lines up to the 90 % quantiles."""
+    """Median errors at the length where models are compared, with lines up to the 90 %
+    quantiles.
+    """
     _, length, unit = winner(predictions)
     figures = []
     for what, sign, factor in (("position", "m", 1.0), ("heading", "°", degrees(1.0))):
@@ -143,10 +187,14 @@ def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
             errors = getattr(prediction.ahead(length, unit), what)
             if errors is not None:
                 ends = factor * np.array([errors.median, errors.p90])
-                axis.plot(ends, [k, k], "o-", markevery=[0], color=shown(prediction.model.name).colour)
+                axis.plot(
+                    ends, [k, k], "o-", markevery=[0], color=shown(prediction.model.name).colour
+                )
         axis.set_xscale("log")
         style.log_ticks(axis.xaxis)
-        axis.set_yticks(range(len(predictions)), [prediction.model.label for prediction in predictions])
+        axis.set_yticks(
+            range(len(predictions)), [prediction.model.label for prediction in predictions]
+        )
         axis.set_ylim(len(predictions) - 0.5, -0.5)
         figures.append(figure)
     return tuple(figures)
@@ -161,7 +209,13 @@ def _paths(predictions: Sequence[Prediction], name: str) -> style.Panels:
     axis.plot(*measured[rows, :2].T, ".", color=BLACK, ms=4, mew=0, label="measured poses")
     for prediction in predictions:
         path, line = prediction.drive(name).placed[rows], shown(prediction.model.name)
-        axis.plot(path[:, 0], path[:, 1], label=prediction.model.label, color=line.colour, linestyle=line.dashes)
+        axis.plot(
+            path[:, 0],
+            path[:, 1],
+            label=prediction.model.label,
+            color=line.colour,
+            linestyle=line.dashes,
+        )
     style.plane(axis, adjustable="datalim")
     style.legend_below(figure, axis.lines, ncols=2, handlelength=3.2)
     return (figure,)

@@ -15,7 +15,9 @@ from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, Trajectory, errors_of
 
 AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
-"""Times [s] and distances [m] ahead; models are compared at the last entry that all models reach."""
+"""Times [s] and distances [m] ahead; models are compared at the last entry that all models
+reach.
+"""
 _MIN_PAIRS = 10  # number of pairs of poses needed for a median and a 90 % quantile
 _MARGIN = 1e-3  # time added at both ends, so that times ascend [s]
 
@@ -30,7 +32,9 @@ class Prediction:
 
     def ahead(self, length: float, unit: str) -> PredictionErrors | None:
         """Errors after a distance [m] or a time [s]; None if there are too few pairs of poses."""
-        errors = (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
+        errors = (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(
+            length
+        )
         return errors if errors is not None and errors.count >= _MIN_PAIRS else None
 
     def drive(self, name: str) -> Trajectory:
@@ -46,15 +50,21 @@ class Prediction:
             "sensor": model.sensor,
             "clock_offset": model.clock_offset,
             "after_metres": {f"{length:g}": ahead for length, ahead in errors.after_metres.items()},
-            "after_seconds": {f"{length:g}": ahead for length, ahead in errors.after_seconds.items()},
+            "after_seconds": {
+                f"{length:g}": ahead for length, ahead in errors.after_seconds.items()
+            },
         }
 
 
-def predict(drives: Sequence[RunLog], part: np.ndarray, models: Sequence[Sequence[Model]]) -> list[Prediction]:
-    """Predict each drive by the models for its `part` (n,) of the log; all models predict the same poses.
+def predict(
+    drives: Sequence[RunLog], part: np.ndarray, models: Sequence[Sequence[Model]]
+) -> list[Prediction]:
+    """Predict each drive by the models for its `part` (n,) of the log; all models predict the same
+    poses.
 
-    Without folds, these are the poses at which encoders were read according to every model's clock offset. With folds,
-    where windows may be short, encoders continue at their last speeds. Raises LogError if there are no such poses.
+    Without folds, these are the poses at which encoders were read according to every model's clock
+    offset. With folds, where windows may be short, encoders continue at their last speeds. Raises
+    LogError if there are no such poses.
     """
     compared, notes = list[tuple[list[RunLog], list[RunLog]]](), list[str]()
     for k, models_of_part in enumerate(models):
@@ -78,13 +88,17 @@ def predict(drives: Sequence[RunLog], part: np.ndarray, models: Sequence[Sequenc
 
 
 def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog:
-    """The log with only the poses that encoders cover at all clock offsets `clocks`, encoder minus pose clock [s]."""
+    """The log with only the poses that encoders cover at all clock offsets `clocks`, encoder minus
+    pose clock [s].
+    """
     covered = (log.time + min(clocks) >= log.time[0]) & (log.time + max(clocks) <= log.time[-1])
     return replace(log, valid=log.is_valid & covered)
 
 
 def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
-    """The log with encoders continued at their first and last speeds, to cover all poses at all clock offsets."""
+    """The log with encoders continued at their first and last speeds, to cover all poses at all
+    clock offsets.
+    """
     rows = np.clip(np.arange(-1, len(log.time) + 1), 0, len(log.time) - 1)
     time, valid = log.time[rows], log.is_valid[rows]
     time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
@@ -93,10 +107,19 @@ def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
 
 
 def winner(predictions: Sequence[Prediction]) -> tuple[Prediction, float, str]:
-    """The prediction with the smallest median position error, and the compared time or distance ahead with its unit."""
+    """The prediction with the smallest median position error, and the compared time or distance
+    ahead with its unit.
+    """
     for length, unit in reversed(AHEAD):
         errors = [prediction.ahead(length, unit) for prediction in predictions]
-        medians = [each.position.median for each in errors if each is not None and each.position is not None]
+        medians = [
+            each.position.median
+            for each in errors
+            if each is not None and each.position is not None
+        ]
         if len(medians) == len(predictions):
             return predictions[int(np.argmin(medians))], length, unit
-    raise LogError(f"fewer than {_MIN_PAIRS} pairs of poses are {LENGTHS[0]:g} s apart: too few to compare models")
+    raise LogError(
+        f"fewer than {_MIN_PAIRS} pairs of poses are {LENGTHS[0]:g} s apart: too few to compare "
+        "models"
+    )

@@ -23,7 +23,9 @@ from trackslip.logs.schema import NO_UNIT, PURE, Column
 SPECIAL = {
     "radius": Column("radius", "m", "radius of the no-slip command"),
     "speed": Column("speed", "m/s", "speed of the no-slip command"),
-    "friction_ratio": Column("friction_ratio", PURE, "friction across the track over friction along it"),
+    "friction_ratio": Column(
+        "friction_ratio", PURE, "friction across the track over friction along it"
+    ),
 }
 """Numeric axes that are neither an option nor a robot parameter."""
 _SHORT = {"ground.source": "ground", "ground.slope": "slope", "radii": "radius", "speeds": "speed"}
@@ -40,11 +42,14 @@ def option_name(axis: str) -> str | None:
 
 @functools.cache
 def known() -> dict[str, tuple[Any, Column]]:
-    """All axes by name, with the type of their values, and with unit and description as in `--help`.
+    """All axes by name, with the type of their values, and with unit and description as in
+    `--help`.
 
     Names of nested options contain dots; names of robot parameters begin with "robot.".
     """
-    axes: dict[str, tuple[Any, Column]] = {name: (float, column) for name, column in SPECIAL.items()}
+    axes: dict[str, tuple[Any, Column]] = {
+        name: (float, column) for name, column in SPECIAL.items()
+    }
     for name, (kind, column) in (_fields(GridConfig) | _fields(RobotParameters, "robot.")).items():
         if name not in _NO_AXES and not name.startswith("robot.drive."):
             short = _SHORT.get(name, name)
@@ -53,7 +58,9 @@ def known() -> dict[str, tuple[Any, Column]]:
 
 
 def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
-    """The fields of a dataclass and its nested dataclasses: types, and units and descriptions from docstrings."""
+    """The fields of a dataclass and its nested dataclasses: types, and units and descriptions from
+    docstrings.
+    """
     bases = [docstring_parser.parse_from_object(base) for base in reversed(cls.__mro__[:-1])]
     texts = {param.arg_name: param.description or "" for base in bases for param in base.params}
     types = typing.get_type_hints(cls)
@@ -74,28 +81,36 @@ def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
 
 
 def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
-    """The values on each axis, in the order of the loops, of which radius and speed are the innermost.
+    """The values on each axis, in the order of the loops, of which radius and speed are the
+    innermost.
 
-    Raises InvalidValueError with the axis' name, and SystemExit after tyro has printed which value it can't read.
+    Raises InvalidValueError with the axis' name, and SystemExit after tyro has printed which value
+    it can't read.
     """
     given = _given(config)
     types = {name: tuple[kind, ...] for name, (kind, _) in known().items()}  # type: ignore[valid-type]
     typed_dict: Any = typing.TypedDict
     words = [word for name, values in given.items() for word in (f"--{name}", *values)]
     only_values = (tyro.conf.DisallowNone,)
-    parsed = tyro.cli(typed_dict("Axes", types, total=False), args=words, add_help=False, config=only_values)
+    parsed = tyro.cli(
+        typed_dict("Axes", types, total=False), args=words, add_help=False, config=only_values
+    )
     axes = {name: parsed[name] for name in given}
     for name, values in axes.items():
         Distinct().check(name, values)
         replaced = option_name(name)
         if replaced is not None and option(config, replaced) != option(Config(), replaced):
-            raise InvalidValueError(replaced, option(config, replaced), f"left out where {name} is an axis")
+            raise InvalidValueError(
+                replaced, option(config, replaced), f"left out where {name} is an axis"
+            )
     drive = {"radius": axes.pop("radius", config.radii), "speed": axes.pop("speed", config.speeds)}
     return axes | drive
 
 
 def _given(config: Config) -> dict[str, list[str]]:
-    """The axes from the options and the sweep file, with their values as text; options take precedence."""
+    """The axes from the options and the sweep file, with their values as text; options take
+    precedence.
+    """
     given: dict[str, Any] = {}
     if config.grounds:
         given["ground"] = config.grounds

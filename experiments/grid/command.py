@@ -27,7 +27,9 @@ def run(config: Config) -> None:
     with resumable(config, {case.id for case in runs}) as (run, store):
         resumed, began, file = len(store.rows), run.wall, run.folder / RUNS_FILE
         simulated = sum(case.duration for case in runs if case.id not in store.rows)
-        drive_missing(runs, store, GridRuns(config.threads), run.watch, config.jobs, config.executor)
+        drive_missing(
+            runs, store, GridRuns(config.threads), run.watch, config.jobs, config.executor
+        )
         timing = {"driving_s": run.wall - began, "driven": len(runs) - resumed, "resumed": resumed}
         rows = [store.rows[case.id] | {"run": case.name, **plain(case.axes)} for case in runs]
         driven = [row["run"] for row in rows if row["error"] is None]

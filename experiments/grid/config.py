@@ -15,7 +15,10 @@ EXAMPLES = (
     ("the paper's 25 runs", "trackslip grid"),
     ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
     ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),
-    ("with a noisier scanner", "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy"),
+    (
+        "with a noisier scanner",
+        "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy",
+    ),
     ("500 runs", "trackslip grid --grounds stone ice --seeds 0 1 2 3 4 --vary slope=0,0.05"),
     ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
     ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
@@ -24,20 +27,31 @@ EXAMPLES = (
 
 @dataclass(frozen=True)
 class Config(GridConfig):
-    """Drive a grid of runs, radius x speed x any other option, in front of the scanner, and store them.
+    """Drive a grid of runs, radius x speed x any other option, in front of the scanner, and store
+    them.
 
     An interrupted grid resumes when it is run again; finished runs are not driven again.
     """
 
-    grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")] = None
+    grounds: Annotated[
+        tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")
+    ] = None
     """Grounds to drive on, by name or .toml file."""
     seeds: Annotated[tuple[int, ...] | None, Distinct(), default_is("--seed", "INT ...")] = None
     """Seeds; every run is driven once with each seed."""
-    vary: Annotated[tuple[str, ...] | None, Distinct(), default_is("nothing", "NAME=VALUE,... ...")] = None
-    """Any other options, each with its values: scanner.noise=0.005,0.01 slope=0,0.1 friction_ratio=1,1.2."""
+    vary: Annotated[
+        tuple[str, ...] | None, Distinct(), default_is("nothing", "NAME=VALUE,... ...")
+    ] = None
+    """Any other options, each with its values: scanner.noise=0.005,0.01 slope=0,0.1
+    friction_ratio=1,1.2.
+    """
     sweep: Annotated[Path | None, default_is("none", "FILE")] = None
-    """A .toml file with a list of values per name: radius, speed, ground, seed, or any name that --vary accepts."""
-    executor: Annotated[str, default_is("processes", "{processes,inline,dask://HOST:PORT}")] = "processes"
+    """A .toml file with a list of values per name: radius, speed, ground, seed, or any name that
+    --vary accepts.
+    """
+    executor: Annotated[str, default_is("processes", "{processes,inline,dask://HOST:PORT}")] = (
+        "processes"
+    )
     """Executor for the runs: worker processes, this process (inline), or a Dask cluster."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor."""
@@ -48,5 +62,9 @@ class Config(GridConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.executor not in ("processes", "inline") and not re.fullmatch(r"dask://.+:\d+", self.executor):
-            raise InvalidValueError("executor", self.executor, "processes, inline or dask://HOST:PORT")
+        if self.executor not in ("processes", "inline") and not re.fullmatch(
+            r"dask://.+:\d+", self.executor
+        ):
+            raise InvalidValueError(
+                "executor", self.executor, "processes, inline or dask://HOST:PORT"
+            )

@@ -15,7 +15,8 @@ from experiments.grid.config import Config
 from experiments.simulate.grid_runs import GridCell, require_radius
 from experiments.simulate.world import FileReader, Specification, World, read_files
 
-_IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
+# options that a fleet shares
+_IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,9 @@ class Setting:
     id: str
     """Hash of everything that a run's numbers depend on, except radius, speed and seed."""
     fleet: str
-    """Hash of everything that a fleet's runs share, including whether the ground shears, which changes the pads."""
+    """Hash of everything that a fleet's runs share, including whether the ground shears, which
+    changes the pads.
+    """
     scans: str
     """Hash of everything that the scans depend on, except radius, speed and seed."""
 
@@ -41,14 +44,16 @@ class PlannedRun:
     cell: GridCell
     """The run's command, and the key for its random numbers.
 
-    Random numbers depend on the measurement (seed, radius, speed, world), not on its evaluation: runs that differ only
-    in their localization or motion method share their scans.
+    Random numbers depend on the measurement (seed, radius, speed, world), not on its evaluation:
+    runs that differ only in their localization or motion method share their scans.
     """
     axes: Mapping[str, Any]
     """Values of all axes, by name."""
     setting: Setting
     id: str
-    """Hash of the run's setting, radius, speed, seed and recording, regardless of how the run was requested."""
+    """Hash of the run's setting, radius, speed, seed and recording, regardless of how the run was
+    requested.
+    """
 
     @property
     def name(self) -> str:
@@ -67,21 +72,36 @@ class PlannedRun:
 
     def world(self, threads: int) -> World:
         """The run's compiled world, for a fleet on `threads` worker threads."""
-        own = replace(self.setting.config, radii=(self.cell.radius,), speeds=(self.cell.speed,), threads=threads)
+        own = replace(
+            self.setting.config,
+            radii=(self.cell.radius,),
+            speeds=(self.cell.speed,),
+            threads=threads,
+        )
         return World.of(own, self.setting.specification)
 
 
 def plan(config: Config) -> list[PlannedRun]:
-    """All runs of a grid or sweep; raises TrackslipError for invalid values, before any run is driven."""
+    """All runs of a grid or sweep; raises TrackslipError for invalid values, before any run is
+    driven.
+    """
     axes = axes_of(config)
     radii, speeds = axes.pop("radius"), axes.pop("speed")
     base, read = replace(config, radii=radii, speeds=speeds), functools.cache(read_files)
     grids = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
     settings = [_setting(grid, base, read) for grid in grids]
-    narrowest = min((setting.specification.parameters for setting in settings), key=lambda robot: robot.half_gauge)
-    for radius in radii:  # if a radius is too small for only some of the robots, just those runs fail
+    narrowest = min(
+        (setting.specification.parameters for setting in settings),
+        key=lambda robot: robot.half_gauge,
+    )
+    # if a radius is too small for only some of the robots, just those runs fail
+    for radius in radii:
         require_radius(radius, narrowest.geometry)
-    return [_run(setting, *command) for setting in settings for command in itertools.product(radii, speeds)]
+    return [
+        _run(setting, *command)
+        for setting in settings
+        for command in itertools.product(radii, speeds)
+    ]
 
 
 def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setting:
@@ -90,7 +110,11 @@ def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setti
         if name := option_name(axis):
             config = with_option(config, name, value)
     world = Specification.read(config, read)
-    changed = {axis.removeprefix("robot."): value for axis, value in axes.items() if axis.startswith("robot.")}
+    changed = {
+        axis.removeprefix("robot."): value
+        for axis, value in axes.items()
+        if axis.startswith("robot.")
+    }
     robot, ground = replace(world.parameters, **changed), world.ground
     if "friction_ratio" in axes:
         ground = replace(ground, across=axes["friction_ratio"] * ground.along)
@@ -100,7 +124,9 @@ def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setti
     shared = {name: getattr(config, name) for name in _IN_COMMON} | {"drive": drive}
     shape = replace(robot, radius_error=0.0)
     fleet = digest([shared, shape, world.obstacles, world.pull, ground.largest_shear > 0])
-    return Setting(axes, config, world, digest([shared, world]), fleet, digest([drive, config.scanner, world]))
+    return Setting(
+        axes, config, world, digest([shared, world]), fleet, digest([drive, config.scanner, world])
+    )
 
 
 @functools.cache
@@ -111,7 +137,9 @@ def _shipped_scans() -> str:
 def _run(setting: Setting, radius: float, speed: float) -> PlannedRun:
     config, plain = setting.config, GridCell.at(radius, speed)
     id = digest([setting.id, (radius,), (speed,), config.seed, (config.rrd, config.bag)])
-    name = " ".join([plain.name, *sorted(f"{axis}={value}" for axis, value in setting.axes.items())])
+    name = " ".join(
+        [plain.name, *sorted(f"{axis}={value}" for axis, value in setting.axes.items())]
+    )
     # a grid in the shipped world has the same scans as `reproduce`
     key = plain.key if setting.scans == _shipped_scans() else f"{plain.key} {setting.scans}"
     axes = {**setting.axes, "radius": radius, "speed": speed}

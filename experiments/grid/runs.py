@@ -18,7 +18,17 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
-_SAMPLED = ("omega_l", "omega_r", "v", "w", "slip_l", "slip_r", "true_slip_l", "true_slip_r", "observed_radius")
+_SAMPLED = (
+    "omega_l",
+    "omega_r",
+    "v",
+    "w",
+    "slip_l",
+    "slip_r",
+    "true_slip_l",
+    "true_slip_r",
+    "observed_radius",
+)
 _POSES = ("rmse_x", "rmse_y", "rmse_heading", "valid_fraction")
 
 
@@ -27,27 +37,47 @@ class GridRuns:
     """Runs with constant commands in front of the scanner."""
 
     threads: int
-    """Threads per fleet; 0 means one thread per processor, or a single thread in a worker process."""
+    """Threads per fleet; 0 means one thread per processor, or a single thread in a worker
+    process.
+    """
     sizes: ClassVar[tuple[int, int]] = (64, 128)
-    """Fleet sizes: smaller fleets are slow; larger fleets are hardly faster, and lose more when a worker is stopped."""
+    """Fleet sizes: smaller fleets are slow; larger fleets are hardly faster, and lose more when a
+    worker is stopped.
+    """
 
-    def drive(self, runs: Sequence[PlannedRun], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
+    def drive(
+        self, runs: Sequence[PlannedRun], watch: Stopwatch, progress: Progress | None
+    ) -> list[RunLog]:
         """Drive runs as one fleet."""
         threads = self.threads or (1 if progress is None else 0)
         worlds = [run.world(threads) for run in runs]
         cells = [run.cell for run in runs]
-        return drive_cells(cells, worlds, progress or (lambda seconds: None), watch, runs[0].setting.config.bag)
+        return drive_cells(
+            cells, worlds, progress or (lambda seconds: None), watch, runs[0].setting.config.bag
+        )
 
     def measure(self, run: PlannedRun, log: RunLog) -> Row:
-        """Speeds, slips and errors of a run, by column; for a run without usable slips, a note on the reason."""
+        """Speeds, slips and errors of a run, by column; for a run without usable slips, a note on
+        the reason.
+        """
         geometry = run.world(1).robot.geometry
         try:
-            sampling = usable_samples([log], geometry, method=run.setting.config.motion, longest=True)
+            sampling = usable_samples(
+                [log], geometry, method=run.setting.config.motion, longest=True
+            )
             sample, truth = sampling.samples, true_samples([log], geometry)
-            numbers = np.concatenate([sample.omega[0], sample.twist[0], sample.slip[0], truth.slip[0], sample.radius])
-            row = dict(zip(_SAMPLED, numbers.tolist(), strict=True)) | {"note": "; ".join(sampling.notes) or None}
+            numbers = np.concatenate(
+                [sample.omega[0], sample.twist[0], sample.slip[0], truth.slip[0], sample.radius]
+            )
+            row = dict(zip(_SAMPLED, numbers.tolist(), strict=True)) | {
+                "note": "; ".join(sampling.notes) or None
+            }
         except LogError as error:
             note = f"run {run.name!r} left out: {str(error).removeprefix(f'run {run.name!r}: ')}"
             row = dict.fromkeys(_SAMPLED) | {"note": note}
         errors = LocalizationErrors.of([log])
-        return row | {name: getattr(errors, name) for name in _POSES} | {"saturated": saturated_share(log)}
+        return (
+            row
+            | {name: getattr(errors, name) for name in _POSES}
+            | {"saturated": saturated_share(log)}
+        )

@@ -29,33 +29,57 @@ class RunGrid(GridSlips):
     runs: int
     failed: int
     localization: Mapping[str, float]
-    """Root mean square errors of the poses, and the share of poses that were measured, over all runs."""
+    """Root mean square errors of the poses, and the share of poses that were measured, over all
+    runs.
+    """
 
     @classmethod
     def of_rows(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> "RunGrid":
-        """A grid from the rows of its runs: means over the speeds at every radius, errors over all runs."""
-        slip, true_slip = _values(rows, "slip_l", "slip_r"), _values(rows, "true_slip_l", "true_slip_r")
+        """A grid from the rows of its runs: means over the speeds at every radius, errors over all
+        runs.
+        """
+        slip, true_slip = (
+            _values(rows, "slip_l", "slip_r"),
+            _values(rows, "true_slip_l", "true_slip_r"),
+        )
         commanded, observed = _values(rows, "radius", "observed_radius").T
         slips = GridSlips.of(commanded, observed, slip, true_slip)
         errors = ("rmse_x", "rmse_y", "rmse_heading")
         localization = {name: math.sqrt(known_mean(_values(rows, name) ** 2)) for name in errors}
         localization["valid_fraction"] = known_mean(_values(rows, "valid_fraction"))
-        return cls(**vars(slips), axes=axes, runs=len(rows), failed=len(_failed(rows)), localization=localization)
+        return cls(
+            **vars(slips),
+            axes=axes,
+            runs=len(rows),
+            failed=len(_failed(rows)),
+            localization=localization,
+        )
 
     @property
     def lines(self) -> list[tuple[str, ...]]:
         """Table rows, one per radius: commanded radius, observed radius, and mean slips."""
         radius, slip = self.radius, self.slip_by_radius
         rows = zip(radius.commanded, radius.observed, slip.outer, slip.inner, strict=True)
-        return [(f"{given:g}", f"{seen:.3f}", f"{outer:+.4f}", f"{inner:+.4f}") for given, seen, outer, inner in rows]
+        return [
+            (f"{given:g}", f"{seen:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
+            for given, seen, outer, inner in rows
+        ]
 
     @property
     def line(self) -> tuple[str, ...]:
-        """A table row for the grid: values on the axes, numbers of runs, line of the smallest radius, slip error."""
+        """A table row for the grid: values on the axes, numbers of runs, line of the smallest
+        radius, slip error.
+        """
         tightest = self.lines[int(np.argmin(self.radius.commanded))]
         errors = (self.slip_error.outer, self.slip_error.inner)
         error = math.sqrt(np.mean([error.bias**2 + error.std**2 for error in errors]))
-        return (*map(str, self.axes.values()), str(self.runs), str(self.failed), *tightest, f"{error:.5f}")
+        return (
+            *map(str, self.axes.values()),
+            str(self.runs),
+            str(self.failed),
+            *tightest,
+            f"{error:.5f}",
+        )
 
 
 def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
@@ -71,12 +95,29 @@ def summary_of(grids: Sequence[RunGrid], rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) -> None:
-    """Print a single grid with a line per radius, or several grids with a line each; then warnings and failures."""
+    """Print a single grid with a line per radius, or several grids with a line each; then warnings
+    and failures.
+    """
     if len(grids) == 1:
-        header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
-        Table(f"{counted(len(rows), 'run')} of {duration:g} s", header, grids[0].lines, align="r").print()
+        header: tuple[str, ...] = (
+            "commanded radius [m]",
+            "observed [m]",
+            "outer slip",
+            "inner slip",
+        )
+        Table(
+            f"{counted(len(rows), 'run')} of {duration:g} s", header, grids[0].lines, align="r"
+        ).print()
     else:
-        numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
+        numbers = (
+            "runs",
+            "failed",
+            "tightest [m]",
+            "observed [m]",
+            "outer slip",
+            "inner slip",
+            "slip error, rms",
+        )
         lines = [grid.line for grid in grids[:_MAX_LINES]]
         title = f"{counted(len(rows), 'run')} in {counted(len(grids), 'grid')}"
         Table(title, (*grids[0].axes, *numbers), lines, align="r").print()
@@ -92,12 +133,18 @@ def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) 
 def all_failed(rows: Sequence[Row]) -> str:
     """The message for a sweep in which all runs failed."""
     first, *others = rows
-    return f"all {len(rows)} runs fail, the first, {first['run']!r}: {first['error']}" if others else first["error"]
+    return (
+        f"all {len(rows)} runs fail, the first, {first['run']!r}: {first['error']}"
+        if others
+        else first["error"]
+    )
 
 
 def _warnings(rows: Sequence[Row]) -> list[str]:
     """Warnings on saturated motors, and on parts of runs that could not be used."""
-    saturated = [saturation_warning(row["run"], row["saturated"]) for row in rows if row.get("saturated")]
+    saturated = [
+        saturation_warning(row["run"], row["saturated"]) for row in rows if row.get("saturated")
+    ]
     return saturated + [row["note"] for row in rows if row.get("note")]
 
 

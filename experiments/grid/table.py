@@ -14,7 +14,9 @@ from trackslip.logs.schema import Column
 
 
 def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
-    """Write the rows of a sweep to a Parquet file, with units and descriptions in the columns' metadata."""
+    """Write the rows of a sweep to a Parquet file, with units and descriptions in the columns'
+    metadata.
+    """
     run, id, *measured = COLUMNS.values()
     columns = (run, id, *(known()[axis][1] for axis in axes), *measured)
     arrays = [_array([row.get(column.name) for row in rows], column) for column in columns]
@@ -22,7 +24,9 @@ def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
         pa.field(column.name, array.type, metadata=column.metadata)
         for column, array in zip(columns, arrays, strict=True)
     ]
-    pa.parquet.write_table(pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True)
+    pa.parquet.write_table(
+        pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True
+    )
 
 
 def _array(values: list[Any], column: Column) -> pa.Array:

@@ -19,20 +19,33 @@ _MOST_ALARMS, _MOST_NOTES = 4, 2
 
 
 def card(result: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
-    """The answer, with notes on data `taken` from bags, and with the next commands if `out` contains the results."""
+    """The answer, with notes on data `taken` from bags, and with the next commands if `out`
+    contains the results.
+    """
     fits = result.main.laws
     name = result.expressible
     current = "current × " if any(alarm.kind == "multiplier" for alarm in result.alarms) else ""
     answer = result.answer.items()
-    facts = [(key, with_interval(gain.value, gain[1:])) for key, gain in answer if key.endswith("multiplier")]
+    facts = [
+        (key, with_interval(gain.value, gain[1:]))
+        for key, gain in answer
+        if key.endswith("multiplier")
+    ]
     facts[:1] = [(key, current + value) for key, value in facts[:1]]
     shown = dict.fromkeys(law for law in (name, result.best) if law is not None)
     for law in shown:
         prefix = f"{law}: " if len(shown) > 1 else ""
         facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
-    facts.append(("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.main.reason}"))
+    facts.append(
+        ("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.main.reason}")
+    )
     if name not in (None, result.best):
-        facts.append(("deployed", f"{name}, the best law that diff_drive_controller can express; the values are its"))
+        facts.append(
+            (
+                "deployed",
+                f"{name}, the best law that diff_drive_controller can express; the values are its",
+            )
+        )
     facts += [("error today -> now", error)] if (error := error_today_and_now(result)) else []
     notes = (f"note: {line}" for line in _few(in_few_lines(result.warnings), _MOST_NOTES))
     lines = [*_look(result), *_other_method(result), *_few(taken, _MOST_NOTES), *notes]
@@ -57,13 +70,18 @@ def _parameters(fit: FittedLaw) -> list[tuple[str, str]]:
 
 
 def error_today_and_now(result: Identification) -> str:
-    """Prediction errors without identification and with the best law; empty if they aren't known."""
+    """Prediction errors without identification and with the best law; empty if they aren't
+    known.
+    """
     if result.method == "steady" or result.drive is None:
         cv = result.comparison.validation
         before, after = (cv.get(name) for name in ("none", result.best))
         if before is None or after is None:
             return ""
-        return f"yaw rate at left-out radii: {1e3 * before.yaw_rate:.3g} -> {1e3 * after.yaw_rate:.3g} mrad/s (rms)"
+        return (
+            f"yaw rate at left-out radii: {1e3 * before.yaw_rate:.3g} -> "
+            f"{1e3 * after.yaw_rate:.3g} mrad/s (rms)"
+        )
     today, now = (result.drive.errors.get(name, {}) for name in (TODAY, result.best))
     if not now:
         return ""
@@ -72,9 +90,14 @@ def error_today_and_now(result: Identification) -> str:
     cm = 1e2 / new.way
     if old.position is not None and new.position is not None:
         per_metre = f"{cm * old.position.median:.2g} -> {cm * new.position.median:.2g} cm per metre"
-        parts.append(f"position {old.position.median:.3f} -> {new.position.median:.3f} m ({per_metre})")
+        parts.append(
+            f"position {old.position.median:.3f} -> {new.position.median:.3f} m ({per_metre})"
+        )
     if old.heading is not None and new.heading is not None:
-        parts.append(f"heading {math.degrees(old.heading.median):.1f} -> {math.degrees(new.heading.median):.1f}°")
+        parts.append(
+            f"heading {math.degrees(old.heading.median):.1f} -> "
+            f"{math.degrees(new.heading.median):.1f}°"
+        )
     return f"{ahead:g} s ahead, {' and '.join(parts)} (median)"
 
 
@@ -84,7 +107,9 @@ def _look(result: Identification) -> list[str]:
         return []
     look = result.drive.look
     gains = [
-        (what, gain) for what, gain in (("speed", look.gains.speed), ("turn", look.gains.turn)) if gain is not None
+        (what, gain)
+        for what, gain in (("speed", look.gains.speed), ("turn", look.gains.turn))
+        if gain is not None
     ]
     parts = [f"{what} gain {with_interval(gain.value, gain[1:])}" for what, gain in gains]
     parts += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
@@ -97,7 +122,10 @@ def _other_method(result: Identification) -> list[str]:
     if other is None or REFERENCE not in other.laws:
         return []
     said = ", ".join(f"{letter} = {value}" for letter, value in _parameters(other.laws[REFERENCE]))
-    return [f"{'whole drives' if result.method == 'steady' else 'steady stretches'} say, by {REFERENCE}: {said}"]
+    return [
+        f"{'whole drives' if result.method == 'steady' else 'steady stretches'} say, by "
+        f"{REFERENCE}: {said}"
+    ]
 
 
 def _few(lines: Sequence[str], most: int) -> list[str]:
@@ -110,6 +138,8 @@ def _commands(result: Identification, out: str | None) -> list[str]:
     """Command lines to run next; laws with an alarm are not offered for deployment."""
     if not out:
         return []
-    evaluate, deploy = (f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy"))
+    evaluate, deploy = (
+        f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy")
+    )
     target = "" if result.expressible else f" --to {FAMILIES[result.best].targets[0]}"
     return [evaluate] if result.alarms else [evaluate, deploy + target]

@@ -18,7 +18,8 @@ from trackslip.se2 import Mounting
 
 def run(config: Config) -> None:
     """Fit the laws, and store and print them."""
-    stages = 3 + len(drive_laws())  # reading, steady stretches, each law for whole drives, the report
+    # reading, steady stretches, each law for whole drives, the report
+    stages = 3 + len(drive_laws())
     with Run(config) as run, run.progress("identification", stages, "stages") as report:
         source = source_of(config)
         report(1)
@@ -40,7 +41,9 @@ def run(config: Config) -> None:
 
 
 def source_of(config: Config) -> Source:
-    """The runs and samples that the options select; raises LogError or InvalidValueError if none can be used."""
+    """The runs and samples that the options select; raises LogError or InvalidValueError if none
+    can be used.
+    """
     reading = ReadOptions(
         config.half_gauge,
         config.sprocket_radius,
@@ -50,4 +53,6 @@ def source_of(config: Config) -> Source:
         config.bag.choice(),
         config.multiplier,
     )
-    return read_source(config.path, reading, partial(chosen, where=config.where) if config.where else None)
+    return read_source(
+        config.path, reading, partial(chosen, where=config.where) if config.where else None
+    )

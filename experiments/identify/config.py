@@ -24,10 +24,16 @@ from trackslip.motion.steady import SETTLE
 
 EXAMPLES = (
     ("from a stored grid", "trackslip identify out/grid"),
-    ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+    (
+        "from a real robot's log",
+        "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06",
+    ),
     ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice"),
-    ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
+    (
+        "from a drive, with a sensor 0.3 m ahead",
+        "trackslip identify out/wander --method drive --sensor 0.3 0 0",
+    ),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
 
@@ -36,28 +42,39 @@ EXAMPLES = (
 class Config(ResultsOptions):
     """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them.
 
-    A log is a ROS bag, or has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or omega_l, omega_r, v, w
-    (steady samples).
+    A log is a ROS bag, or has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or
+    omega_l, omega_r, v, w (steady samples).
     """
 
     path: tyro.conf.Positional[Path]
-    """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
-    where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
+    """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder
+    of them).
+    """
+    where: Annotated[
+        tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")
+    ] = None
     """Use only the runs of a sweep with these values, as in ground=ice friction_ratio=1.2."""
-    half_gauge: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
+    half_gauge: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = (
+        None
+    )
     """Half the distance between the tracks [m]."""
-    sprocket_radius: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
+    sprocket_radius: Annotated[
+        float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")
+    ] = None
     """Radius of the sprockets [m]."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("none", "FLOAT")] = None
     """wheel_separation_multiplier of the odometry that is used instead of encoders [-]."""
     method: Annotated[
-        Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
+        Literal["steady", "drive"] | None,
+        default_is("steady where most of the driving is", "{steady,drive}"),
     ] = None
     """Data to fit: stretches of constant sprocket speeds, or whole drives."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
-    """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading [m, m, rad]."""
+    """Position of the pose sensor, ahead of and left of the middle of the tracks, and its heading
+    [m, m, rad].
+    """
     motion: Method = None
     """Method to estimate the twist of a run; bundle needs ranges (see grid)."""
     settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE

@@ -1,4 +1,6 @@
-"""Figures on an identification: slip against speed and radius with the laws, and paths of drives."""
+"""Figures on an identification: slip against speed and radius with the laws, and paths of
+drives.
+"""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -19,7 +21,8 @@ from trackslip.odometry.evaluation import Trajectory, moved, trajectory_of
 from trackslip.odometry.identified import identified_law, no_slip
 
 _WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
-_LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # least radius of curves, and least upper end of the radius axis [m]
+# least radius of curves, and least upper end of the radius axis [m]
+_LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5
 _POLE = 1.0  # slip above which a law is near its pole [-]
 _RUN = "#444444"
 _FEWEST = 10  # number of positions that are too few for a figure
@@ -31,14 +34,23 @@ _BARS: dict[str, Any] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
 
 @style.styled
 def slip_against_speed(turns: Turns) -> style.Panels:
-    """Slip of the inner and outer track against speed, coloured by observed radius (the paper's Fig. 5)."""
+    """Slip of the inner and outer track against speed, coloured by observed radius (the paper's
+    Fig. 5).
+    """
     panels = []
     for track, name in enumerate(TRACKS):
-        figure, axes = style.panel(f"{name.capitalize()} track", "measured speed [m/s]", "slip i [–]")
+        figure, axes = style.panel(
+            f"{name.capitalize()} track", "measured speed [m/s]", "slip i [–]"
+        )
         if turns.slip_error is not None:
             axes.errorbar(turns.speed, turns.slip[:, track], turns.slip_error[:, track], **_BARS)
-        points = axes.scatter(turns.speed, turns.slip[:, track], c=turns.radius, cmap=_SHADES, s=20, zorder=4)
-        axes.set(xlim=(0.0, 1.1 * max(float(turns.speed.max()), 1e-3)), ylim=_limits(turns.slip[:, track]))
+        points = axes.scatter(
+            turns.speed, turns.slip[:, track], c=turns.radius, cmap=_SHADES, s=20, zorder=4
+        )
+        axes.set(
+            xlim=(0.0, 1.1 * max(float(turns.speed.max()), 1e-3)),
+            ylim=_limits(turns.slip[:, track]),
+        )
         figure.colorbar(points, label="observed radius R [m]", aspect=30)
         panels.append(figure)
     return tuple(panels)
@@ -46,15 +58,25 @@ def slip_against_speed(turns: Turns) -> style.Panels:
 
 @style.styled
 def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
-    """Slip against observed radius, with every fitted law and the published law (the paper's Fig. 6)."""
+    """Slip against observed radius, with every fitted law and the published law (the paper's Fig.
+    6).
+    """
     laws = {name: comparison.laws[name].law for name in comparison.laws} | {"published": PUBLISHED}
     looks = _law_lines(laws, comparison.best)
     radius, panels = curve_radii(turns), []
     for track, side in enumerate(TRACKS):
         figure, axes = style.panel(f"{side.capitalize()} track", "", "slip i [–]", height=4.6)
-        axes.plot(turns.radius, turns.slip[:, track], "o", color=_RUN, ms=4, mew=0, zorder=6, label="runs")
+        axes.plot(
+            turns.radius, turns.slip[:, track], "o", color=_RUN, ms=4, mew=0, zorder=6, label="runs"
+        )
         if turns.slip_error is not None:
-            axes.errorbar(turns.radius, turns.slip[:, track], turns.slip_error[:, track], turns.radius_error, **_BARS)
+            axes.errorbar(
+                turns.radius,
+                turns.slip[:, track],
+                turns.slip_error[:, track],
+                turns.radius_error,
+                **_BARS,
+            )
         for name, look in looks.items():
             for curve in turns.curves(laws[name], radius):
                 slip = curve[:, track]
@@ -68,9 +90,13 @@ def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
 
 
 def _law_lines(names: Iterable[str], best: str) -> dict[str, dict[str, Any]]:
-    """Line keywords by law; the best law's line is thick, and comes first so that it lies below the others."""
+    """Line keywords by law; the best law's line is thick, and comes first so that it lies below the
+    others.
+    """
     looks = {name: style.law_line(name, lw=1.2, label=name) for name in names}
-    return {best: looks[best] | {"lw": 3.0, "label": f"{best} (best)"}} | {n: k for n, k in looks.items() if n != best}
+    return {best: looks[best] | {"lw": 3.0, "label": f"{best} (best)"}} | {
+        n: k for n, k in looks.items() if n != best
+    }
 
 
 def _limits(values: Array) -> tuple[float, float]:
@@ -105,7 +131,8 @@ def show_radii(axes: Axes, turns: Turns) -> None:
 
 @style.styled
 def predicted_paths(result: Identification) -> style.Panels | None:
-    """Measured positions of the longest drive, and pieces predicted without slip and by the best law.
+    """Measured positions of the longest drive, and pieces predicted without slip and by the best
+    law.
 
     None if no log has more than a few positions.
     """
@@ -121,13 +148,22 @@ def predicted_paths(result: Identification) -> style.Panels | None:
     panels = []
     for name, law in (("none", no_slip(result.geometry)), (result.drive.best, best)):
         figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
-        axes.plot(*measured[style.thin(len(measured), 1500)].T, ".", color=GREY, ms=3, mew=0, label="measured")
+        axes.plot(
+            *measured[style.thin(len(measured), 1500)].T,
+            ".",
+            color=GREY,
+            ms=3,
+            mew=0,
+            label="measured",
+        )
         axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # limits without the predictions
         drive = trajectory_of(log, law.odometry(), best.mounting, best.clock_offset or 0.0)
         for rows in _pieces(drive):
             first = rows.start
             turn = float(drive.heading[first] - drive.estimated[first, 2])
-            path = moved(drive.estimated[rows], turn, drive.estimated[first, :2], drive.measured[first, :2])
+            path = moved(
+                drive.estimated[rows], turn, drive.estimated[first, :2], drive.measured[first, :2]
+            )
             axes.plot(*path[:, :2].T, **style.law_line(name, lw=1.8))
             axes.plot(*path[0, :2], "ok", ms=4, zorder=6)
         style.plane(axes)
@@ -136,7 +172,13 @@ def predicted_paths(result: Identification) -> style.Panels | None:
 
 
 def _pieces(drive: Trajectory) -> list[slice]:
-    """Rows of a few pieces of a drive, each of duration _AHEAD and starting at a pose with a known heading."""
-    edges = np.searchsorted(drive.time, np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD))
-    pieces = [slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])]
+    """Rows of a few pieces of a drive, each of duration _AHEAD and starting at a pose with a known
+    heading.
+    """
+    edges = np.searchsorted(
+        drive.time, np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD)
+    )
+    pieces = [
+        slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])
+    ]
     return pieces[:: max(1, len(pieces) // _PIECES)]

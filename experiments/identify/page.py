@@ -16,33 +16,48 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 
 INTRO = Markup(
-    "The slip of a track is i = 1 − V / (r ω), where V is its true speed over the ground, r the sprocket radius and ω "
-    "the sprocket speed: positive where the track is slower than commanded. In a turn of radius R, the <em>inner</em> "
-    "track is on the side of the turning centre, the <em>outer</em> track on the other. “The paper” is Moosavian and "
-    "Kalantari, <cite>Experimental Slip Estimation for Exact Kinematics Modeling and Control of a Tracked Mobile "
+    "The slip of a track is i = 1 − V / (r ω), where V is its true speed over the ground, r the "
+    "sprocket radius and ω "
+    "the sprocket speed: positive where the track is slower than commanded. In a turn of radius "
+    "R, the <em>inner</em> "
+    "track is on the side of the turning centre, the <em>outer</em> track on the other. “The "
+    "paper” is Moosavian and "
+    "Kalantari, <cite>Experimental Slip Estimation for Exact Kinematics Modeling and Control of "
+    "a Tracked Mobile "
     "Robot</cite>, IROS 2008; its Eq. 11 is the slip law it published."
 )
 _STEADY = (
-    "All laws are fitted to the same runs and judged by the motion that sprocket speeds cause. The best law is the "
-    "simplest of those that predict left-out radii, and then left-out runs, as well as any other within one standard "
+    "All laws are fitted to the same runs and judged by the motion that sprocket speeds cause. "
+    "The best law is the "
+    "simplest of those that predict left-out radii, and then left-out runs, as well as any other "
+    "within one standard "
     "error or a thousandth of the speed."
 )
 _DRIVE = (
-    "The poses are cut into windows. In each window, the path that the belts drive under a law is aligned with the "
-    "poses; the fit chooses the law's parameters, the sensor's place and the clock so that the remaining errors are "
-    "smallest. Prediction errors refer to driving that the law was not fitted to, and include the errors of the "
+    "The poses are cut into windows. In each window, the path that the belts drive under a law "
+    "is aligned with the "
+    "poses; the fit chooses the law's parameters, the sensor's place and the clock so that the "
+    "remaining errors are "
+    "smallest. Prediction errors refer to driving that the law was not fitted to, and include "
+    "the errors of the "
     "measured poses at both ends, which no law can remove."
 )
 _SLIP = (
-    "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or slower each sprocket "
+    "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or "
+    "slower each sprocket "
     "has to turn for the robot to go where it should."
 )
 
 
 def page(
-    result: Identification, title: str, command: str, manifest: Mapping[str, Any], taken: Sequence[str] = ()
+    result: Identification,
+    title: str,
+    command: str,
+    manifest: Mapping[str, Any],
+    taken: Sequence[str] = (),
 ) -> Page:
-    """The page on an identification, made by `command` or, if the manifest has no configuration, in Python.
+    """The page on an identification, made by `command` or, if the manifest has no configuration, in
+    Python.
 
     `taken` lists what was read from bags.
     """
@@ -60,22 +75,39 @@ def notes(warnings: Sequence[str]) -> Section:
 
 
 def method(result: Identification) -> Section:
-    """The section that explains slip, the laws and their parameters, and the choice of the best law."""
-    how = [_STEADY if result.steady is not None else None, _DRIVE if result.drive is not None else None]
-    laws = {**(result.steady.laws if result.steady else {}), **(result.drive.laws if result.drive else {})}
+    """The section that explains slip, the laws and their parameters, and the choice of the best
+    law.
+    """
+    how = [
+        _STEADY if result.steady is not None else None,
+        _DRIVE if result.drive is not None else None,
+    ]
+    laws = {
+        **(result.steady.laws if result.steady else {}),
+        **(result.drive.laws if result.drive else {}),
+    }
     meaning = parameter_bullets(laws, result.geometry)
     return Section("Method", [INTRO, *how, "The parameters of the laws are:", meaning], folded=True)
 
 
 def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
     """The meanings of the laws' parameters, as a list."""
-    meanings = {p.symbol: p.meaning for law in laws for p in FAMILIES[law].parameters.values() if p.meaning}
-    meanings["b"] = f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"
-    return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
+    meanings = {
+        p.symbol: p.meaning for law in laws for p in FAMILIES[law].parameters.values() if p.meaning
+    }
+    meanings["b"] = (
+        f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is "
+        "not fitted"
+    )
+    return Bullets(
+        [Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()]
+    )
 
 
 def steady_slip(result: Identification) -> Section | None:
-    """The section on the slips in steady stretches and their laws; None if there are no steady stretches."""
+    """The section on the slips in steady stretches and their laws; None if there are no steady
+    stretches.
+    """
     comparison = result.steady
     if comparison is None:
         return None
@@ -86,7 +118,8 @@ def steady_slip(result: Identification) -> Section | None:
             "fig06_slip_laws",
             partial(figures.fitted_laws, turns, comparison),
             "Slip laws (the paper's Fig. 6)",
-            "Slip against observed radius with every fitted law and the published one, which is not fitted. Thick: the "
+            "Slip against observed radius with every fitted law and the published one, which is "
+            "not fitted. Thick: the "
             "best law. Bars: standard errors of measurement, where they are known.",
         )
         speeds = Plot(
@@ -112,9 +145,15 @@ def _driven(runs: int, turns: Turns) -> str:
     """A sentence on the number of samples, and their radii and speeds."""
     if not len(turns):
         return f"{counted(runs, 'run')}, all of them nearly straight."
-    ends = (f"{end:.2f}" for values in (turns.radius, turns.speed) for end in (values.min(), values.max()))
+    ends = (
+        f"{end:.2f}"
+        for values in (turns.radius, turns.speed)
+        for end in (values.min(), values.max())
+    )
     where = "at observed radii from {} to {} m and speeds from {} to {} m/s".format(*ends)
-    straight = f", and {counted(runs - len(turns), 'nearly straight run')}" if runs > len(turns) else ""
+    straight = (
+        f", and {counted(runs - len(turns), 'nearly straight run')}" if runs > len(turns) else ""
+    )
     return f"{counted(len(turns), 'turn')} {where}{straight}, each with one mean slip per track."
 
 
@@ -125,14 +164,20 @@ def whole_drives(result: Identification) -> Section | None:
         return None
     fit = drive.laws[drive.best]
     duration = sum(float(each.time[-1] - each.time[0]) for each in drive.look.drives)
-    driven = f"{counted(len(drive.look.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}."
+    driven = (
+        f"{counted(len(drive.look.drives), 'drive')}, {duration:.0f} s, "
+        f"{counted(fit.poses, 'pose')}."
+    )
     if result.method == "steady":
-        driven += " Most of the driving was steady, so its laws are the result; these are for comparison."
+        driven += (
+            " Most of the driving was steady, so its laws are the result; these are for comparison."
+        )
     path = Plot(
         "drive_path",
         partial(figures.predicted_paths, result),
         "Path of the longest drive",
-        "Measured positions, and where the robot should go from the black dots by its sprocket speeds alone: without "
+        "Measured positions, and where the robot should go from the black dots by its sprocket "
+        "speeds alone: without "
         "slip, and by the best law.",
     )
     return Section(

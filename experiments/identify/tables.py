@@ -15,20 +15,28 @@ from trackslip.laws.families import GAINS
 from trackslip.metrics import rms
 
 _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
-_DRIVE_NOTE = "Intervals are Student's t intervals, from fits that each leave out one block of driving."
+_DRIVE_NOTE = (
+    "Intervals are Student's t intervals, from fits that each leave out one block of driving."
+)
 _CRITERIA_NOTE = (
-    "free: number of fitted parameters. rms: residual of the fit. cv: rms error at left-out radii, for slip, speed v "
+    "free: number of fitted parameters. rms: residual of the fit. cv: rms error at left-out "
+    "radii, for slip, speed v "
     "and yaw rate w. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
-    "Errors over all pairs of poses between which the robot moves. today: dead reckoning without slip, with only the "
-    "given delay and sensor place. two_gains: gains by regression. Score: mean ratio of the error to the best law's."
+    "Errors over all pairs of poses between which the robot moves. today: dead reckoning without "
+    "slip, with only the "
+    "given delay and sensor place. two_gains: gains by regression. Score: mean ratio of the "
+    "error to the best law's."
 )
-_UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # factor from SI to m or degrees, and decimals
+# factor from SI to m or degrees, and decimals
+_UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}
 
 
 def parameters_table(comparison: Comparison) -> Table:
-    """The laws' parameters, best law first; for drives, also sensor and clock offset as fitted with the best law."""
+    """The laws' parameters, best law first; for drives, also sensor and clock offset as fitted with
+    the best law.
+    """
     rows: list[tuple[str | Cell, ...]] = []
     for fit in comparison.laws.values():
         law: str | Cell = law_cell(fit.name, fit.name == comparison.best)
@@ -43,7 +51,8 @@ def parameters_table(comparison: Comparison) -> Table:
     fit = comparison.laws[comparison.best]
     rows += [(EXTRAS[key].title, symbol(fit.name, key), value_text(fit, key)) for key in fit.extras]
     title = (
-        f"Slip laws from {counted(len(comparison.look.drives), 'whole drive')}, sensor and clock by {comparison.best}"
+        f"Slip laws from {counted(len(comparison.look.drives), 'whole drive')}, sensor and "
+        f"clock by {comparison.best}"
     )
     return Table(title, header, rows, "llr", _DRIVE_NOTE)
 
@@ -75,19 +84,40 @@ def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Tab
 
 def _validation_cells(errors: CrossValidation) -> list[str]:
     """Cross-validation errors in slip, speed and yaw rate."""
-    return [number(errors.slip, 5), number(1e3 * errors.linear_speed, 2), number(1e3 * errors.yaw_rate, 2)]
+    return [
+        number(errors.slip, 5),
+        number(1e3 * errors.linear_speed, 2),
+        number(1e3 * errors.yaw_rate, 2),
+    ]
 
 
 def prediction_table(drive: DriveComparison) -> Table:
-    """Median errors in predicting held-out data: without identification first, then for each law, best law first."""
+    """Median errors in predicting held-out data: without identification first, then for each law,
+    best law first.
+    """
     ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
     today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
     for name in [*today, *drive.laws]:
         cells = []
         for errors in map(drive.errors[name].get, ahead):
             sizes = [(getattr(errors, key, None), *unit) for key, unit in _UNITS.items()]
-            known = [number(factor * each.median, digits) for each, factor, digits in sizes if each is not None]
+            known = [
+                number(factor * each.median, digits)
+                for each, factor, digits in sizes
+                if each is not None
+            ]
             cells.append(pair(known) if known else MISSING)
-        rows.append((law_cell(name, name == drive.best, formula=False), *cells, number(drive.score.get(name), 2)))
+        rows.append(
+            (
+                law_cell(name, name == drive.best, formula=False),
+                *cells,
+                number(drive.score.get(name), 2),
+            )
+        )
     title = "Held-out prediction, median error of position [m] | heading [deg]"
-    return Table(title, ("law", *(f"{seconds:g} s" for seconds in ahead), "score"), rows, note=_PREDICTION_NOTE)
+    return Table(
+        title,
+        ("law", *(f"{seconds:g} s" for seconds in ahead), "score"),
+        rows,
+        note=_PREDICTION_NOTE,
+    )

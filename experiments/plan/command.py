@@ -32,9 +32,13 @@ def run(config: Config) -> None:
         sizes = f"--half-gauge {robot.half_gauge:g} --sprocket-radius {robot.sprocket_radius:g}"
         identify = f"trackslip identify LOG {sizes}"
         rows = np.column_stack([plan.time, plan.omega, plan.twist])
-        np.savetxt(run.folder / PLAN_FILE, rows, "%.6g", ",", header="t,omega_l,omega_r,v,w", comments="")
+        np.savetxt(
+            run.folder / PLAN_FILE, rows, "%.6g", ",", header="t,omega_l,omega_r,v,w", comments=""
+        )
         manifest = run.manifest(seed=config.seed)
-        page(plan, paper, manifest, [play, identify] if bag else [identify]).write(run.folder, config.pdf)
+        page(plan, paper, manifest, [play, identify] if bag else [identify]).write(
+            run.folder, config.pdf
+        )
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist, config.topic)
         run.write(_to_json(plan, paper), manifest=manifest)
@@ -43,12 +47,17 @@ def run(config: Config) -> None:
     if bag:
         print(f"{bag_file}: commands on {config.topic}; send them with {play}")
     elif config.bag:
-        print('no ROS 2 bag of the commands, as the package rosbags is missing: pip install -e ".[ros]"')
+        print(
+            "no ROS 2 bag of the commands, as the package rosbags is missing: pip install -e "
+            '".[ros]"'
+        )
     print(f"next: drive it, then {identify}")
 
 
 def _plan(config: Config, run: Run) -> DrivePlan:
-    """The plan for the options; raises LogError for unreadable results, InvalidValueError for invalid options."""
+    """The plan for the options; raises LogError for unreadable results, InvalidValueError for
+    invalid options.
+    """
     law = config.law or REFERENCE
     if config.after is None:
         geometry = config.geometry()
@@ -58,9 +67,13 @@ def _plan(config: Config, run: Run) -> DrivePlan:
         geometry, law, known = before.geometry, before.name, before.errors
         values = [getattr(before.law, name) for name in FAMILIES[law].names]
     stated: dict[str, Any] = {"offset": config.offset, "reach_doubt": config.doubt}
-    knowledge = replace(knowledge, **{name: value for name, value in stated.items() if value is not None})
+    knowledge = replace(
+        knowledge, **{name: value for name, value in stated.items() if value is not None}
+    )
     source, limits = SOURCES[config.poses], config.limits(geometry)
-    poses = PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
+    poses = PoseQuality(
+        source.rate, source.position_noise, source.heading_noise if source.heading else None
+    )
     with run.progress("drives", evaluations(limits), "drives") as step:
         return plan_drive(geometry, limits, poses, law, knowledge, values, known, config.seed, step)
 

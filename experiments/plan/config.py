@@ -6,7 +6,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
-from experiments.common.options import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
+from experiments.common.options import (
+    Excludes,
+    Exclusion,
+    Positive,
+    ResultsOptions,
+    Whole,
+    Within,
+    default_is,
+)
 from sim.bags.writer import require_topic
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
@@ -14,7 +22,10 @@ from trackslip.planning.limits import TURNING, DriveLimits
 
 EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
-    ("outdoors, with GNSS", "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss"),
+    (
+        "outdoors, with GNSS",
+        "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss",
+    ),
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
 )
 _OF_AFTER = default_is("from --after", "FLOAT")
@@ -22,7 +33,9 @@ _OF_AFTER = default_is("from --after", "FLOAT")
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Plan the shortest experiment: a drive within limits that determines a slip law as well as possible."""
+    """Plan the shortest experiment: a drive within limits that determines a slip law as well as
+    possible.
+    """
 
     half_gauge: Annotated[float | None, Positive(10.0, "m"), _OF_AFTER] = None
     """Half the distance between the tracks [m]."""
@@ -35,7 +48,9 @@ class Config(ResultsOptions):
     area: Annotated[str, tyro.conf.arg(metavar="LENGTHxWIDTH")] = "3x3"
     """Size of the area that the robot may not leave, in metres."""
     clearance: Annotated[float | None, default_is("2 half gauges", "FLOAT")] = None
-    """Distance that the robot's middle keeps from the area's edge, to leave room for its farthest corner [m]."""
+    """Distance that the robot's middle keeps from the area's edge, to leave room for its farthest
+    corner [m].
+    """
     duration: float = 60.0
     """Length of the drive [s]."""
     poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
@@ -45,12 +60,20 @@ class Config(ResultsOptions):
         default_is("the best of --after, else icr_radius", "NAME"),
     ] = None
     """Slip law to identify."""
-    offset: Annotated[float | None, default_is("from --after, else 0.3 half gauges", "FLOAT")] = None
-    """Expected D: distance of the ICRs (instantaneous centres of rotation) outside the tracks [m]."""
-    doubt: Annotated[float | None, Within(0, 0.9), default_is("from --after, else 0.15", "FLOAT")] = None
+    offset: Annotated[float | None, default_is("from --after, else 0.3 half gauges", "FLOAT")] = (
+        None
+    )
+    """Expected D: distance of the ICRs (instantaneous centres of rotation) outside the tracks
+    [m].
+    """
+    doubt: Annotated[
+        float | None, Within(0, 0.9), default_is("from --after, else 0.15", "FLOAT")
+    ] = None
     """Relative error in half gauge + D up to which the robot still stays within the area [-]."""
     after: Annotated[Path | None, default_is("none", "FOLDER")] = None
-    """Results of identify to continue from; the drive targets the parameters that they left uncertain."""
+    """Results of identify to continue from; the drive targets the parameters that they left
+    uncertain.
+    """
     seed: Annotated[int, Whole()] = 0
     """Seed for the search."""
     bag: bool = True
@@ -62,7 +85,9 @@ class Config(ResultsOptions):
     out: Path = Path("out/plan")
     """Folder for the results."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("half_gauge", "sprocket_radius"), "after"),)
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Excludes(("half_gauge", "sprocket_radius"), "after"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -71,10 +96,15 @@ class Config(ResultsOptions):
 
     def geometry(self) -> RobotGeometry:
         """The robot's geometry, which must be given without --after."""
-        sizes: dict[str, Any] = {"half_gauge": self.half_gauge, "sprocket_radius": self.sprocket_radius}
+        sizes: dict[str, Any] = {
+            "half_gauge": self.half_gauge,
+            "sprocket_radius": self.sprocket_radius,
+        }
         for name, value in sizes.items():
             if value is None:
-                raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")
+                raise InvalidValueError(
+                    name, None, f"given (--{name.replace('_', '-')} on the command line)"
+                )
         return RobotGeometry(**sizes)
 
     def limits(self, robot: RobotGeometry | None) -> DriveLimits:
@@ -82,8 +112,12 @@ class Config(ResultsOptions):
         try:
             length, width = map(float, self.area.lower().split("x"))
         except ValueError:
-            raise InvalidValueError("area", self.area, "length x width in metres, such as 3x3 or 4.5x2") from None
+            raise InvalidValueError(
+                "area", self.area, "length x width in metres, such as 3x3 or 4.5x2"
+            ) from None
         clearance = self.clearance
         if clearance is None:
             clearance = 0.0 if robot is None else TURNING * robot.half_gauge
-        return DriveLimits(self.max_speed, self.acceleration, (length, width), self.duration, clearance)
+        return DriveLimits(
+            self.max_speed, self.acceleration, (length, width), self.duration, clearance
+        )

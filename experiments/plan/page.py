@@ -1,4 +1,6 @@
-"""The page on a planned drive: path and belt speeds, and the errors expected from it and from the paper's runs."""
+"""The page on a planned drive: path and belt speeds, and the errors expected from it and from the
+paper's runs.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,14 +21,24 @@ from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
 
 _EXPECTED = ("parameter", "expected", "± error", "scale", "share", "25 runs")
-_NOTE = "Share: the standard error over the scale, for D half_gauge + D. The plan makes the largest share small."
+_NOTE = (
+    "Share: the standard error over the scale, for D half_gauge + D. The plan makes the "
+    "largest share small."
+)
 
 
-def page(plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any], steps: Sequence[str]) -> Page:
+def page(
+    plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any], steps: Sequence[str]
+) -> Page:
     """The page on a plan; `steps` are the command lines to run next."""
-    heading = f"{plan.limits.duration:g} s of driving will determine {_errors_text(plan, plan.expectation)}"
+    heading = (
+        f"{plan.limits.duration:g} s of driving will determine "
+        f"{_errors_text(plan, plan.expectation)}"
+    )
     answer = Answer(heading, _facts(plan, paper), next=steps)
-    figure = Plot("plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected.")
+    figure = Plot(
+        "plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected."
+    )
     sections = [Section("Drive", [figure]), Section("Expected errors", [_expected(plan, paper)])]
     return Page("A drive to identify slip", command_line("plan"), manifest, sections, answer=answer)
 
@@ -40,20 +52,32 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
 
 def _expected(plan: DrivePlan, paper: Expectation | None) -> Table:
     rows = []
-    errors, of_paper = _errors(plan, plan.expectation), {} if paper is None else _errors(plan, paper)
+    errors, of_paper = (
+        _errors(plan, plan.expectation),
+        {} if paper is None else _errors(plan, paper),
+    )
     for (name, size), value in zip(plan.sizes.items(), plan.values.tolist(), strict=True):
         factor, unit = unit_of(plan.law, name)
-        relative = (significant(factor * size, unit, 3), percent(plan.expectation.stderr[name] / size))
+        relative = (
+            significant(factor * size, unit, 3),
+            percent(plan.expectation.stderr[name] / size),
+        )
         expected = (number(factor * value, 2, unit), errors[name])
         rows.append((symbol(plan.law, name), *expected, *relative, of_paper.get(name, MISSING)))
-    title = f"{plan.limits.duration:g} s in {plan.limits.area_text} m: how well {plan.law} will be known"
+    title = (
+        f"{plan.limits.duration:g} s in {plan.limits.area_text} m: how well {plan.law} will "
+        "be known"
+    )
     return Table(title, _EXPECTED, rows, note=_NOTE)
 
 
 def _errors(plan: DrivePlan, expectation: Expectation) -> dict[str, str]:
     """The standard error of each of the law's parameters, with its unit."""
     units = {name: unit_of(plan.law, name) for name in plan.sizes}
-    return {name: significant(factor * expectation.stderr[name], unit) for name, (factor, unit) in units.items()}
+    return {
+        name: significant(factor * expectation.stderr[name], unit)
+        for name, (factor, unit) in units.items()
+    }
 
 
 def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
@@ -62,11 +86,23 @@ def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
 
 
 def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
-    """Facts on a plan: start, extent, undetermined parameters, and the errors expected from the paper's runs."""
-    (x, y, heading), (across, up), knowledge = plan.start, np.ptp(plan.places, axis=0), plan.knowledge
-    where = f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f}°"
+    """Facts on a plan: start, extent, undetermined parameters, and the errors expected from the
+    paper's runs.
+    """
+    (x, y, heading), (across, up), knowledge = (
+        plan.start,
+        np.ptp(plan.places, axis=0),
+        plan.knowledge,
+    )
+    where = (
+        f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading "
+        f"{math.degrees(heading):.0f}°"
+    )
     reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"
-    facts = [("start", where), ("the robot's middle stays within", f"{across:.2f} x {up:.2f} m, {reach}")]
+    facts = [
+        ("start", where),
+        ("the robot's middle stays within", f"{across:.2f} x {up:.2f} m, {reach}"),
+    ]
     held = [name for name in plan.expectation.held if name not in ("lag", "sensor_yaw")]
     if held:
         facts.append(("not determined by this drive", ", ".join(held)))
@@ -80,14 +116,18 @@ def _draw_plan(plan: DrivePlan) -> tuple[Figure, Figure]:
     figures = [Figure(figsize=(4.5, 4.2), layout="constrained") for _ in range(2)]
     place, belts = (figure.subplots() for figure in figures)
     area, reached, low = plan.limits.area, np.ptp(plan.places, axis=0), tuple(plan.places[0])
-    place.add_patch(Rectangle((-area[0] / 2, -area[1] / 2), *area, fill=False, ec=GREY, lw=1.2, label="area"))
+    place.add_patch(
+        Rectangle((-area[0] / 2, -area[1] / 2), *area, fill=False, ec=GREY, lw=1.2, label="area")
+    )
     place.add_patch(Rectangle(low, *reached, color=BAND, lw=0, label="where it may get to"))
     place.plot(*plan.path.T, color=BLUE, label="expected path")
     place.plot(*plan.start[:2], "o", color=GREEN, label="start")
     plane(place, title="Path")
     for values, side, colour in zip(plan.speeds.T, ("left", "right"), (BLUE, ORANGE), strict=True):
         belts.step(plan.time, values, where="post", color=colour, label=side)
-    belts.set(title="Belts", xlabel="time [s]", ylabel="speed [m/s]", xlim=(0, plan.limits.duration))
+    belts.set(
+        title="Belts", xlabel="time [s]", ylabel="speed [m/s]", xlim=(0, plan.limits.duration)
+    )
     for figure in figures:
         figure.legend(loc="outside lower center", ncols=2)
     return figures[0], figures[1]

@@ -25,7 +25,10 @@ def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, with
     send_paving(recording, within)
     if traces.log.scans is not None:
         mount = traces.log.scans.scan.mount
-        place, turn = [*mount[:2], model.body("lrf").pos[2]], rr.Quaternion(xyzw=about_vertical(mount[2:])[0])
+        place, turn = (
+            [*mount[:2], model.body("lrf").pos[2]],
+            rr.Quaternion(xyzw=about_vertical(mount[2:])[0]),
+        )
         recording.still(f"{FIELD}/scanner", rr.Transform3D(translation=place, quaternion=turn))
         send_geoms(recording, f"{FIELD}/scanner", model, model.body("lrf").id)
     metadata = traces.log.metadata
@@ -36,11 +39,16 @@ def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, with
         _send_obstacles(recording, metadata["obstacles"])
 
 
-def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], low: Array, high: Array) -> None:
-    """Send the parts of patches with different friction that lie between the corners `low` and `high` (2,) [m]."""
+def _send_patches(
+    recording: Recording, patches: Sequence[Mapping[str, Any]], low: Array, high: Array
+) -> None:
+    """Send the parts of patches with different friction that lie between the corners `low` and
+    `high` (2,) [m].
+    """
     for k, patch in enumerate(patches):
         edges = np.array([patch["x"], patch["y"]], float)
-        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch is unbounded
+        # NaN where a patch is unbounded
+        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)
         if (begin < end).all():
             flat = rr.Boxes3D(
                 centers=[[*(begin + end) / 2, _PATCH]],
@@ -56,7 +64,9 @@ def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any]) -> None:
     """Send the obstacles that the log describes."""
     posts, walls = (list(obstacles.get(kind) or ()) for kind in ("posts", "walls"))
     if posts:
-        recording.still(f"{FIELD}/posts", _cylinders([(p["x"], p["y"], p["radius"]) for p in posts]))
+        recording.still(
+            f"{FIELD}/posts", _cylinders([(p["x"], p["y"], p["radius"]) for p in posts])
+        )
     if walls:
         ends = [([wall["x0"], wall["y0"]], [wall["x1"], wall["y1"]]) for wall in walls]
         around = [[[*a, 0.0], [*b, 0.0], [*b, _TALL], [*a, _TALL], [*a, 0.0]] for a, b in ends]
@@ -68,5 +78,9 @@ def _cylinders(circles: list[tuple[float, float, float]]) -> rr.Cylinders3D:
     x, y, radii = np.transpose(circles)
     centres = np.column_stack([x, y, np.full(len(x), _TALL / 2)])
     return rr.Cylinders3D(
-        lengths=[_TALL] * len(x), radii=radii, centers=centres, colors=[rgb(OTHER_COLOUR)], fill_mode="solid"
+        lengths=[_TALL] * len(x),
+        radii=radii,
+        centers=centres,
+        colors=[rgb(OTHER_COLOUR)],
+        fill_mode="solid",
     )

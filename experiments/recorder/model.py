@@ -1,4 +1,6 @@
-"""A MuJoCo model in a recording: each geom as a rerun shape, bodies that move, and tracks whose belts turn."""
+"""A MuJoCo model in a recording: each geom as a rerun shape, bodies that move, and tracks whose
+belts turn.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -34,8 +36,14 @@ def send_robot(
 ) -> None:
     """Send all moving bodies of a model and the tracks on them, below the entity `root`."""
     carriers = {body for _, body, _ in tracks}
-    bodies = [b for b in range(1, model.nbody) if model.body_weldid[b] and (b in carriers or drawn(model, b))]
-    entities = {body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies}
+    bodies = [
+        b
+        for b in range(1, model.nbody)
+        if model.body_weldid[b] and (b in carriers or drawn(model, b))
+    ]
+    entities = {
+        body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies
+    }
     position, attitude = _poses(model, qpos, bodies)
     for k, (body, entity) in enumerate(entities.items()):
         recording.poses(entity, time, position[:, k], np.roll(attitude[:, k], -1, axis=-1))
@@ -65,7 +73,9 @@ def drawn(model: mujoco.MjModel, body: int) -> list[int]:
 def send_paving(recording: Recording, within: Array, height: float = 0.0) -> None:
     """Send level ground at a height [m] around the points `within` (n, 2) [m]."""
     low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
-    high = np.minimum(np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int), low + _MAX_STONES)
+    high = np.minimum(
+        np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int), low + _MAX_STONES
+    )
     corner = np.stack(np.meshgrid(*map(np.arange, low, high)), axis=-1).reshape(-1, 2)
     stones = rr.Boxes3D(
         centers=at_height(_STONE * (corner + 0.5), height - _THICK),
@@ -78,7 +88,11 @@ def send_paving(recording: Recording, within: Array, height: float = 0.0) -> Non
 
 def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) -> None:
     """Send the boxes and cylinders of a track, only once if the track is at rest."""
-    turn = Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3)).as_quat().reshape(*pieces.angle.shape, 4)
+    turn = (
+        Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3))
+        .as_quat()
+        .reshape(*pieces.angle.shape, 4)
+    )
     colours = np.rint(255 * pieces.rgba).astype(np.uint8)
     for kind, name in ((BOX, "boxes"), (CYLINDER, "wheels")):
         mine = pieces.kind == kind
@@ -88,11 +102,15 @@ def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) 
             recording.still(f"{entity}/{name}", solid)
         else:
             columns = {"centers": place.reshape(-1, 3), "quaternions": turned.reshape(-1, 4)}
-            recording.shapes(f"{entity}/{name}", time, np.full(len(time), mine.sum()), solid, **columns)
+            recording.shapes(
+                f"{entity}/{name}", time, np.full(len(time), mine.sum()), solid, **columns
+            )
 
 
 def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarray) -> Any:
-    """Shapes for one kind of geom: MuJoCo's sizes (n, 3) [m], positions (n, 3) [m] and quaternions xyzw (n, 4)."""
+    """Shapes for one kind of geom: MuJoCo's sizes (n, 3) [m], positions (n, 3) [m] and quaternions
+    xyzw (n, 4).
+    """
     style: dict[str, Any] = {"quaternions": turn, "colors": colours, "fill_mode": "solid"}
     geom = mujoco.mjtGeom
     if kind == geom.mjGEOM_BOX:
@@ -113,7 +131,9 @@ def _shape(model: mujoco.MjModel, i: int) -> Any:
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.geom_dataid[i]
         first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        corners = model.mesh_vert[model.mesh_vertadr[mesh] :][model.mesh_face[first : first + count]]
+        corners = model.mesh_vert[model.mesh_vertadr[mesh] :][
+            model.mesh_face[first : first + count]
+        ]
     elif kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         corners = _height_field(model, int(model.geom_dataid[i]))
     else:
@@ -122,12 +142,18 @@ def _shape(model: mujoco.MjModel, i: int) -> Any:
     edge = np.diff(vertices.reshape(-1, 3, 3), axis=1)
     normal = np.cross(edge[:, 0], edge[:, 1])  # each triangle is shaded flat
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    return rr.Mesh3D(vertex_positions=vertices, vertex_normals=np.repeat(normal, 3, axis=0), albedo_factor=colour)
+    return rr.Mesh3D(
+        vertex_positions=vertices, vertex_normals=np.repeat(normal, 3, axis=0), albedo_factor=colour
+    )
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Array:
     """Triangles (F, 3, 3) on a height field's surface, the same as MuJoCo's."""
-    rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
+    rows, columns, first = (
+        model.hfield_nrow[field],
+        model.hfield_ncol[field],
+        model.hfield_adr[field],
+    )
     length, width, high, _ = model.hfield_size[field]
     x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))
     z = high * model.hfield_data[first : first + rows * columns].reshape(rows, columns)
@@ -139,7 +165,10 @@ def _height_field(model: mujoco.MjModel, field: int) -> Array:
 def _poses(model: mujoco.MjModel, qpos: Array, bodies: Sequence[int]) -> tuple[Array, Array]:
     """Positions (R, B, 3) and attitudes (R, B, 4), w first, of bodies in states qpos (R, nq)."""
     data = mujoco.MjData(model)
-    position, attitude = np.empty((len(qpos), len(bodies), 3)), np.empty((len(qpos), len(bodies), 4))
+    position, attitude = (
+        np.empty((len(qpos), len(bodies), 3)),
+        np.empty((len(qpos), len(bodies), 4)),
+    )
     for k in range(len(qpos)):
         data.qpos[:] = qpos[k]
         mujoco.mj_kinematics(model, data)

@@ -1,4 +1,6 @@
-"""Robot runs in a recording: a single run with all measurements, or several runs, each in its own colour."""
+"""Robot runs in a recording: a single run with all measurements, or several runs, each in its own
+colour.
+"""
 
 import contextlib
 from collections.abc import Sequence
@@ -13,7 +15,16 @@ from experiments.recorder.field import send_field
 from experiments.recorder.model import send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
 from experiments.recorder.sensing import ESTIMATE_COLOUR, send_estimate, send_scans
-from experiments.recorder.stream import CAMERA, RUN, Recording, Series, about_vertical, at_height, paint, rgb
+from experiments.recorder.stream import (
+    CAMERA,
+    RUN,
+    Recording,
+    Series,
+    about_vertical,
+    at_height,
+    paint,
+    rgb,
+)
 from experiments.recorder.traces import Traces
 from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.parameters import RobotParameters
@@ -22,7 +33,18 @@ from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED, RunLog
 
-_COLOURS = (BLUE, "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#F0E442", "#B8B8B8", "#8C510A", "#6A3D9A")
+_COLOURS = (
+    BLUE,
+    "#D55E00",
+    "#009E73",
+    "#E69F00",
+    "#CC79A7",
+    "#56B4E9",
+    "#F0E442",
+    "#B8B8B8",
+    "#8C510A",
+    "#6A3D9A",
+)
 _REFERENCE_COLOUR = "#b8b8b8"
 _AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
 _THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # line widths [px]
@@ -82,7 +104,9 @@ def series_of(traces: Traces) -> list[Series]:
         distance = 1e3 * np.hypot(error[:, :1], error[:, 1:2])
         series += [
             Series("error/distance", distance, ("distance",), (GREY,), _THICK),
-            Series("error/position", 1e3 * error[:, :2], ("ahead", "to the left"), (_AHEAD, _SIDEWAYS)),
+            Series(
+                "error/position", 1e3 * error[:, :2], ("ahead", "to the left"), (_AHEAD, _SIDEWAYS)
+            ),
             Series("error/heading", np.degrees(error[:, 2:]), ("heading",), (_TURNING,)),
         ]
     return series
@@ -90,41 +114,70 @@ def series_of(traces: Traces) -> list[Series]:
 
 def _blended(colours: Sequence[str], level: int) -> list[str]:
     """Colours blended halfway to a grey `level`, from 0 (black) to 255 (white)."""
-    return ["#" + "".join(f"{(channel + level) // 2:02x}" for channel in rgb(colour)) for colour in colours]
+    return [
+        "#" + "".join(f"{(channel + level) // 2:02x}" for channel in rgb(colour))
+        for colour in colours
+    ]
 
 
 def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
-    """A run's lines for comparison with other runs, in the run's colour, paler for the right track."""
+    """A run's lines for comparison with other runs, in the run's colour, paler for the right
+    track.
+    """
     colours = [colour, *_blended([colour], 255)]
     lines = [line for line in series if line.entity in _COMPARED]
-    names = [(f"{run}, left", f"{run}, right") if len(line.names) == 2 else (run,) for line in lines]
-    return [replace(line, names=name, colours=colours, width=_LINE) for line, name in zip(lines, names, strict=True)]
+    names = [
+        (f"{run}, left", f"{run}, right") if len(line.names) == 2 else (run,) for line in lines
+    ]
+    return [
+        replace(line, names=name, colours=colours, width=_LINE)
+        for line, name in zip(lines, names, strict=True)
+    ]
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
-    """Parameters of the robot in a run, from its log; parameters missing in the log are the shipped robot's."""
+    """Parameters of the robot in a run, from its log; parameters missing in the log are the shipped
+    robot's.
+    """
     known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
     with contextlib.suppress(*MALFORMED):  # also raised for a robot of another kind
-        return build(RobotParameters, {key: value for key, value in known.items() if key in names}, log.run)
+        return build(
+            RobotParameters, {key: value for key, value in known.items() if key in names}, log.run
+        )
     return RobotParameters()
 
 
 def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
-    """Looks of the robot in a run, in `colour` or its own colours; a plain robot if the file with looks is missing."""
-    parameters, paint = parameters_of(log), () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
+    """Looks of the robot in a run, in `colour` or its own colours; a plain robot if the file with
+    looks is missing.
+    """
+    parameters, paint = (
+        parameters_of(log),
+        () if colour is None else (*np.divide(rgb(colour), 255), 1.0),
+    )
     try:
         return robot_looks(parameters, paint)
     except TrackslipError:
         return robot_looks(replace(parameters, looks=""), paint)
 
 
-def _send_robot(recording: Recording, root: str, traces: Traces, looks: RobotLooks, turning: bool) -> None:
+def _send_robot(
+    recording: Recording, root: str, traces: Traces, looks: RobotLooks, turning: bool
+) -> None:
     """Send the robot at its poses, on level ground, with its belts `turning` or at rest."""
     speed = (traces.log.omega * parameters_of(traces.log).sprocket_radius)[:, looks.track_side]
     travel = np.cumsum(speed * np.diff(traces.time, prepend=0.0)[:, None], axis=0)
     qpos = looks.qpos(traces.pose)
-    send_robot(recording, root, looks.model, traces.time, qpos, looks.tracks, travel if turning else travel[:1])
+    send_robot(
+        recording,
+        root,
+        looks.model,
+        traces.time,
+        qpos,
+        looks.tracks,
+        travel if turning else travel[:1],
+    )
 
 
 def _send_camera(recording: Recording, runs: Sequence[Traces]) -> None:
@@ -134,23 +187,33 @@ def _send_camera(recording: Recording, runs: Sequence[Traces]) -> None:
     recording.poses(CAMERA, time, at_height(np.mean(places, axis=0).T, 0.0))
 
 
-def _send_paths(recording: Recording, root: str, traces: Traces, colour: str, estimate: bool) -> None:
+def _send_paths(
+    recording: Recording, root: str, traces: Traces, colour: str, estimate: bool
+) -> None:
     """Send the true path if it is known, the measured path, and the reference with its target."""
     recording.line(f"{root}/path/driven", at_height(traces.pose, 2 * _ABOVE), colour, 0.008)
     if estimate and traces.log.truth is not None:
         known = traces.estimate[np.isfinite(traces.estimate).all(axis=1)]
-        recording.line(f"{root}/path/estimated", at_height(known, 3 * _ABOVE), ESTIMATE_COLOUR, 0.004)
+        recording.line(
+            f"{root}/path/estimated", at_height(known, 3 * _ABOVE), ESTIMATE_COLOUR, 0.004
+        )
     if (reference := traces.reference) is not None:
         path, target = at_height(reference, _ABOVE), f"{root}/reference/target"
         recording.line(f"{root}/reference/path", path, _REFERENCE_COLOUR, 0.016)
-        arrow = rr.Arrows3D(vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], **paint("#ffffff", 0.012))
+        arrow = rr.Arrows3D(
+            vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], **paint("#ffffff", 0.012)
+        )
         recording.still(target, arrow)
         recording.poses(target, traces.time, path, about_vertical(reference[:, 2]))
 
 
 def _within(runs: Sequence[Traces]) -> Array:
-    """Points (n, 2) [m] on paths, references and scanners, between which everything of interest lies."""
+    """Points (n, 2) [m] on paths, references and scanners, between which everything of interest
+    lies.
+    """
     points = [traces.pose[:, :2] for traces in runs]
     points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
-    points += [traces.log.scans.scan.mount[None, :2] for traces in runs if traces.log.scans is not None]
+    points += [
+        traces.log.scans.scan.mount[None, :2] for traces in runs if traces.log.scans is not None
+    ]
     return np.concatenate(points)

@@ -17,13 +17,20 @@ def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujo
     """Send the estimated plate, in the rows in which it was detected."""
     known, plate = np.isfinite(traces.estimate).all(axis=1), model.geom("plate")
     pose = traces.estimate[known]
-    look = rr.Boxes3D.from_fields(half_sizes=[plate.size * [1, 1, 1.05]], **paint(ESTIMATE_COLOUR, 0.004))
-    place = {"centers": at_height(pose, float(plate.pos[2])), "quaternions": about_vertical(pose[:, 2])}
+    look = rr.Boxes3D.from_fields(
+        half_sizes=[plate.size * [1, 1, 1.05]], **paint(ESTIMATE_COLOUR, 0.004)
+    )
+    place = {
+        "centers": at_height(pose, float(plate.pos[2])),
+        "quaternions": about_vertical(pose[:, 2]),
+    }
     recording.shapes(f"{entity}/plate", traces.time, known.astype(int), look, **place)
 
 
 def send_scans(recording: Recording, entity: str, traces: Traces, height: float) -> None:
-    """Send the scans' returns and, in the rows in which the plate was detected, the beams to the plate."""
+    """Send the scans' returns and, in the rows in which the plate was detected, the beams to the
+    plate.
+    """
     scans, time = traces.log.scans, traces.time
     if scans is None:
         return

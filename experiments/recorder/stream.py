@@ -1,4 +1,6 @@
-"""Recordings: static shapes, rows over time, and plot lines, written to a file for the rerun viewer."""
+"""Recordings: static shapes, rows over time, and plot lines, written to a file for the rerun
+viewer.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +19,9 @@ from trackslip.metrics import TRANSIENT
 
 TIMELINE = "time"
 RUN, FIELD, CAMERA = "run", "field", "camera"
-"""Entities: the run, or several runs below it; everything static; and the point that the viewer's camera follows."""
+"""Entities: the run, or several runs below it; everything static; and the point that the viewer's
+camera follows.
+"""
 
 
 @dataclass(frozen=True)
@@ -50,12 +54,18 @@ class Recording:
         nanoseconds = np.rint(1e9 * time).astype("timedelta64[ns]")
         self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], columns)
 
-    def poses(self, entity: str, time: Array, position: Array, attitude: Array | None = None) -> None:
+    def poses(
+        self, entity: str, time: Array, position: Array, attitude: Array | None = None
+    ) -> None:
         """Move an entity through positions (T, 3) [m] with attitudes (T, 4), quaternions xyzw."""
         self.rows(entity, time, rr.Transform3D.columns(translation=position, quaternion=attitude))
 
-    def shapes(self, entity: str, time: Array, counts: np.ndarray, look: Any, **columns: Any) -> None:
-        """Add shapes like the archetype `look`, `counts` (T,) of them per row; `columns` differ between the shapes."""
+    def shapes(
+        self, entity: str, time: Array, counts: np.ndarray, look: Any, **columns: Any
+    ) -> None:
+        """Add shapes like the archetype `look`, `counts` (T,) of them per row; `columns` differ
+        between the shapes.
+        """
         if counts.any():
             self.still(entity, look)
             self.rows(entity, time, type(look).columns(**columns).partition(counts))
@@ -80,7 +90,9 @@ class Recording:
 
 
 def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -> None:
-    """Write a .rrd file of all that `send` adds, complete or not at all; raises OutputError if it can't be written."""
+    """Write a .rrd file of all that `send` adds, complete or not at all; raises OutputError if it
+    can't be written.
+    """
 
     def write(draft: Path) -> None:
         draft.touch()  # fails if the file can't be written
@@ -93,7 +105,8 @@ def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -
 
     try:
         write_output(file, write)
-    except RuntimeError as error:  # rerun writes in a thread of its own, which ends when the disk is full
+    # rerun writes in a thread of its own, which ends when the disk is full
+    except RuntimeError as error:
         raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
 
 
@@ -108,7 +121,9 @@ def at_height(pose: Array, height: float) -> Array:
 
 
 def paint(colour: str, radius: float, opacity: int = 255) -> dict[str, Any]:
-    """Keywords of points, lines and arrows for the colour '#rrggbb', a radius [m] and an opacity (0 to 255)."""
+    """Keywords of points, lines and arrows for the colour '#rrggbb', a radius [m] and an opacity (0
+    to 255).
+    """
     return {"colors": [(*rgb(colour), opacity)], "radii": [radius]}
 
 

@@ -21,7 +21,9 @@ _WINDOW = 3.0  # window that each polynomial is fitted to [s]
 
 
 class Traces:
-    """A run of T rows, ready to draw. Quantities missing from the log are None; values missing in a row are NaN."""
+    """A run of T rows, ready to draw. Quantities missing from the log are None; values missing in a
+    row are NaN.
+    """
 
     def __init__(self, log: RunLog) -> None:
         self.log, truth = log, log.truth
@@ -40,7 +42,9 @@ class Traces:
         self.identified: Array | None = None
         """Slips (T, 2) from the smoothed measured poses [-]."""
         self.assumed: Array | None = None
-        """Slips (T, 2) that compensation assumes: with these slips, the set points yield the commanded twists [-]."""
+        """Slips (T, 2) that compensation assumes: with these slips, the set points yield the
+        commanded twists [-].
+        """
         if (geometry := stored_geometry(log)) is not None:
             measured = _smooth_twist(log)
             self.identified = None if measured is None else _slip(log.omega, measured, geometry)
@@ -66,7 +70,8 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
 
 
 def _smooth_twist(log: RunLog) -> Array | None:
-    """Mean twists (T, 2) since the previous row, from polynomials fitted to a sliding window of measured poses.
+    """Mean twists (T, 2) since the previous row, from polynomials fitted to a sliding window of
+    measured poses.
 
     NaN before the first and after the last pose; None if there are too few poses.
     """
@@ -76,15 +81,23 @@ def _smooth_twist(log: RunLog) -> Array | None:
         return None
     step = float(time[1] - time[0])
     window = int(np.clip(_WINDOW / step, _DEGREE + 3, len(time) - 1)) // 2 * 2 - 1  # odd
-    filtered = [scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=k, delta=step, axis=0) for k in (0, 1)]
+    filtered = [
+        scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=k, delta=step, axis=0)
+        for k in (0, 1)
+    ]
     heading, rates = filtered[0][:, 2], filtered[1]
     v = se2.rotate(-heading, rates[:, :2])[:, 0]
-    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are also means
-    return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, rates[:, 2])], axis=-1)
+    # measured sprocket speeds are also means
+    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2
+    return np.stack(
+        [np.interp(middle, time, column, np.nan, np.nan) for column in (v, rates[:, 2])], axis=-1
+    )
 
 
 def _filled(pose: Array) -> Array:
-    """Poses (T, 3) with NaN interpolated between neighbours, or replaced by the nearest pose at the ends."""
+    """Poses (T, 3) with NaN interpolated between neighbours, or replaced by the nearest pose at the
+    ends.
+    """
     rows, known = np.arange(len(pose)), np.isfinite(pose).all(axis=1)
     if not known.any():
         return np.zeros_like(pose)

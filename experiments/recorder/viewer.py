@@ -1,4 +1,6 @@
-"""The rerun viewer: the choice of runs to show, and the start of the viewer, native or in the browser."""
+"""The rerun viewer: the choice of runs to show, and the start of the viewer, native or in the
+browser.
+"""
 
 import os
 import subprocess
@@ -11,24 +13,38 @@ from trackslip.logs.runlog import RunLog
 
 
 def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[RunLog]:
-    """The runs with these names, in that order, by default the first run; raises LogError for an unknown name."""
+    """The runs with these names, in that order, by default the first run; raises LogError for an
+    unknown name.
+    """
     runs = {log.run: log for log in logs}
     for name in names:
         if name not in runs:
-            raise LogError(f"{path}: no run {name!r}; there are {', '.join(map(repr, list(runs)[:5]))}")
+            raise LogError(
+                f"{path}: no run {name!r}; there are {', '.join(map(repr, list(runs)[:5]))}"
+            )
     return [runs[name] for name in names] or [logs[0]]
 
 
 def show(file: Path, web: bool) -> None:
-    """Show a recording in a new viewer until that is closed or interrupted; raises TrackslipError if it can't start."""
+    """Show a recording in a new viewer until that is closed or interrupted; raises TrackslipError
+    if it can't start.
+    """
     viewer = Path(sys.executable).with_name("rerun")  # the environment needn't be active
-    command = [str(viewer) if viewer.exists() else "rerun", "--bind", "127.0.0.1", "--new", str(file)]
+    command = [
+        str(viewer) if viewer.exists() else "rerun",
+        "--bind",
+        "127.0.0.1",
+        "--new",
+        str(file),
+    ]
     if web:
         print("showing in the browser until interrupted", flush=True)
         command += ["--web-viewer", "--web-viewer-port", "0"]
     log = "error,re_sdk::web_viewer=info"  # which prints the page's address
     try:
-        subprocess.run(command, check=True, env={"RUST_LOG": log, "RERUN_APP_ONLY": "true", **os.environ})
+        subprocess.run(
+            command, check=True, env={"RUST_LOG": log, "RERUN_APP_ONLY": "true", **os.environ}
+        )
     except (OSError, subprocess.CalledProcessError) as error:
         other = "" if web else "--web, or "
         raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE") from error

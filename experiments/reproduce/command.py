@@ -35,11 +35,15 @@ from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.trajectory.segmented import PAPER_START, paper_reference
 
 STARTS = {"feedforward": PAPER_START, "linear": (0.3, -0.2, math.pi / 3)}
-"""Start poses (x, y, phi) of the paper's controllers, in the order of its runs (Secs. IV-B and IV-C) [m, m, rad]."""
+"""Start poses (x, y, phi) of the paper's controllers, in the order of its runs (Secs. IV-B and
+IV-C) [m, m, rad].
+"""
 
 
 def run(config: Config) -> None:
-    """Drive the grid, identify laws, verify them in closed loop, compare with the paper, store, report and print."""
+    """Drive the grid, identify laws, verify them in closed loop, compare with the paper, store,
+    report and print.
+    """
     world, path = World.of(config), paper_reference()
     geometry, cells = world.robot.geometry, cells_of(config)
     with Run(config) as run:
@@ -54,12 +58,23 @@ def run(config: Config) -> None:
             grid = GridSummary.of_logs(grid_logs, sampling.samples, geometry)
 
         if REFERENCE not in result.laws:  # the law that the page is about
-            raise LogError(next(line for line in result.warnings if line.startswith(f"law {REFERENCE}:")))
-        laws = {**KNOWN_LAWS, **{name: result.laws[name] for name in IDENTIFIED if name in result.laws}}
-        loops = [_loop(name, law, np.array(start), config.seed) for name, start in STARTS.items() for law in laws]
+            raise LogError(
+                next(line for line in result.warnings if line.startswith(f"law {REFERENCE}:"))
+            )
+        laws = {
+            **KNOWN_LAWS,
+            **{name: result.laws[name] for name in IDENTIFIED if name in result.laws},
+        }
+        loops = [
+            _loop(name, law, np.array(start), config.seed)
+            for name, start in STARTS.items()
+            for law in laws
+        ]
         with run.busy("closed loops"), run.watch.stage("closed loops"):
             try:
-                loop_logs = drive_closed_loops(loops, world, path, config.localization, lambda law: FixedLaw(laws[law]))
+                loop_logs = drive_closed_loops(
+                    loops, world, path, config.localization, lambda law: FixedLaw(laws[law])
+                )
             except RunFailedError as failure:
                 failure.logs = [*grid_logs, *failure.logs]
                 raise
@@ -68,7 +83,9 @@ def run(config: Config) -> None:
         logs, warnings = [*grid_logs, *loop_logs], saturation_warnings(grid_logs)
         manifest, simulated = run.manifest(**world.about), simulated_seconds(logs)
         with run.busy("report"), run.watch.stage("report"):
-            report = page(command_line("reproduce"), manifest, grid, result, tracking, loop_logs, warnings)
+            report = page(
+                command_line("reproduce"), manifest, grid, result, tracking, loop_logs, warnings
+            )
             report.write(run.folder, config.pdf)
         summary: dict[str, Any] = {
             **identification_to_json(result),
@@ -86,19 +103,26 @@ def run(config: Config) -> None:
     if summary["warnings"]:
         print(f"{counted(len(summary['warnings']), 'warning')}: see the report")
     print(f"by stage: {stages_text(run.watch.stages)}")
-    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving")
+    print(
+        f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving"
+    )
 
 
 def _loop(controller: str, law: str, start: Any, seed: int) -> ClosedLoopRun:
     """A closed-loop run along the paper's path."""
     name = f"{controller} {law}"
-    return ClosedLoopRun(name, f"track {name}", seed, controller, law, start, metadata={"reference": "paper"})
+    return ClosedLoopRun(
+        name, f"track {name}", seed, controller, law, start, metadata={"reference": "paper"}
+    )
 
 
 def _published() -> dict[str, dict[str, float]]:
     """The paper's law, as an entry in summary.json."""
     values = asdict(PUBLISHED)
-    return {track: {key: values[f"{key}_{track}"] for key in ("alpha", "beta")} for track in ("outer", "inner")}
+    return {
+        track: {key: values[f"{key}_{track}"] for key in ("alpha", "beta")}
+        for track in ("outer", "inner")
+    }
 
 
 def _record(run: Run, logs: Sequence[RunLog], loops: Sequence[RunLog]) -> None:

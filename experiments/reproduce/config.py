@@ -15,8 +15,9 @@ EXAMPLES = (
 
 @dataclass(frozen=True)
 class Config(GridConfig):
-    """Reproduce the whole paper: the grid, the slip laws identified from its scans, and both controllers with and
-    without compensation."""
+    """Reproduce the whole paper: the grid, the slip laws identified from its scans, and both
+    controllers with and without compensation.
+    """
 
     out: Path = Path("out/reproduce")
     """Folder for the results."""
@@ -26,6 +27,10 @@ class Config(GridConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.radii) < 2:
-            raise InvalidValueError("radii", self.radii, "at least two: slip laws are functions of radius")
+            raise InvalidValueError(
+                "radii", self.radii, "at least two: slip laws are functions of radius"
+            )
         if len(self.radii) * len(self.speeds) < 3:
-            raise InvalidValueError("speeds", self.speeds, "at least two for two radii: three runs or more")
+            raise InvalidValueError(
+                "speeds", self.speeds, "at least two for two radii: three runs or more"
+            )

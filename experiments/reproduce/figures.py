@@ -1,4 +1,6 @@
-"""Figures of the published and simulated results, and the paper's Figs. 8 and 10 to 12 for runs along its path."""
+"""Figures of the published and simulated results, and the paper's Figs. 8 and 10 to 12 for runs
+along its path.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -43,11 +45,15 @@ def published_and_simulated(radius: RadiusSummary, turns: Turns) -> style.Panels
     right, slips = style.panel("Because the tracks slip", "", "slip i [–]")
     curve = curve_radii(turns)
     published = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)
-    for track, (name, colour, marker) in enumerate(zip(TRACKS, (style.INNER, style.OUTER), "so", strict=True)):
+    for track, (name, colour, marker) in enumerate(
+        zip(TRACKS, (style.INNER, style.OUTER), "so", strict=True)
+    ):
         slips.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], **_EQ_11)
         slips.plot(OBSERVED_RADII, published[:, track], **_PAPER)
         label = f"{name} track, simulated"
-        slips.plot(turns.radius, turns.slip[:, track], marker, color=colour, ms=6, mfc="none", label=label)
+        slips.plot(
+            turns.radius, turns.slip[:, track], marker, color=colour, ms=6, mfc="none", label=label
+        )
     slips.plot([], [], label="Eq. 11, published", **_PAPER | {"ls": "--", "lw": 1.3})
     style.zero_line(slips)
     show_radii(slips, turns)
@@ -57,7 +63,11 @@ def published_and_simulated(radius: RadiusSummary, turns: Turns) -> style.Panels
 
 def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
     """Runs with `controller` by compensation, in the order of `law_looks`."""
-    runs = {str(log.metadata["compensation"]): log for log in logs if log.metadata["controller"] == controller}
+    runs = {
+        str(log.metadata["compensation"]): log
+        for log in logs
+        if log.metadata["controller"] == controller
+    }
     return {name: runs[name] for name in law_looks() if name in runs}
 
 
@@ -75,7 +85,11 @@ def paths(runs: Mapping[str, RunLog]) -> style.Panels:
     left, ground = style.panel("Path", "x [m]", "y [m]", height=4.6)
     title, distance_label = "Position error (log scale)", "distance from the desired position [mm]"
     right, distance = style.panel(title, "time [s]", distance_label, height=4.6)
-    ground.plot(*reference.pose(np.linspace(0, reference.duration, 600))[:, :2].T, label="desired", **style.DESIRED)
+    ground.plot(
+        *reference.pose(np.linspace(0, reference.duration, 600))[:, :2].T,
+        label="desired",
+        **style.DESIRED,
+    )
     for log, rows, look in _lines(runs):
         pose, time = _true(log)[rows], log.time[rows]
         norm = np.hypot(*body_errors(pose, reference.pose(time))[:, :2].T)
@@ -107,7 +121,9 @@ def _true(log: RunLog) -> Array:
 
 @style.styled
 def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
-    """Fig. 11: position errors in the body frame and their norm, for the whole run and from 12 s on."""
+    """Fig. 11: position errors in the body frame and their norm, for the whole run and from 12 s
+    on.
+    """
     reference = paper_reference()
     runs = {name: runs[name] for name in ("none", "published", "icr_radius")}
     panels = []
@@ -134,7 +150,9 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
 
 @style.styled
 def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit]) -> style.Panels:
-    """Fig. 12: the slip that the law predicted at each step, and the true slip, for two compensations."""
+    """Fig. 12: the slip that the law predicted at each step, and the true slip, for two
+    compensations.
+    """
     known: dict[str, SlipLaw] = {"published": PUBLISHED, "icr_radius": laws["icr_radius"].law}
     panels = []
     for name, law in known.items():
@@ -144,8 +162,20 @@ def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFi
         style.zero_line(axes)
         by_law, true, rows = _slip_by(law, log), _true_slip(log), style.thin(len(log.time), 1000)
         for side, track, colour in (("right", 1, ORANGE), ("left", 0, BLUE)):
-            axes.plot(log.time[rows], by_law[rows, track], color=colour, label=f"{side} track, by the law", **_LAW)
-            axes.plot(log.time[rows], true[rows, track], color=colour, label=f"{side} track, true", **_TRUE)
+            axes.plot(
+                log.time[rows],
+                by_law[rows, track],
+                color=colour,
+                label=f"{side} track, by the law",
+                **_LAW,
+            )
+            axes.plot(
+                log.time[rows],
+                true[rows, track],
+                color=colour,
+                label=f"{side} track, true",
+                **_TRUE,
+            )
         axes.set(ylim=_SLIP_RANGE, xlim=(0, paper_reference().duration))
         style.legend_below(figure, axes.get_legend_handles_labels()[0], ncols=2)
         panels.append(figure)
@@ -165,6 +195,8 @@ def _true_slip(log: RunLog) -> Array:
     assert log.truth is not None
     width = max(1, round(_SMOOTH / float(np.median(np.diff(log.time)))))
     speeds = np.column_stack([log.omega, log.truth.twist[:, [0, 2]]])
-    smooth = np.column_stack([np.convolve(column, np.ones(width) / width, mode="same") for column in speeds.T])
+    smooth = np.column_stack(
+        [np.convolve(column, np.ones(width) / width, mode="same") for column in speeds.T]
+    )
     slip = track_slip(smooth[:, :2], smooth[:, 2:], robot)
     return np.where(np.abs(smooth[:, :2]) > _MIN_SPROCKET_SPEED, slip, np.nan)

@@ -1,4 +1,6 @@
-"""The page on a reproduction of the paper: answer, comparison of results, closed loops, slip and laws."""
+"""The page on a reproduction of the paper: answer, comparison of results, closed loops, slip and
+laws.
+"""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -32,25 +34,32 @@ def page(
 ) -> Page:
     """The page on a reproduction.
 
-    `loops` are the closed loops, with `controller` and `compensation` in their metadata, and `results` their errors;
-    `warnings` are about the grid.
+    `loops` are the closed loops, with `controller` and `compensation` in their metadata, and
+    `results` their errors; `warnings` are about the grid.
     """
     turns = Turns.of(result.samples, result.geometry)
     beside = Plot(
         "published_and_simulated",
         partial(figures.published_and_simulated, grid.radius, turns),
         "The paper's result and the simulation's",
-        "Left: radius driven when the sprockets run at the speeds that a robot without slip would need. Right: slip of "
-        "each track, by the published law (dashed; crosses at the radii that the paper observed) and in every run.",
+        "Left: radius driven when the sprockets run at the speeds that a robot without slip "
+        "would need. Right: slip of "
+        "each track, by the published law (dashed; crosses at the radii that the paper observed) "
+        "and in every run.",
     )
     sections = [
-        Section("Published and simulated", [beside if len(turns) else None, comparison_table(grid, result, results)]),
+        Section(
+            "Published and simulated",
+            [beside if len(turns) else None, comparison_table(grid, result, results)],
+        ),
         _closed_loops(result, results, loops),
         steady_slip(result),
         method(result),
         notes(result.warnings),
     ]
-    answer = _answer(manifest, grid, result, results, [*warnings, *(alarm.line for alarm in result.alarms)])
+    answer = _answer(
+        manifest, grid, result, results, [*warnings, *(alarm.line for alarm in result.alarms)]
+    )
     return Page(TITLE, command, manifest, sections, answer=answer)
 
 
@@ -61,12 +70,25 @@ def _answer(
     results: Sequence[TrackingResult],
     warnings: Sequence[str],
 ) -> Answer:
-    """The answer: how close the simulation is to the paper, and by how much compensation reduces errors."""
-    final = {each.compensation: each.errors.final_position for each in results if each.controller == "feedforward"}
-    late = {each.compensation: each.errors.rms_position_after_12s for each in results if each.controller == "linear"}
+    """The answer: how close the simulation is to the paper, and by how much compensation reduces
+    errors.
+    """
+    final = {
+        each.compensation: each.errors.final_position
+        for each in results
+        if each.controller == "feedforward"
+    }
+    late = {
+        each.compensation: each.errors.rms_position_after_12s
+        for each in results
+        if each.controller == "linear"
+    }
     law = result.comparison.laws["icr_radius"]
     facts = [
-        ("slip, simulated minus published", f"{number(grid.slip_rms_vs_published, 4)} rms, at the paper's radii"),
+        (
+            "slip, simulated minus published",
+            f"{number(grid.slip_rms_vs_published, 4)} rms, at the paper's radii",
+        ),
         ("radius driven, likewise", f"{percent(grid.radius.rms_vs_published)} rms"),
         ("law of the simulated slip", f"icr_radius, D = {value_text(law, 'offset')}"),
         ("feedforward, end of the path", _compensated(final)),
@@ -78,34 +100,45 @@ def _answer(
 
 
 def _compensated(errors: Mapping[str, float]) -> str:
-    """Format the errors [m] of runs without compensation, with the published law and with icr_radius."""
+    """Format the errors [m] of runs without compensation, with the published law and with
+    icr_radius.
+    """
     names = ("none", "published", "icr_radius")
     return ", ".join(f"{number(1e3 * errors[name], 1, 'mm')} with {name}" for name in names)
 
 
-def _closed_loops(result: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog]) -> Section:
-    """The section on runs along the paper's path, with feedforward and with the linear controller."""
+def _closed_loops(
+    result: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog]
+) -> Section:
+    """The section on runs along the paper's path, with feedforward and with the linear
+    controller.
+    """
     feedforward, linear = (figures.runs_of(loops, name) for name in ("feedforward", "linear"))
     return Section(
         "Compensated slip",
         [
-            "The robot follows a path of two straight lines and an arc of radius 1.25 m at 0.15 m/s. A slip law "
-            "converts the controller's twist into sprocket speeds; none assumes no slip. Paths and errors are those of "
+            "The robot follows a path of two straight lines and an arc of radius 1.25 m at 0.15 "
+            "m/s. A slip law "
+            "converts the controller's twist into sprocket speeds; none assumes no slip. Paths "
+            "and errors are those of "
             "the true pose.",
             tracking_table(results),
             Plot(
                 "fig08_feedforward_paths",
                 partial(figures.paths, feedforward),
                 "Feedforward only (the paper's Fig. 8)",
-                "The robot drives the planned twist without feedback, so that every error of the slip law accumulates. "
-                "Left: paths, with squares at their ends. Right: distance from the desired position at the same time "
+                "The robot drives the planned twist without feedback, so that every error of the "
+                "slip law accumulates. "
+                "Left: paths, with squares at their ends. Right: distance from the desired "
+                "position at the same time "
                 "(errors below 0.3 mm are drawn at 0.3 mm; grey: the arc).",
             ),
             Plot(
                 "fig10_feedback_paths",
                 partial(figures.paths, linear),
                 "Linear feedback controller (the paper's Fig. 10)",
-                "The same with feedback of the estimated pose, from a start beside the path. Feedback corrects part "
+                "The same with feedback of the estimated pose, from a start beside the path. "
+                "Feedback corrects part "
                 "of what the slip law misses, so the paths differ less than without it.",
             ),
             Plot(
@@ -113,9 +146,12 @@ def _closed_loops(result: Identification, results: Sequence[TrackingResult], loo
                 partial(figures.tracking_errors_over_time, linear),
                 "Errors with feedback (the paper's Fig. 11)",
                 Markup(
-                    "Position error in the robot's frame, forward (e<sub>x</sub>) and to the left (e<sub>y</sub>), and "
-                    "its norm. Left: the whole run, dominated by the start beside the path. Right: from 12 s on, where "
-                    "the arc (grey) begins. The controller's gains vanish with the planned speed, so nothing corrects "
+                    "Position error in the robot's frame, forward (e<sub>x</sub>) and to the "
+                    "left (e<sub>y</sub>), and "
+                    "its norm. Left: the whole run, dominated by the start beside the path. "
+                    "Right: from 12 s on, where "
+                    "the arc (grey) begins. The controller's gains vanish with the planned "
+                    "speed, so nothing corrects "
                     "errors that arise while the robot comes to rest at the end."
                 ),
             ),
@@ -123,9 +159,12 @@ def _closed_loops(result: Identification, results: Sequence[TrackingResult], loo
                 "fig12_slip_during_tracking",
                 partial(figures.slip_during_tracking, linear, result.comparison.laws),
                 "Slip during tracking (the paper's Fig. 12)",
-                "Dashed: slip of each track that the law predicts at the commanded curvature. Thin: true slip, "
-                "smoothed over 0.5 s, where the sprocket turns faster than 0.3 rad/s. In the arc (grey), the left "
-                "track is the inner one. The axis is the paper's; the first seconds exceed it, because the robot "
+                "Dashed: slip of each track that the law predicts at the commanded curvature. "
+                "Thin: true slip, "
+                "smoothed over 0.5 s, where the sprocket turns faster than 0.3 rad/s. In the arc "
+                "(grey), the left "
+                "track is the inner one. The axis is the paper's; the first seconds exceed it, "
+                "because the robot "
                 "turns sharply towards the path.",
             ),
         ],

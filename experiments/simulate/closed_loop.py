@@ -1,4 +1,6 @@
-"""Closed-loop runs of a fleet in front of the scanner, with controller and compensation given by name."""
+"""Closed-loop runs of a fleet in front of the scanner, with controller and compensation given by
+name.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +28,9 @@ class Plant:
     """A run's own robot, ground and scanner, instead of the world's."""
 
     setting: Setting
-    """Ground, radius error, lag and centre of mass; the run's start replaces that of the setting."""
+    """Ground, radius error, lag and centre of mass; the run's start replaces that of the
+    setting.
+    """
     scanner_noise: float
     """Standard deviation of the scanner's ranges [m]."""
 
@@ -43,13 +47,17 @@ class ClosedLoopRun:
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
-    """Name of a slip compensation; runs with equal controller and compensation names share both objects."""
+    """Name of a slip compensation; runs with equal controller and compensation names share both
+    objects.
+    """
     start: Array
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None
     """The run's own ground; None for the world's."""
     plant: Plant | None = None
-    """The run's own robot, ground and scanner; None for the world's robot and scanner on `ground`."""
+    """The run's own robot, ground and scanner; None for the world's robot and scanner on
+    `ground`.
+    """
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def setting(self, world: World) -> Setting:
@@ -67,7 +75,9 @@ class ClosedLoopRun:
             entries["ground"] = self.ground
         if self.plant is not None:
             own = self.plant.setting
-            entries |= {name: getattr(own, name) for name in ("ground", "radius_error", "lag", "weight")}
+            entries |= {
+                name: getattr(own, name) for name in ("ground", "radius_error", "lag", "weight")
+            }
             entries["scanner_noise"] = self.plant.scanner_noise
         return plain(entries | dict(self.metadata))
 
@@ -91,20 +101,25 @@ def drive_closed_loops(
         localization: source of the controllers' poses: plate, line or truth.
         compensation: makes a compensation from its name.
         preview: time ahead of the present at which controllers are evaluated [s].
-        progress: called with the simulated seconds since the last call, counted once for the whole fleet.
+        progress: called with the simulated seconds since the last call, counted once for the whole
+            fleet.
         kept: whether the logs keep all ranges in the scans.
 
     Raises:
-        TrackslipError: for an unknown controller or compensation, or when a robot tips over or a controller fails.
+        TrackslipError: for an unknown controller or compensation, or when a robot tips over or a
+            controller fails.
     """
     settings = [run.setting(world) for run in runs]
     shearing = [k for k, setting in enumerate(settings) if setting.ground.largest_shear > 0]
     firm = [k for k in range(len(runs)) if k not in shearing]
-    if shearing and firm:  # robots on shearing ground have other pads, and a run must not depend on its fleet
+    # robots on shearing ground have other pads, and a run must not depend on its fleet
+    if shearing and firm:
         logs: dict[int, RunLog] = {}
         for part, report in ((firm, progress), (shearing, lambda seconds: None)):
             some = [runs[k] for k in part]
-            driven = drive_closed_loops(some, world, path, localization, compensation, preview, report, kept)
+            driven = drive_closed_loops(
+                some, world, path, localization, compensation, preview, report, kept
+            )
             logs |= zip(part, driven, strict=True)
         return [logs[k] for k in range(len(runs))]
     limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period

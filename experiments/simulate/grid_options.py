@@ -27,13 +27,17 @@ class GridConfig(Simulation):
     speeds: Annotated[tuple[float, ...], Distinct("number")] = SPEEDS
     """Commanded speeds, for tracks without slip [m/s]."""
     localization: Localization = "plate"
-    """Pose estimation from scans: maximum likelihood with the known plate, or the paper's line fit."""
+    """Pose estimation from scans: maximum likelihood with the known plate, or the paper's line
+    fit.
+    """
     duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
     """Length of each run [s]."""
     motion: Method = None
     """Twist estimation from a run: the paper's filter, an arc through all poses, or all ranges."""
     random_phase: bool = False
-    """Start each run at a random point of its circle instead of the point nearest to the scanner."""
+    """Start each run at a random point of its circle instead of the point nearest to the
+    scanner.
+    """
     out: Path = Path("out/grid")
     """Folder for the results."""
 

@@ -1,4 +1,6 @@
-"""Open-loop runs in front of the scanner: the paper's grid of radii and speeds, and any other set of cells."""
+"""Open-loop runs in front of the scanner: the paper's grid of radii and speeds, and any other set
+of cells.
+"""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -49,7 +51,10 @@ class GridCell:
 
 def cells_of(config: GridConfig) -> list[GridCell]:
     """One cell per radius and speed, radius by radius."""
-    return [GridCell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
+    return [
+        GridCell.at(radius, speed)
+        for radius, speed in itertools.product(config.radii, config.speeds)
+    ]
 
 
 def drive_grid(config: GridConfig, world: World, watch: Stopwatch | None = None) -> list[RunLog]:
@@ -65,12 +70,15 @@ def drive_cells(
     watch: Stopwatch | None = None,
     kept: bool = False,
 ) -> list[RunLog]:
-    """Drive the cells as one fleet, each in its own world; the worlds may differ only in ground, radius error and seed.
+    """Drive the cells as one fleet, each in its own world; the worlds may differ only in ground,
+    radius error and seed.
 
-    `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
-    accumulates the time spent in each stage; with `kept`, the logs keep all ranges in the scans.
+    `progress` is called with the simulated seconds since the last call, counted once for the whole
+    fleet; `watch` accumulates the time spent in each stage; with `kept`, the logs keep all ranges
+    in the scans.
 
-    Raises InvalidValueError for a radius too small for the robot, TrackslipError when a robot tips over.
+    Raises InvalidValueError for a radius too small for the robot, TrackslipError when a robot tips
+    over.
     """
     world = worlds[0]
     config, robot = cast(GridConfig, world.config), world.robot
@@ -79,10 +87,19 @@ def drive_cells(
     pairs = list(zip(cells, worlds, strict=True))
     start = np.tile(before_scanner(robot), (len(cells), 1))
     if config.random_phase:
-        phases = [generator(w.config.seed, f"phase {cell.key}").uniform(0, 2 * np.pi) for cell, w in pairs]
-        start = np.array([on_circle(robot, cell.radius, phase) for cell, phase in zip(cells, phases, strict=True)])
+        phases = [
+            generator(w.config.seed, f"phase {cell.key}").uniform(0, 2 * np.pi) for cell, w in pairs
+        ]
+        start = np.array(
+            [
+                on_circle(robot, cell.radius, phase)
+                for cell, phase in zip(cells, phases, strict=True)
+            ]
+        )
     errors = np.array([w.radius_error for w in worlds])
-    fleet = Fleet(robot, start, [w.ground for w in worlds], errors, world.drive, config.threads, world.pull)
+    fleet = Fleet(
+        robot, start, [w.ground for w in worlds], errors, world.drive, config.threads, world.pull
+    )
     noise = [generator(w.config.seed, f"grid {cell.key}") for cell, w in pairs]
     feed = ScannerFeed(config.scanner, fleet, noise, world.obstacles, kept)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
@@ -90,7 +107,9 @@ def drive_cells(
     descriptions = []
     for cell, w in pairs:
         command = {"radius": cell.radius, "speed": cell.speed}
-        descriptions.append(Description(cell.name, {**command, **cell.metadata, **w.metadata(config.localization)}))
+        descriptions.append(
+            Description(cell.name, {**command, **cell.metadata, **w.metadata(config.localization)})
+        )
     method = locator(config.localization, robot)
     return open_loop(fleet, omega, config.duration, feed, method, descriptions, progress, watch)
 
@@ -98,20 +117,25 @@ def drive_cells(
 def require_radius(radius: float, geometry: RobotGeometry) -> None:
     """Raise InvalidValueError for a radius [m] too small for the robot."""
     if radius <= geometry.half_gauge:
-        allowed = f"greater than the half gauge, {geometry.half_gauge:g} m: else the inner track must stand or reverse"
+        allowed = (
+            f"greater than the half gauge, {geometry.half_gauge:g} m: else the inner track "
+            "must stand or reverse"
+        )
         raise InvalidValueError("radii", radius, allowed)
 
 
 def before_scanner(robot: Robot) -> Array:
-    """The pose (3,) [m, m, rad] at CLEARANCE from the scanner where a left turn is closest to the scanner."""
+    """The pose (3,) [m, m, rad] at CLEARANCE from the scanner where a left turn is closest to the
+    scanner.
+    """
     return se2.compose(robot.lrf_mount, [CLEARANCE, 0.0, -np.pi / 2])
 
 
 def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     """The pose (3,) [m, m, rad] at `phase` [rad] on a circle in front of the scanner.
 
-    The circle is a left turn commanded with `radius` [m], and widened by slip. It is placed so that a robot on it comes
-    no closer to the scanner than CLEARANCE.
+    The circle is a left turn commanded with `radius` [m], and widened by slip. It is placed so that
+    a robot on it comes no closer to the scanner than CLEARANCE.
     """
     driven = _DRIVEN_OVER_COMMANDED * radius
     centre = se2.compose(robot.lrf_mount, [CLEARANCE + driven, 0.0, phase - np.pi / 2])

@@ -1,4 +1,6 @@
-"""Statistics of simulated runs: localization errors and, for a grid of left turns, radii, slips and slip errors."""
+"""Statistics of simulated runs: localization errors and, for a grid of left turns, radii, slips and
+slip errors.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -43,7 +45,9 @@ class ErrorStatistics:
     def of(cls, error: Array) -> Self:
         """Statistics of errors (n,) [-] that are not NaN."""
         known = error[~np.isnan(error)]
-        return cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
+        return (
+            cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
+        )
 
 
 @dataclass(frozen=True)
@@ -65,15 +69,23 @@ class GridSlips:
     slip_by_radius: OuterInner[Array]  # (R,) each, mean slip over the speeds [-]
     slip_error: OuterInner[ErrorStatistics]
     slip_rms_vs_published: float | None
-    """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
+    """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published
+    radius.
+    """
     slip_rms_vs_published_at_simulated_radii: float
-    """Root mean square of slip minus Eq. 11 at the radii in the simulation [-]; NaN without a sample."""
+    """Root mean square of slip minus Eq. 11 at the radii in the simulation [-]; NaN without a
+    sample.
+    """
     speed_spread: OuterInner[float]
-    """Largest difference in true slip between the speeds at a radius [-]; NaN where a run has no sample."""
+    """Largest difference in true slip between the speeds at a radius [-]; NaN where a run has no
+    sample.
+    """
 
     @classmethod
     def of(cls, commanded: Array, observed: Array, slip: Array, true_slip: Array) -> "GridSlips":
-        """Summarize runs with radii (n,) [m] and slips (n, 2); the values measured in runs without a sample are NaN."""
+        """Summarize runs with radii (n,) [m] and slips (n, 2); the values measured in runs without
+        a sample are NaN.
+        """
         radii = tuple(dict.fromkeys(commanded.tolist()))
 
         def means(values: Array) -> Array:
@@ -124,8 +136,12 @@ class GridSummary(GridSlips):
     localization: LocalizationErrors
 
     @classmethod
-    def of_logs(cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry) -> "GridSummary":
-        """Summarize the runs of a grid, which must be ordered by radius, and the slip samples of some of them."""
+    def of_logs(
+        cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry
+    ) -> "GridSummary":
+        """Summarize the runs of a grid, which must be ordered by radius, and the slip samples of
+        some of them.
+        """
         slip, true_slip = np.full((2, len(logs), 2), np.nan)
         observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
         rows = [names.index(name) for name in samples.run]
@@ -149,7 +165,9 @@ def known_mean(values: Array) -> float:
 
 
 def _pose_errors(log: RunLog) -> Array:
-    """Mean square errors in x, y and heading, the share of valid poses, and the rate of valid poses (5,)."""
+    """Mean square errors in x, y and heading, the share of valid poses, and the rate of valid poses
+    (5,).
+    """
     assert log.truth is not None
     error = log.pose - log.truth.pose
     error[:, 2] = wrap_angle(error[:, 2])
@@ -170,7 +188,9 @@ def saturated_share(log: RunLog) -> float:
 
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
     """A line for each run in which a motor reached its limit."""
-    return [saturation_warning(log.run, share) for log in logs if (share := saturated_share(log)) > 0]
+    return [
+        saturation_warning(log.run, share) for log in logs if (share := saturated_share(log)) > 0
+    ]
 
 
 def saturation_warning(run: str, share: float) -> str:

@@ -16,7 +16,9 @@ from trackslip.errors import InvalidValueError, checked, require_non_negative, r
 T = TypeVar("T")
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "arc", "bundle"]
-Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
+Method = Annotated[
+    Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")
+]
 """Method to estimate a twist from a run; None if the user chooses none."""
 RobotSource = Annotated[str, tyro.conf.arg(metavar=ROBOTS)]
 """A robot's name or file."""
@@ -40,7 +42,10 @@ class GroundOptions:
     """The ground, and properties that differ from the named ground."""
 
     source: Annotated[
-        str | None, tyro.conf.arg(name="", metavar=GROUNDS, help_behavior_hint="(default: the robot's, else stone)")
+        str | None,
+        tyro.conf.arg(
+            name="", metavar=GROUNDS, help_behavior_hint="(default: the robot's, else stone)"
+        ),
     ] = None
     """Ground to drive on."""
     along: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
@@ -109,7 +114,9 @@ class DriveOptions:
 
 
 def changed(base: T, options: object, prefix: str = "") -> T:
-    """`base` with the fields that `options` set; raises InvalidValueError with `prefix` before the field's name."""
+    """`base` with the fields that `options` set; raises InvalidValueError with `prefix` before the
+    field's name.
+    """
     given: dict[str, Any] = {}
     for name in (f.name for f in fields(base)):  # type: ignore[arg-type]
         value = getattr(options, name, None)
@@ -126,7 +133,9 @@ def changed(base: T, options: object, prefix: str = "") -> T:
 class PullOptions(Pull):
     """Load that the robot tows."""
 
-    force: Annotated[float, tyro.conf.arg(name="")] = checked(0.0, require_non_negative, MAX_FORCE, "N")
+    force: Annotated[float, tyro.conf.arg(name="")] = checked(
+        0.0, require_non_negative, MAX_FORCE, "N"
+    )
     """Drawbar force, backwards along the robot [N]."""
 
 
@@ -145,7 +154,9 @@ class Equipment(ResultsOptions):
     """The robot, its scanner and the field, without the ground."""
 
     robot: RobotSource = SHIPPED
-    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with its tracks."""
+    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with
+    its tracks.
+    """
     radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: DriveOptions = field(default_factory=DriveOptions)
@@ -154,7 +165,9 @@ class Equipment(ResultsOptions):
     """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
     obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
     """Objects that the scanner sees besides the plate: posts, room, occluded, or a .toml file."""
-    pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
+    pull: PullOptions = field(
+        default_factory=PullOptions, metadata={"stored_unless": PullOptions()}
+    )
     """Load that the robot tows."""
 
     def check(self, drive: Drive) -> None:
@@ -170,9 +183,13 @@ class ClosedLoopOptions(Equipment):
     """Options that many closed-loop runs have in common, including their equipment."""
 
     localization: Literal["plate", "line", "truth"] = "plate"
-    """Source of the controllers' poses: scans, by the plate or line method, or the true pose (truth)."""
+    """Source of the controllers' poses: scans, by the plate or line method, or the true pose
+    (truth).
+    """
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
-    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo and sampling [s]."""
+    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo
+    and sampling [s].
+    """
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
 
@@ -188,7 +205,9 @@ class Simulation(Repeatable, Equipment):
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:
-    """Raise InvalidValueError unless a speed is positive, not almost zero, and at most `top_speed` [m/s]."""
+    """Raise InvalidValueError unless a speed is positive, not almost zero, and at most `top_speed`
+    [m/s].
+    """
     require_positive(name, speed)
     if speed > top_speed:
         raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")

@@ -12,7 +12,15 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TrackingErrors, tracking_errors
 from trackslip.trajectory.base import Reference
 
-_HEADER = ("controller", "compensation", "rms [mm]", "> 12 s [mm]", "max [mm]", "end [mm]", "end [deg]")
+_HEADER = (
+    "controller",
+    "compensation",
+    "rms [mm]",
+    "> 12 s [mm]",
+    "max [mm]",
+    "end [mm]",
+    "end [deg]",
+)
 
 
 @dataclass(frozen=True)
@@ -36,8 +44,12 @@ def tracking_results(logs: Sequence[RunLog], reference: Reference) -> list[Track
     for log in logs:
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
-        names = {key: str(log.metadata[key]) for key in ("controller", "compensation", "localization")}
-        results.append(TrackingResult(**names, errors=tracking_errors(log.time, log.truth.pose, reference)))
+        names = {
+            key: str(log.metadata[key]) for key in ("controller", "compensation", "localization")
+        }
+        results.append(
+            TrackingResult(**names, errors=tracking_errors(log.time, log.truth.pose, reference))
+        )
     return results
 
 
@@ -46,9 +58,20 @@ def tracking_table(results: Sequence[TrackingResult]) -> Table:
     rows = []
     for result in results:
         errors = result.errors
-        positions = (errors.rms_position, errors.rms_position_after_12s, errors.max_position, errors.final_position)
-        cells = [*(number(1e3 * value, 1) for value in positions), number(degrees(errors.final_heading), 2)]
+        positions = (
+            errors.rms_position,
+            errors.rms_position_after_12s,
+            errors.max_position,
+            errors.final_position,
+        )
+        cells = [
+            *(number(1e3 * value, 1) for value in positions),
+            number(degrees(errors.final_heading), 2),
+        ]
         rows.append((result.controller, result.compensation, *cells))
     localization = ", ".join(dict.fromkeys(result.localization for result in results))
-    note = f"Errors of position: rms over the whole run and from 12 s on, largest, final. Localization: {localization}."
+    note = (
+        "Errors of position: rms over the whole run and from 12 s on, largest, final. "
+        f"Localization: {localization}."
+    )
     return Table("Tracking errors of the true pose", _HEADER, rows, "llr", note)

@@ -1,4 +1,6 @@
-"""The simulated world that a command's options describe: robot, ground, drives, scanner, obstacles."""
+"""The simulated world that a command's options describe: robot, ground, drives, scanner,
+obstacles.
+"""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -20,7 +22,9 @@ from trackslip.kinematics import Array
 FileReader = Callable[[str, str | None, str | None], tuple[RobotParameters, Ground, Obstacles]]
 
 
-def read_files(robot: str, ground: str | None, obstacles: str | None) -> tuple[RobotParameters, Ground, Obstacles]:
+def read_files(
+    robot: str, ground: str | None, obstacles: str | None
+) -> tuple[RobotParameters, Ground, Obstacles]:
     """Read a robot, a ground (None for the robot's own) and obstacles, by their names or files."""
     parameters, own_ground = load_parameters(robot)
     chosen = own_ground if ground is None else load_ground(ground)
@@ -40,7 +44,9 @@ class Specification:
 
     @classmethod
     def of(cls, config: Simulation) -> "Specification":
-        """Read the files that the options name; raises TrackslipError for a file or name that does not exist."""
+        """Read the files that the options name; raises TrackslipError for a file or name that does
+        not exist.
+        """
         return Specification.read(config, read_files)
 
     @staticmethod
@@ -48,7 +54,9 @@ class Specification:
         """Read the files as `of` does, with `read_files` or a cached version of it."""
         parameters, ground, obstacles = read(config.robot, config.ground.source, config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull)
+        return Specification(
+            parameters, config.ground.changed(ground), error, obstacles, config.pull
+        )
 
 
 @dataclass(frozen=True)
@@ -60,14 +68,18 @@ class World(Specification):
 
     @classmethod
     def of(cls, config: Simulation, specification: Specification | None = None) -> Self:
-        """Build the world of a command; raises TrackslipError for a file or name that does not exist.
+        """Build the world of a command; raises TrackslipError for a file or name that does not
+        exist.
 
-        Raises InvalidValueError for a servo period that is not a multiple of the robot's physics step.
+        Raises InvalidValueError for a servo period that is not a multiple of the robot's physics
+        step.
         """
         given = specification or Specification.of(config)
         world = cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))
         config.check(world.drive)
-        steps_in("drive.period", world.drive.period, "the physics step", world.robot.model.opt.timestep)
+        steps_in(
+            "drive.period", world.drive.period, "the physics step", world.robot.model.opt.timestep
+        )
         return world
 
     @property
@@ -76,7 +88,9 @@ class World(Specification):
         return self.config.drive.changed(self.parameters.drive)
 
     def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
-        """Robots at the poses `start` (N, 3) [m, m, rad], all on the world's ground, or each on one of `grounds`."""
+        """Robots at the poses `start` (N, 3) [m, m, rad], all on the world's ground, or each on one
+        of `grounds`.
+        """
         threads, ground = self.config.threads, grounds or self.ground
         return Fleet(self.robot, start, ground, self.radius_error, self.drive, threads, self.pull)
 

@@ -6,12 +6,22 @@ from experiments.common.run import Run
 from experiments.train.config import TRAVERSE, Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
-from experiments.train.training import ONNX, POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
+from experiments.train.training import (
+    ONNX,
+    POLICY,
+    last_checkpoint,
+    learn,
+    learning_curve,
+    model_of,
+    network_of,
+)
 from sim.policy import write_onnx
 
 
 def run(config: Config) -> None:
-    """Train a policy, store it with its learning curve, and print the reward before and after training."""
+    """Train a policy, store it with its learning curve, and print the reward before and after
+    training.
+    """
     with Run(replace(config, overwrite=config.overwrite or config.resume)) as run:
         with run.busy("loading PyTorch"):
             task = learning_task(config)
@@ -20,7 +30,11 @@ def run(config: Config) -> None:
             curve = learn(model, config, run.folder)
         except KeyboardInterrupt:
             stored = last_checkpoint(config.out).is_file()
-            what = "--resume continues from the last update" if stored else "no update is complete, nothing is stored"
+            what = (
+                "--resume continues from the last update"
+                if stored
+                else "no update is complete, nothing is stored"
+            )
             raise KeyboardInterrupt(f"interrupted; {what}") from None
         policy = task.policy(network_of(model))
         policy.save(run.folder / POLICY)

@@ -6,15 +6,34 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.common.choices import COMPENSATIONS, FTR_NAMES, GROUNDS, REFERENCES, ROBOTS, TRAINING_PATHS
-from experiments.common.options import Distinct, Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole, default_is
+from experiments.common.choices import (
+    COMPENSATIONS,
+    FTR_NAMES,
+    GROUNDS,
+    REFERENCES,
+    ROBOTS,
+    TRAINING_PATHS,
+)
+from experiments.common.options import (
+    Distinct,
+    Excludes,
+    Exclusion,
+    Needs,
+    Positive,
+    ResultsOptions,
+    Whole,
+    default_is,
+)
 from experiments.simulate.options import MAX_THREADS
 from trackslip.errors import require
 
 EXAMPLES = (
     ("two million steps", "trackslip train"),
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
-    ("to cross courses", "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6"),
+    (
+        "to cross courses",
+        "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6",
+    ),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
 TRAVERSE = "traverse"
@@ -22,10 +41,12 @@ TRAVERSE = "traverse"
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
+    """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers
+    ppo:OUT`.
 
-    With --env traverse, train a policy that corrects the scripted controller of a robot that crosses courses. The
-    defaults are the tuned configuration behind the documented results in path tracking.
+    With --env traverse, train a policy that corrects the scripted controller of a robot that
+    crosses courses. The defaults are the tuned configuration behind the documented results in path
+    tracking.
     """
 
     env: Literal["path_tracking", "traverse"] = "path_tracking"
@@ -34,24 +55,36 @@ class Config(ResultsOptions):
     """Total number of control periods, summed over all robots."""
     robots: Annotated[int, Whole(1, 4096)] = 64
     """Number of robots in the vector environment."""
-    references: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{REFERENCES} ...")] = TRAINING_PATHS
+    references: Annotated[
+        tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{REFERENCES} ...")
+    ] = TRAINING_PATHS
     """Paths to train on; each episode draws one."""
-    grounds: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{GROUNDS} ...")] = ("stone",)
+    grounds: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{GROUNDS} ...")] = (
+        "stone",
+    )
     """Grounds to train on; each episode draws one."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """Slip compensation; online compensations start anew in each episode."""
     authority: Annotated[tuple[float, float], Positive(10.0)] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
     robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None
-    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with its tracks."""
+    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with
+    its tracks.
+    """
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
-    """Identified laws of the robot for --compensation: a summary.json, or a folder that contains one."""
-    courses: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="{random,steps_up,...} ...")] = ("random",)
+    """Identified laws of the robot for --compensation: a summary.json, or a folder that contains
+    one.
+    """
+    courses: Annotated[
+        tuple[str, ...], Distinct(), tyro.conf.arg(metavar="{random,steps_up,...} ...")
+    ] = ("random",)
     """Courses, random or from FTR-Bench; each episode draws one of them; needs --env traverse."""
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, 10_000)] = 300
-    """Number of unseen courses that test the policy, for each of three difficulties or each of several --courses."""
+    """Number of unseen courses that test the policy, for each of three difficulties or each of
+    several --courses.
+    """
     network: Annotated[tuple[int, ...], Whole(1, 4096)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4
@@ -75,13 +108,17 @@ class Config(ResultsOptions):
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("courses", "difficulty", "trials"), "env", (TRAVERSE,)),
-        Excludes(("references", "grounds", "compensation", "laws", "authority"), "env", (TRAVERSE,)),
+        Excludes(
+            ("references", "grounds", "compensation", "laws", "authority"), "env", (TRAVERSE,)
+        ),
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         rows = self.robots * self.horizon
-        require(rows % self.batch == 0, "batch", self.batch, f"a factor of robots * horizon = {rows}")
+        require(
+            rows % self.batch == 0, "batch", self.batch, f"a factor of robots * horizon = {rows}"
+        )
         for course in self.courses:
             allowed = ("random", *FTR_NAMES)
             require(course in allowed, "courses", course, f"some of {', '.join(allowed)}")

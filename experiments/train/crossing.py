@@ -18,9 +18,11 @@ from sim.traverse.task import Crossing
 def crossing_rates(
     policy: Policy, difficulty: tuple[float, float], trials: int, seed: int, threads: int = 0
 ) -> list[dict[str, Any]]:
-    """Let the scripted controller and the policy cross `trials` unseen courses of each kind; returns rows of results.
+    """Let the scripted controller and the policy cross `trials` unseen courses of each kind;
+    returns rows of results.
 
-    A single kind is tested at the lowest, middle and highest difficulty; several kinds at any difficulty in the range.
+    A single kind is tested at the lowest, middle and highest difficulty; several kinds at any
+    difficulty in the range.
     """
     config = from_options(TraverseConfig, policy.options)
     task, everyone = Crossing(config, trials, threads), range(trials)
@@ -38,16 +40,31 @@ def crossing_rates(
                 task.begin(everyone, [task.draw(rng, {"course": course}) for rng in unseen])
                 while (task.outcome == Outcome.DRIVING).any():
                     no_correction = np.zeros((trials, len(task.commanded)))
-                    task.step(policy.action(task.observation()) if controller == "policy" else no_correction)
-                row = {"course": course if isinstance(course, str) else "own", "controller": controller}
+                    task.step(
+                        policy.action(task.observation())
+                        if controller == "policy"
+                        else no_correction
+                    )
+                row = {
+                    "course": course if isinstance(course, str) else "own",
+                    "controller": controller,
+                }
                 rows.append(row | {"difficulty": middle, "courses": trials} | _rate(task))
     return rows
 
 
 def _rate(task: Crossing) -> dict[str, Any]:
-    """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and the mean crossing time."""
-    crossed, tipped, stuck = (task.outcome == end for end in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK))
-    row: dict[str, Any] = {"crossed": int(crossed.sum()), "tipped": int(tipped.sum()), "stuck": int(stuck.sum())}
+    """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and the
+    mean crossing time.
+    """
+    crossed, tipped, stuck = (
+        task.outcome == end for end in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK)
+    )
+    row: dict[str, Any] = {
+        "crossed": int(crossed.sum()),
+        "tipped": int(tipped.sum()),
+        "stuck": int(stuck.sum()),
+    }
     low, high = binomtest(row["crossed"], len(crossed)).proportion_ci(0.95, "wilson")
     row |= {"rate": float(crossed.mean()), "low": float(low), "high": float(high)}
     return row | {"time": float(task.world.time[crossed].mean()) if crossed.any() else None}
@@ -55,10 +72,24 @@ def _rate(task: Crossing) -> dict[str, Any]:
 
 def crossing_table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
     """A table with a row per course, difficulty and controller."""
-    header = ("course", "controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "time [s]")
+    header = (
+        "course",
+        "controller",
+        "difficulty",
+        "crossed [%]",
+        "95 % interval",
+        "tipped",
+        "stuck",
+        "time [s]",
+    )
     cells = [
         (
-            *(row["course"], row["controller"], f"{row['difficulty']:.3g}", f"{100 * row['rate']:.1f}"),
+            *(
+                row["course"],
+                row["controller"],
+                f"{row['difficulty']:.3g}",
+                f"{100 * row['rate']:.1f}",
+            ),
             f"{100 * row['low']:.1f} to {100 * row['high']:.1f}",
             *(str(row["tipped"]), str(row["stuck"]), number(row["time"], 1)),
         )

@@ -12,12 +12,19 @@ from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS
 
-_START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges of errors at the start [m], [rad]
+# ranges of errors at the start [m], [rad]
+_START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)
 _REWARD = TrackingReward(
-    weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2
+    weight_position=0.8,
+    weight_heading=0.2,
+    weight_change=30.0,
+    position_scale=0.02,
+    heading_scale=0.2,
 )
-_HARD = ("step up", "stairs up", "beams")  # obstacles that the scripted controller does not always cross
-_LIMITS = Limits(time=20.0, stuck_time=3.0)  # training should not spend time on robots that are stuck
+# obstacles that the scripted controller does not always cross
+_HARD = ("step up", "stairs up", "beams")
+# training should not spend time on robots that are stuck
+_LIMITS = Limits(time=20.0, stuck_time=3.0)
 
 
 @dataclass(frozen=True)
@@ -25,7 +32,9 @@ class LearningTask:
     """An environment to learn in."""
 
     robots: Any
-    """The vector environment, with the interface of Stable-Baselines3; its actions are corrections."""
+    """The vector environment, with the interface of Stable-Baselines3; its actions are
+    corrections.
+    """
     policy: Callable[[Network], Policy]
     """Makes the policy from a trained network."""
     env: Any
@@ -35,12 +44,20 @@ class LearningTask:
 
 
 def learning_task(config: Config) -> LearningTask:
-    """The learning task for `config.env`; raises TrackslipError if Stable-Baselines3 isn't installed."""
-    from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv  # late, as PyTorch takes seconds
+    """The learning task for `config.env`; raises TrackslipError if Stable-Baselines3 isn't
+    installed.
+    """
+    # late, as PyTorch takes seconds
+    from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv
 
     if config.env == TRAVERSE:
         options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
-        courses = {"difficulty": config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
+        courses = {
+            "difficulty": config.difficulty,
+            "kinds": _HARD,
+            "obstacles": 1,
+            "limits": _LIMITS,
+        }
         crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
         return LearningTask(crossing, lambda network: Policy(network, options), crossing.env, -1.0)
     parameters, _ = load_parameters(config.robot or SHIPPED)
@@ -60,4 +77,9 @@ def learning_task(config: Config) -> LearningTask:
     )
     corrected = Corrections(robots, config.authority)
     options = {"action": "twist"}
-    return LearningTask(corrected, lambda network: TrackingPolicy(network, options, config.authority), robots.env, -1.2)
+    return LearningTask(
+        corrected,
+        lambda network: TrackingPolicy(network, options, config.authority),
+        robots.env,
+        -1.2,
+    )

@@ -1,4 +1,6 @@
-"""Checks of a robot on its ground: measurements compared with theory, and checks that do not apply."""
+"""Checks of a robot on its ground: measurements compared with theory, and checks that do not
+apply.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +12,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from experiments.common.check import Check
-from experiments.validate.measurements import GRAVITY, Setup, Turns, drive_steadily, measure_loads, paper_turns
+from experiments.validate.measurements import (
+    GRAVITY,
+    Setup,
+    Turns,
+    drive_steadily,
+    measure_loads,
+    paper_turns,
+)
 from sim.drive.drive import tireless
 from sim.run_recorder import read_contacts
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
-_GENTLE = math.radians(10.0)  # slope that robots climb and park on, if friction holds them on twice that slope
+# slope that robots climb and park on, if friction holds them on twice that slope
+_GENTLE = math.radians(10.0)
 _MARGIN = math.radians(9.0)  # robots closer than this to tipping over rock when they begin to slide
-_BALANCE, _SPRINGS, _COULOMB = "quasi-static balance (trackslip.skid_theory)", "rigid robot on springs", "Coulomb's law"
+_BALANCE, _SPRINGS, _COULOMB = (
+    "quasi-static balance (trackslip.skid_theory)",
+    "rigid robot on springs",
+    "Coulomb's law",
+)
 
 
 @dataclass
@@ -32,10 +46,24 @@ class Checks:
     """Quantities that do not apply, with the reason."""
 
     def add(self, what: str, pair: ArrayLike, tolerance: ArrayLike, unit: str, source: str) -> None:
-        """Check theory and measurement, `pair` (2, ...), at the value closest to its bound or farthest beyond it."""
-        theory, measured, allowed = (values.ravel() for values in np.broadcast_arrays(*np.asarray(pair), tolerance))
+        """Check theory and measurement, `pair` (2, ...), at the value closest to its bound or
+        farthest beyond it.
+        """
+        theory, measured, allowed = (
+            values.ravel() for values in np.broadcast_arrays(*np.asarray(pair), tolerance)
+        )
         k = int(np.argmax(np.abs(measured - theory) / allowed))
-        self.done.append(Check(self.robot, what, float(measured[k]), float(allowed[k]), unit, float(theory[k]), source))
+        self.done.append(
+            Check(
+                self.robot,
+                what,
+                float(measured[k]),
+                float(allowed[k]),
+                unit,
+                float(theory[k]),
+                source,
+            )
+        )
 
     @property
     def failed(self) -> list[str]:
@@ -51,22 +79,33 @@ class Checks:
 
     @property
     def gentle_slope(self) -> float:
-        """A slope on which the robot stays, at most half of the steepest one that holds it [rad]."""
+        """A slope on which the robot stays, at most half of the steepest one that holds it
+        [rad].
+        """
         return min(_GENTLE, math.atan(self.setup.ground.along) / 2)
 
     def tips_over(self, what: str, heading: float, slope: float) -> bool:
-        """True, with a note on `what`, if the robot may tip over on a slope, heading uphill (0) or across it."""
+        """True, with a note on `what`, if the robot may tip over on a slope, heading uphill (0) or
+        across it.
+        """
         (x, y), p = self.setup.robot().contact_points.T, self.setup.parameters
         tips = math.atan2(y.max() - p.com_y if heading else p.com_x - x.min(), p.com_height)
         if tips < slope + _MARGIN:
-            needed, spare, most = (f"{math.degrees(angle):.0f}°" for angle in (slope, _MARGIN, tips))
-            reason = f"too steep for this robot: {needed} and {spare} to spare > {most}, where it tips over"
+            needed, spare, most = (
+                f"{math.degrees(angle):.0f}°" for angle in (slope, _MARGIN, tips)
+            )
+            reason = (
+                f"too steep for this robot: {needed} and {spare} to spare > {most}, where "
+                "it tips over"
+            )
             self.not_applicable.append(f"{what}: {reason}")
         return tips < slope + _MARGIN
 
 
 def check_turns(checks: Checks) -> Turns:
-    """Check turns with the paper's radii, turns on the spot, and slip uphill; returns the paper's turns."""
+    """Check turns with the paper's radii, turns on the spot, and slip uphill; returns the paper's
+    turns.
+    """
     setup, bound = checks.setup, 0.01 if checks.setup.parameters.axles else 0.005
     turns = drive_steadily(setup, paper_turns(setup.parameters)[2])
     checks.add("b + D in turns", turns.half_width, bound * turns.half_width[0], "m", _BALANCE)
@@ -80,7 +119,9 @@ def check_turns(checks: Checks) -> Turns:
 
 
 def check_standing(checks: Checks) -> None:
-    """Check loads and lean in the paper's turns, and creep of robots parked uphill, obliquely and across a slope."""
+    """Check loads and lean in the paper's turns, and creep of robots parked uphill, obliquely and
+    across a slope.
+    """
     setup, slope = checks.setup, checks.gentle_slope
     loads, attitude = measure_loads(setup, paper_turns(setup.parameters)[2])
     sink = attitude[..., 0].mean(axis=1)
@@ -95,23 +136,31 @@ def check_standing(checks: Checks) -> None:
         before = fleet.pose()
         fleet.advance(5.0)
         speed = np.hypot(*(fleet.pose() - before)[:, :2].T) / 5.0
-        checks.add(creep, [0 * speed, speed], 0.06e-3 if setup.ground.shear else 0.05e-3, "m/s", _COULOMB)
+        checks.add(
+            creep, [0 * speed, speed], 0.06e-3 if setup.ground.shear else 0.05e-3, "m/s", _COULOMB
+        )
 
 
 def check_sliding(checks: Checks) -> dict[str, Array]:
     """Check accelerations on slopes that don't hold the robot.
 
-    Returns by direction (3, S): slopes [rad], and accelerations of the centre of mass in theory and simulated [m/s^2].
+    Returns by direction (3, S): slopes [rad], and accelerations of the centre of mass in theory and
+    simulated [m/s^2].
     """
     setup, ground, measured = checks.setup, checks.setup.ground, {}
-    for way, heading, friction in (("downhill", 0.0, ground.along), ("sideways", np.pi / 2, ground.across)):
+    for way, heading, friction in (
+        ("downhill", 0.0, ground.along),
+        ("sideways", np.pi / 2, ground.across),
+    ):
         limit, what = math.atan(friction), f"acceleration sliding {way}"
         if checks.tips_over(what, heading, limit):
             continue
         slopes = limit + np.radians([2.0, 3.0, 4.0])
         fleet = setup.fleet(np.tile([0.0, 0.0, heading], (len(slopes), 1)))
-        velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]  # of the centre of mass, live
-        for share in np.linspace(0.0, 0.97, 100).tolist():  # tilt slowly until the loads are as in sliding
+        # of the centre of mass, live
+        velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]
+        # tilt slowly until the loads are as in sliding
+        for share in np.linspace(0.0, 0.97, 100).tolist():
             fleet.set_ground(replace(ground, slope=share * limit))
             fleet.advance(0.02)
         fleet.advance(1.0)
@@ -127,10 +176,11 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
 
 
 def check_energy(checks: Checks, generator: np.random.Generator) -> None:
-    """Check that the belts' work in random driving equals losses plus stored energy, each from an independent source.
+    """Check that the belts' work in random driving equals losses plus stored energy, each from an
+    independent source.
 
-    Forces and sliding speeds come from contact sensors, energies from MuJoCo. Over a step, a force acts at the mean of
-    the velocities before and after the step.
+    Forces and sliding speeds come from contact sensors, energies from MuJoCo. Over a step, a force
+    acts at the mean of the velocities before and after the step.
     """
     robot, robots = checks.setup.robot(contact_sensors=True), 4
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
@@ -144,11 +194,21 @@ def check_energy(checks: Checks, generator: np.random.Generator) -> None:
         fleet.advance(step)
         contacts.append(read_contacts(fleet))
         total.append(energy.sum())
-    force, load, belts = (np.array([getattr(c, name) for c in contacts[:-1]]) for name in ("force", "load", "belt"))
+    force, load, belts = (
+        np.array([getattr(c, name) for c in contacts[:-1]]) for name in ("force", "load", "belt")
+    )
     around = (np.array([getattr(c, name) for c in contacts]) for name in ("velocity", "rising"))
     sliding, rising = ((values[:-1] + values[1:]) / 2 for values in around)
     sliding[..., 0] += belts
-    spent = -((force * sliding).sum(axis=(1, 2, 3)) + (load * rising).sum(axis=(1, 2))).cumsum() * step
+    spent = (
+        -((force * sliding).sum(axis=(1, 2, 3)) + (load * rising).sum(axis=(1, 2))).cumsum() * step
+    )
     stored = np.array(total[1:]) - total[0]
     work = -(force[..., 0] * belts).sum(axis=(1, 2)).cumsum() * step
-    checks.add("work of the belts", [spent + stored, work], 0.01 * np.abs(stored).max(), "J", "conservation of energy")
+    checks.add(
+        "work of the belts",
+        [spent + stored, work],
+        0.01 * np.abs(stored).max(),
+        "J",
+        "conservation of energy",
+    )

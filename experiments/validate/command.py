@@ -13,22 +13,39 @@ from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
 from experiments.common.table import Table, number, pair, span
 from experiments.validate import figures
-from experiments.validate.checks import Checks, check_energy, check_sliding, check_standing, check_turns
+from experiments.validate.checks import (
+    Checks,
+    check_energy,
+    check_sliding,
+    check_standing,
+    check_turns,
+)
 from experiments.validate.config import Config
 from experiments.validate.measurements import Setup, paper_turns
 from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.seeds import generator
 
-_UNITS = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "rad": (math.degrees(1.0), "°"), "m/s^2": (1.0, "m/s²")}
-_CAPTION = "Lines: theory, and Coulomb's law on slopes that don't hold the robot. Symbols: simulated."
+_UNITS = {
+    "m": (1e3, "mm"),
+    "m/s": (1e3, "mm/s"),
+    "rad": (math.degrees(1.0), "°"),
+    "m/s^2": (1.0, "m/s²"),
+}
+_CAPTION = (
+    "Lines: theory, and Coulomb's law on slopes that don't hold the robot. Symbols: simulated."
+)
 _NOTE = "Each row shows the value that is closest to its bound."
 
 
 def run(config: Config) -> None:
-    """Measure and check the robot, and store and print the checks; exits with 1 if a check fails."""
+    """Measure and check the robot, and store and print the checks; exits with 1 if a check
+    fails.
+    """
     parameters, ground = load_parameters(config.robot)
-    ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
+    ground = config.ground.changed(
+        load_ground(config.ground.source) if config.ground.source else ground
+    )
     level = Ground(ground.along, ground.across, shear=ground.shear)
     setup = Setup(parameters, level, config.threads)
     checks = Checks(Path(config.robot).stem, setup)
@@ -41,7 +58,9 @@ def run(config: Config) -> None:
         with run.busy("energy"):
             check_energy(checks, generator(config.seed, "energy"))
         rows = list(map(_row, checks.done))
-        table = Table("Theory and simulator", ("check", "theory", "measured", "allowed"), rows, note=_NOTE)
+        table = Table(
+            "Theory and simulator", ("check", "theory", "measured", "allowed"), rows, note=_NOTE
+        )
         warnings = [f"Failed: {what}." for what in checks.failed]
         if level != ground:
             warnings.append("Slope, patches and changes of the ground are left out.")
@@ -52,27 +71,54 @@ def run(config: Config) -> None:
         facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
         facts.append(("slip, outer | inner track", pair(slips)))
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
-        answer = Answer(checks.verdict, facts, lines, warnings, [f"trackslip grid --robot {config.robot}"])
+        answer = Answer(
+            checks.verdict, facts, lines, warnings, [f"trackslip grid --robot {config.robot}"]
+        )
         radius, speed, _ = paper_turns(parameters)
-        plot = Plot("motion", figures.panels(turns, radius, speed, sliding), "Turns and slopes", _CAPTION)
+        plot = Plot(
+            "motion", figures.panels(turns, radius, speed, sliding), "Turns and slopes", _CAPTION
+        )
         sections = [Section("Theory beside measured", [table, plot])]
-        manifest = run.manifest(seed=config.seed, robot=parameters, ground=level, model_sha256=setup.robot().digest)
-        page = Page(f"{checks.robot}: theory and simulator", command_line("validate"), manifest, sections, (), answer)
+        manifest = run.manifest(
+            seed=config.seed, robot=parameters, ground=level, model_sha256=setup.robot().digest
+        )
+        page = Page(
+            f"{checks.robot}: theory and simulator",
+            command_line("validate"),
+            manifest,
+            sections,
+            (),
+            answer,
+        )
         page.write(run.folder, config.pdf)
-        stored = {"radius": radius, "speed": speed, "half_width": turns.half_width, "slip": turns.slip}
-        found = {"checks": [check.to_json() for check in checks.done], "not_applicable": checks.not_applicable}
+        stored = {
+            "radius": radius,
+            "speed": speed,
+            "half_width": turns.half_width,
+            "slip": turns.slip,
+        }
+        found = {
+            "checks": [check.to_json() for check in checks.done],
+            "not_applicable": checks.not_applicable,
+        }
         run.write({**found, "turns": stored, "sliding": sliding}, manifest=manifest)
     table.print()
-    print("\n".join([checks.verdict, *(f"not applicable: {line}" for line in checks.not_applicable)]))
+    print(
+        "\n".join([checks.verdict, *(f"not applicable: {line}" for line in checks.not_applicable)])
+    )
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
     if checks.failed:
         sys.exit(1)
 
 
 def _row(check: Check) -> tuple[str, ...]:
-    """A row with theory, measurement and tolerance in a readable unit, rounded to the digits of the tolerance."""
+    """A row with theory, measurement and tolerance in a readable unit, rounded to the digits of the
+    tolerance.
+    """
     scale, unit = _UNITS.get(check.unit, (1.0, check.unit.removesuffix("1")))
     values = scale * np.array([check.expected, check.measured, check.ends[1] - check.expected])
     digits = max(0, 1 - math.floor(math.log10(values[2])))
-    theory, measured, allowed = (number(value, digits, unit) for value in values.round(digits) + 0.0)
+    theory, measured, allowed = (
+        number(value, digits, unit) for value in values.round(digits) + 0.0
+    )
     return check.what, theory, measured + ("" if check.holds else " !"), f"± {allowed}"

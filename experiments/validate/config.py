@@ -17,13 +17,18 @@ EXAMPLES = (
 class Config(Repeatable):
     """Compare a robot on its ground with theory: turns, loads, creep and sliding on slopes, energy.
 
-    Exits with 1 if a check fails. Checks that do not apply to the robot or its ground are listed with the reason.
+    Exits with 1 if a check fails. Checks that do not apply to the robot or its ground are listed
+    with the reason.
     """
 
     robot: RobotSource = SHIPPED
-    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with its tracks."""
+    """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with
+    its tracks.
+    """
     ground: GroundOptions = field(default_factory=GroundOptions)
-    """The ground, and properties that differ from the named ground; slopes, patches and changes are left out."""
+    """The ground, and properties that differ from the named ground; slopes, patches and changes are
+    left out.
+    """
     out: Path = Path("out/validate")
     """Folder for the results."""
     pdf: bool = False

@@ -13,19 +13,33 @@ from trackslip.kinematics import Array
 
 @styled
 def panels(turns: Turns, radius: Array, speed: Array, sliding: Mapping[str, Array]) -> Panels:
-    """Slip of both tracks against commanded radius, and acceleration down slopes that don't hold the robot."""
+    """Slip of both tracks against commanded radius, and acceleration down slopes that don't hold
+    the robot.
+    """
     slips, axes = panel("Slip of the outer and the inner track", "radius commanded [m]", "slip [–]")
     for k, value in enumerate(np.unique(speed)):
         chosen = np.flatnonzero(speed == value)
         axes.plot(radius[chosen], turns.slip[0, chosen], **THEORY, zorder=1)
-        look: dict[str, Any] = {"color": shade(SPEED_SHADES, k / 4), "ms": 9.0 - 1.1 * k, "mfc": "none"}
-        axes.plot(radius[chosen], turns.slip[1, chosen], "os^Dv"[k], label=[f"{value:g} m/s", None], **look)
+        look: dict[str, Any] = {
+            "color": shade(SPEED_SHADES, k / 4),
+            "ms": 9.0 - 1.1 * k,
+            "mfc": "none",
+        }
+        axes.plot(
+            radius[chosen],
+            turns.slip[1, chosen],
+            "os^Dv"[k],
+            label=[f"{value:g} m/s", None],
+            **look,
+        )
     zero_line(axes)
     axes.legend(loc="lower right", ncols=2)
     if not sliding:
         return (slips,)
     slopes, axes = panel("Sliding down slopes", "slope [°]", "acceleration [m/s²]")
-    for (way, (slope, expected, simulated)), colour in zip(sliding.items(), (BLUE, ORANGE), strict=False):
+    for (way, (slope, expected, simulated)), colour in zip(
+        sliding.items(), (BLUE, ORANGE), strict=False
+    ):
         axes.plot(np.degrees(slope), expected, color=colour, lw=1.2)
         axes.plot(np.degrees(slope), simulated, "o", color=colour, mfc="none", label=way)
     axes.legend(loc="upper left")

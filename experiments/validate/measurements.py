@@ -1,4 +1,6 @@
-"""A robot on its ground, in the simulator and in theory: steady motion, and loads at its contact points."""
+"""A robot on its ground, in the simulator and in theory: steady motion, and loads at its contact
+points.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,13 @@ from sim.ground.ground import Ground
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.run_recorder import read_contacts
-from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.kinematics import (
+    Array,
+    RobotGeometry,
+    limit_sprocket_speeds,
+    sprocket_speeds,
+    track_slip,
+)
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact, Load, steady_twist
 
@@ -37,10 +45,19 @@ class Setup:
         """The robot's model."""
         return load_robot(parameters=self.parameters, contact_sensors=contact_sensors)
 
-    def fleet(self, start: ArrayLike, ground: Ground | Sequence[Ground] | None = None, **options: Any) -> Fleet:
-        """Copies of the robot at poses (N, 3), by default with motors that never reach their limits."""
+    def fleet(
+        self, start: ArrayLike, ground: Ground | Sequence[Ground] | None = None, **options: Any
+    ) -> Fleet:
+        """Copies of the robot at poses (N, 3), by default with motors that never reach their
+        limits.
+        """
         options = {"robot": self.robot(), "drive": tireless(), "threads": self.threads, **options}
-        return Fleet(start=start, ground=ground or self.ground, radius_error=self.parameters.radius_error, **options)
+        return Fleet(
+            start=start,
+            ground=ground or self.ground,
+            radius_error=self.parameters.radius_error,
+            **options,
+        )
 
     @property
     def sprocket_radius(self) -> Array:
@@ -60,38 +77,55 @@ class Turns:
 
     @property
     def half_width(self) -> Array:
-        """b + D, half the distance between the tracks' ICRs, from theory and simulation (2, M) [m]."""
+        """b + D, half the distance between the tracks' ICRs, from theory and simulation (2, M)
+        [m].
+        """
         return np.asarray((self.belts[:, 1] - self.belts[:, 0]) / (2 * self.twists[..., 2]))
 
     @property
     def slip(self) -> Array:
         """Slips from theory and simulation (2, M, 2) [-]."""
-        return np.stack([track_slip(self.omega, twist[:, [0, 2]], self.geometry) for twist in self.twists])
+        return np.stack(
+            [track_slip(self.omega, twist[:, [0, 2]], self.geometry) for twist in self.twists]
+        )
 
 
 def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
-    """Radii [m], scaled with the robot's width, and speeds [m/s] of the paper's turns (25,), and the sprocket speeds
-    (25, 2) that command them, within the drives' limits [rad/s]."""
+    """Radii [m], scaled with the robot's width, and speeds [m/s] of the paper's turns (25,), and
+    the sprocket speeds (25, 2) that command them, within the drives' limits [rad/s].
+    """
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
     radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, parameters.geometry)
-    return radius, speed, limit_sprocket_speeds(omega, tireless().top_speed / parameters.sprocket_radius)
+    return (
+        radius,
+        speed,
+        limit_sprocket_speeds(omega, tireless().top_speed / parameters.sprocket_radius),
+    )
 
 
-def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes: float = 3.0) -> Turns:
-    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load that has uphill straight ahead.
+def drive_steadily(
+    setup: Setup, omega: Array, load: Load | None = None, passes: float = 3.0
+) -> Turns:
+    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load that has uphill
+    straight ahead.
 
-    On shearing ground, this takes until the elements of the slowest belt have passed through contact `passes` times.
+    On shearing ground, this takes until the elements of the slowest belt have passed through
+    contact `passes` times.
     """
     load, belts, p, settle = load or Load(), omega * setup.sprocket_radius, setup.parameters, 1.5
-    ground, pull = replace(setup.ground, slope=load.slope), Pull(load.pull * p.mass * GRAVITY, load.hitch_height)
+    ground, pull = (
+        replace(setup.ground, slope=load.slope),
+        Pull(load.pull * p.mass * GRAVITY, load.hitch_height),
+    )
     if ground.shear:
         settle = passes * p.contact_length / float(np.abs(belts).min())
     fleet = setup.fleet(np.zeros((len(omega), 3)), ground, pull=pull)
     fleet.command(omega)
     fleet.advance(round(settle / fleet.period) * fleet.period)
     twists = []
-    for _ in range(round(0.5 / fleet.period)):  # a mean, because contact with MuJoCo's default parameters shakes
+    # a mean, because contact with MuJoCo's default parameters shakes
+    for _ in range(round(0.5 / fleet.period)):
         fleet.advance(fleet.period)
         twists.append(fleet.twist())
     contact = p.contact_theory(ground.along, ground.across, 100)
@@ -100,8 +134,9 @@ def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes:
 
 
 def measure_loads(setup: Setup, omega: Array) -> tuple[Array, Array]:
-    """Loads at K contact points in turns, relative to their mean (2, M, K) [-], and the chassis' sink [m], roll and
-    pitch (2, M, 3) [rad], in theory (a rigid robot on equal springs) and simulated, at sprocket speeds (M, 2) [rad/s].
+    """Loads at K contact points in turns, relative to their mean (2, M, K) [-], and the chassis'
+    sink [m], roll and pitch (2, M, 3) [rad], in theory (a rigid robot on equal springs) and
+    simulated, at sprocket speeds (M, 2) [rad/s].
     """
     fleet = setup.fleet(np.zeros((len(omega), 3)), robot=setup.robot(contact_sensors=True))
     fleet.command(omega)

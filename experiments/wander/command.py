@@ -24,7 +24,9 @@ def run(config: Config) -> None:
         require_rosbags()
     world, simulated = World.of(config), config.drives * config.duration
     with Run(config) as run:
-        with run.progress(f"{config.driving}, {counted(config.drives, 'drive')}", simulated) as report:
+        with run.progress(
+            f"{config.driving}, {counted(config.drives, 'drive')}", simulated
+        ) as report:
             logs = wander(config, world, report)
         contents = [drive_contents(log) for log in logs]
         summary: dict[str, Any] = {"drives": contents}
@@ -40,9 +42,14 @@ def run(config: Config) -> None:
     for drive in contents:
         turns = (f"{degrees(drive['turned_left']):.0f}", f"{degrees(drive['turned_right']):.0f}")
         counts = (str(drive["readings"]), str(drive["poses"]))
-        rows.append((drive["run"], *counts, f"{drive['way']:.1f}", *turns, f"{drive['standing']:.0%}"))
+        rows.append(
+            (drive["run"], *counts, f"{drive['way']:.1f}", *turns, f"{drive['standing']:.0%}")
+        )
     title = f"Drives, with poses of {config.source.source} at {config.source.poses().rate:g} Hz"
     Table(title, _HEADER, rows).print()
     if config.bag:
         print(bags_text(config.out, summary["bags"]))
-    print(f"{config.out / RUNS_FILE}: {run.wall:.1f} s; next: trackslip identify {shlex.quote(str(config.out))}")
+    print(
+        f"{config.out / RUNS_FILE}: {run.wall:.1f} s; next: trackslip identify "
+        f"{shlex.quote(str(config.out))}"
+    )

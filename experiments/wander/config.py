@@ -15,8 +15,14 @@ from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
-    ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
-    ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
+    (
+        "a late clock and a jump",
+        "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5",
+    ),
+    (
+        "a minute as a ROS 2 bag, with scans",
+        "trackslip wander --duration 60 --source scanner --bag",
+    ),
 )
 _MIN_RATE, _MAX_RATE = 5.0, 1000.0  # limits for the rate of the encoders [Hz]
 _FLOAT = default_is("the source's", "FLOAT")
@@ -27,15 +33,21 @@ _COUNT = default_is("the source's", "INT")
 class SourceOptions:
     """The source of the poses, and properties that differ from the named source."""
 
-    source: Annotated[Literal["scanner", "mocap", "slam", "gnss", "odometry"], tyro.conf.arg(name="")] = "slam"
-    """Poses like those from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that drifts."""
+    source: Annotated[
+        Literal["scanner", "mocap", "slam", "gnss", "odometry"], tyro.conf.arg(name="")
+    ] = "slam"
+    """Poses like those from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that
+    drifts.
+    """
     rate: Annotated[float | None, _FLOAT] = None
     """Poses per second [Hz]."""
     position_noise: Annotated[float | None, _FLOAT] = None
     """Standard deviation of the noise in x and in y [m]."""
     heading_noise: Annotated[float | None, _FLOAT] = None
     """Standard deviation of the noise in the heading [rad]."""
-    heading: Annotated[bool | None, tyro.conf.arg(help_behavior_hint="(default: the source's)")] = None
+    heading: Annotated[bool | None, tyro.conf.arg(help_behavior_hint="(default: the source's)")] = (
+        None
+    )
     """Also measure headings."""
     delay: Annotated[float | None, _FLOAT] = None
     """Time stamp of a pose minus the encoders' time stamp at the same moment [s]."""
@@ -70,10 +82,14 @@ class SourceOptions:
 
 @dataclass(frozen=True)
 class Config(Simulation):
-    """Simulate teleoperated drives and log encoders and poses on separate clocks, as real robots do."""
+    """Simulate teleoperated drives and log encoders and poses on separate clocks, as real robots
+    do.
+    """
 
     driving: Literal["random", "eights", "stop_and_go", "loop"] = "random"
-    """Commands: a joystick moved at random, figure eights, constant speeds with stops, or laps of a square."""
+    """Commands: a joystick moved at random, figure eights, constant speeds with stops, or laps of a
+    square.
+    """
     drives: Annotated[int, Whole(1, 1000)] = 1
     """Number of drives."""
     duration: Annotated[float, Within(1, MAX_DURATION, "s")] = 120.0
@@ -90,7 +106,9 @@ class Config(Simulation):
     """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
     out: Path = Path("out/wander")
     """Folder for the results."""
-    scanner: Annotated[LaserScanner, tyro.conf.Fixed, tyro.conf.Suppress] = field(default_factory=LaserScanner)
+    scanner: Annotated[LaserScanner, tyro.conf.Fixed, tyro.conf.Suppress] = field(
+        default_factory=LaserScanner
+    )
     """The scanner for --source scanner, which scans at the rate of the poses."""
     obstacles: Annotated[str | None, tyro.conf.Fixed, tyro.conf.Suppress] = None
     """None, because only the plate is scanned."""

@@ -1,4 +1,6 @@
-"""Teleoperated drives according to the options: commands, motion, and the logs of encoders and poses."""
+"""Teleoperated drives according to the options: commands, motion, and the logs of encoders and
+poses.
+"""
 
 from typing import Any
 
@@ -18,13 +20,17 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
 _AT_REST = 1e-3  # mean speed of the tracks below which a robot is at rest [m/s]
-_REACH = 1.27  # (b + D) / b of the shipped robot on stone, with which the driver respects the tracks' largest speed [-]
-_IN_FRONT = 3.0  # distance of the start from the scanner, in whose view most one-minute drives stay [m]
+# (b + D) / b of the shipped robot on stone, with which the driver respects the tracks' largest
+# speed [-]
+_REACH = 1.27
+# distance of the start from the scanner, in whose view most one-minute drives stay [m]
+_IN_FRONT = 3.0
 _ON_TIME = 1e-6  # rounding error of a reading's time as a multiple of the period [periods]
 
 
 def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
-    """Simulate all drives at once; `progress` is called with the simulated seconds, summed over drives.
+    """Simulate all drives at once; `progress` is called with the simulated seconds, summed over
+    drives.
 
     Raises RunFailedError when a robot tips over; the error's `logs` contain the drives up to then.
     """
@@ -32,14 +38,19 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
     names = [f"{config.driving} {k + 1}" for k in range(config.drives)]
     driver = Driver(config.max_speed, config.acceleration, _REACH * geometry.half_gauge)
     commands = [
-        track_commands(config.driving, config.duration, rate, driver, _random(config, name, "commands"))
+        track_commands(
+            config.driving, config.duration, rate, driver, _random(config, name, "commands")
+        )
         for name in names
     ]
     omega = [speeds / geometry.sprocket_radius for speeds in commands]
     source, start = config.source.poses(), np.zeros(3)
     if config.source.source == "scanner":
         start[:2] = se2.to_world(world.robot.lrf_mount, [_IN_FRONT, 0.0])
-    metadata = world.metadata(config.source.source) | {"driving": config.driving, "source": plain(source)}
+    metadata = world.metadata(config.source.source) | {
+        "driving": config.driving,
+        "source": plain(source),
+    }
     if config.source.source != "scanner":  # other sources have no scanner in the field
         del metadata["lrf"], metadata["scanner"]
     logs = open_loop(
@@ -51,15 +62,23 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
         period=1 / rate,
     )
     return [
-        joined_log(log, *source.measure(Motion(log.time, log.pose), _random(config, log.run, "poses"))) for log in logs
+        joined_log(
+            log, *source.measure(Motion(log.time, log.pose), _random(config, log.run, "poses"))
+        )
+        for log in logs
     ]
 
 
 def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
-    """Further arguments of `write_bag` for a log: poses as their source publishes them, and the scanner's scans."""
+    """Further arguments of `write_bag` for a log: poses as their source publishes them, and the
+    scanner's scans.
+    """
     source, counted = config.source.poses(), log.time * config.encoder_rate
     noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
-    contents = {"readings": np.abs(counted - np.rint(counted)) < _ON_TIME, "covariance": np.diag(noise**2)}
+    contents = {
+        "readings": np.abs(counted - np.rint(counted)) < _ON_TIME,
+        "covariance": np.diag(noise**2),
+    }
     if config.source.source == "scanner":
         scanner, motion = LaserScanner(rate=source.rate), Motion(log.time, _true_pose(log))
         time, scan = plate_scans(scanner, world.robot, motion, _random(config, log.run, "scans"))
@@ -68,7 +87,9 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
 
 
 def drive_contents(log: RunLog) -> dict[str, Any]:
-    """A simulated drive as an entry in summary.json: its true motion, and its numbers of measurements."""
+    """A simulated drive as an entry in summary.json: its true motion, and its numbers of
+    measurements.
+    """
     step, duration = np.diff(_true_pose(log), axis=0), np.diff(log.time)
     way, turn = np.hypot(step[:, 0], step[:, 1]), step[:, 2]
     resting = (way + np.abs(turn)) < _AT_REST * duration
@@ -79,7 +100,8 @@ def drive_contents(log: RunLog) -> dict[str, Any]:
         "way": float(way.sum()),  # [m]
         "turned_left": float(turn[turn > 0].sum()),  # [rad]
         "turned_right": float(-turn[turn < 0].sum()),  # [rad]
-        "standing": float(duration[resting].sum() / duration.sum()),  # share of the time at rest [-]
+        # share of the time at rest [-]
+        "standing": float(duration[resting].sum() / duration.sum()),
     }
 
 

@@ -1,7 +1,9 @@
-"""The topics that a robot, its localization and a stationary scanner publish during a run, as ROS 2 messages.
+"""The topics that a robot, its localization and a stationary scanner publish during a run, as ROS 2
+messages.
 
-Messages are built from columns of numbers, one topic at a time. They describe motion in the plane: poses (M, 3) are x,
-y [m] and yaw [rad]; twists (M, 3) are forward speed, lateral speed to the left [m/s] and yaw rate [rad/s].
+Messages are built from columns of numbers, one topic at a time. They describe motion in the plane:
+poses (M, 3) are x, y [m] and yaw [rad]; twists (M, 3) are forward speed, lateral speed to the left
+[m/s] and yaw rate [rad/s].
 """
 
 from __future__ import annotations
@@ -24,27 +26,34 @@ from trackslip.logs.runlog import RunLog
 Stamps = NDArray[np.int64]
 """Times (M,) since 1970 [ns]."""
 Fields = Mapping[str, Any]
-"""Values of fields by name: an array with a row per message, a value for all messages, or nested fields.
+"""Values of fields by name: an array with a row per message, a value for all messages, or nested
+fields.
 
-Omitted fields are zero or empty; a field that is an array of messages gets one message, with the given fields.
+Omitted fields are zero or empty; a field that is an array of messages gets one message, with the
+given fields.
 """
 _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # indices of x, y, yaw in x, y, z, roll, pitch, yaw
 JOINTS = ["left_sprocket", "right_sprocket"]
 """Names of the sprocket joints in /joint_states."""
 FIELD = (52.0, 10.0, 0.0)
-"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions, an arbitrary field."""
+"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions, an arbitrary
+field.
+"""
 START = 1_767_225_600
 """Stamp for t = 0, 2026-01-01; a stamp of zero would mean that there is no stamp [s]."""
 _SINCE_1970 = 1e9  # a log that begins later than this has times since 1970 [s]
 _LAST = 2**31 - 1  # largest number of seconds that a stamp can hold
-# covariance of x, y [m^2] and yaw [rad^2], and of their rates, common in configurations of diff_drive_controller
+# covariance of x, y [m^2] and yaw [rad^2], and of their rates, common in configurations of
+# diff_drive_controller
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
 _EXACT = np.zeros((3, 3))
 
 
 @functools.cache
 def definitions() -> Any:
-    """Message types of ROS 2 Jazzy; all releases since Foxy define the types written here identically."""
+    """Message types of ROS 2 Jazzy; all releases since Foxy define the types written here
+    identically.
+    """
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -64,7 +73,9 @@ class Publication:
 def messages(kind: str, fields: Fields) -> Iterator[Any]:
     """Messages of the type `kind` with these fields."""
     known = definitions()
-    columns = (_column(node, detail, fields.get(name)) for name, (node, detail) in known.fielddefs[kind][1])
+    columns = (
+        _column(node, detail, fields.get(name)) for name, (node, detail) in known.fielddefs[kind][1]
+    )
     return map(known.types[kind], *columns)
 
 
@@ -91,21 +102,41 @@ def header(stamps: Stamps, frame: str = "") -> Fields:
 
 
 def pose(of: Array, covariance: Array | None = None) -> Fields:
-    """Fields of a geometry_msgs/Pose, or of a PoseWithCovariance with a covariance (3, 3) or (M, 3, 3)."""
+    """Fields of a geometry_msgs/Pose, or of a PoseWithCovariance with a covariance (3, 3) or (M, 3,
+    3).
+    """
     fields = {"position": {"x": of[:, 0], "y": of[:, 1]}, "orientation": _quaternion(of[:, 2])}
-    return fields if covariance is None else {"pose": fields, "covariance": _in_space(covariance, len(of))}
+    return (
+        fields
+        if covariance is None
+        else {"pose": fields, "covariance": _in_space(covariance, len(of))}
+    )
 
 
 def twist(of: Array, covariance: Array | None = None) -> Fields:
-    """Fields of a geometry_msgs/Twist, or of a TwistWithCovariance with a covariance (3, 3) or (M, 3, 3)."""
+    """Fields of a geometry_msgs/Twist, or of a TwistWithCovariance with a covariance (3, 3) or (M,
+    3, 3).
+    """
     fields = {"linear": {"x": of[:, 0], "y": of[:, 1]}, "angular": {"z": of[:, 2]}}
-    return fields if covariance is None else {"twist": fields, "covariance": _in_space(covariance, len(of))}
+    return (
+        fields
+        if covariance is None
+        else {"twist": fields, "covariance": _in_space(covariance, len(of))}
+    )
 
 
-def transforms(name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False) -> Publication:
-    """A topic of tf2_msgs/TFMessage with one transform per message, the pose of `frames[1]` in `frames[0]`."""
+def transforms(
+    name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False
+) -> Publication:
+    """A topic of tf2_msgs/TFMessage with one transform per message, the pose of `frames[1]` in
+    `frames[0]`.
+    """
     moved = {"translation": {"x": of[:, 0], "y": of[:, 1]}, "rotation": _quaternion(of[:, 2])}
-    moved_frame = {"header": header(stamps, frames[0]), "child_frame_id": frames[1], "transform": moved}
+    moved_frame = {
+        "header": header(stamps, frames[0]),
+        "child_frame_id": frames[1],
+        "transform": moved,
+    }
     return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": moved_frame}, latched)
 
 
@@ -123,11 +154,17 @@ def _in_space(covariance: Array, count: int) -> Array:
 class RunTopics:
     """Topics for a log, in groups; a group is empty if the log doesn't have its data."""
 
-    def __init__(self, log: RunLog, geometry: RobotGeometry | None, readings: np.ndarray | None) -> None:
-        """Prepare the topics; `readings` (T,) is the mask of rows with encoder readings, None for all rows."""
+    def __init__(
+        self, log: RunLog, geometry: RobotGeometry | None, readings: np.ndarray | None
+    ) -> None:
+        """Prepare the topics; `readings` (T,) is the mask of rows with encoder readings, None for
+        all rows.
+        """
         self._log, self._geometry = log, geometry
         self._start = 0 if log.time[0] > _SINCE_1970 else START
-        self._read = np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
+        self._read = (
+            np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
+        )
         self._odom: Array | None = None  # poses (T, 3) from dead reckoning without slip
         if geometry is not None:
             driven = body_twist(log.omega[1:], 0.0, geometry)
@@ -139,16 +176,25 @@ class RunTopics:
         stamps = self._stamps(log.time[read])
         turned = log.omega[1:] * np.diff(log.time)[:, None]
         angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
-        joints = {"header": header(stamps), "name": JOINTS, "position": angle[read], "velocity": log.omega[read]}
+        joints = {
+            "header": header(stamps),
+            "name": JOINTS,
+            "position": angle[read],
+            "velocity": log.omega[read],
+        }
         yield Publication("/joint_states", "sensor_msgs/msg/JointState", stamps, joints)
         if self._geometry is not None and self._odom is not None:
             driven = _planar(body_twist(log.omega[read], 0.0, self._geometry))
             odom, frames = self._odom[read], ("odom", "base_link")
-            yield _odometry("/odom", stamps, frames, odom, _WHEEL_COVARIANCE, driven, _WHEEL_COVARIANCE)
+            yield _odometry(
+                "/odom", stamps, frames, odom, _WHEEL_COVARIANCE, driven, _WHEEL_COVARIANCE
+            )
             yield transforms("/tf", stamps, frames, odom)
 
     def commands(self) -> Iterator[Publication]:
-        """Topic of the body twists from a controller, or from the commanded sprocket speeds without slip."""
+        """Topic of the body twists from a controller, or from the commanded sprocket speeds without
+        slip.
+        """
         log, commanded = self._log, self._log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
             commanded = body_twist(log.command, 0.0, self._geometry)
@@ -157,16 +203,24 @@ class RunTopics:
             yield command_topic("/cmd_vel", self._stamps(log.time[given]), commanded[given])
 
     def poses(self, covariance: Array | None) -> Iterator[Publication]:
-        """Topics of the measured poses, and of the transforms that localization publishes with them."""
+        """Topics of the measured poses, and of the transforms that localization publishes with
+        them.
+        """
         log = self._log
-        errors = np.broadcast_to(_EXACT if covariance is None else covariance, (len(log.time), 3, 3))
+        errors = np.broadcast_to(
+            _EXACT if covariance is None else covariance, (len(log.time), 3, 3)
+        )
         if log.covariance is not None:
-            errors = np.where(np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True), log.covariance, errors)
+            errors = np.where(
+                np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True), log.covariance, errors
+            )
         headed = log.has_heading
         if headed.any():
             stamps, seen = self._stamps(log.time[headed]), log.pose[headed]
             fields = {"header": header(stamps, "map"), "pose": pose(seen, errors[headed])}
-            yield Publication("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", stamps, fields)
+            yield Publication(
+                "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", stamps, fields
+            )
             if self._odom is not None:
                 corrected = se2.compose(seen, se2.inverse(self._odom[headed]))
                 yield transforms("/tf", stamps, ("map", "odom"), corrected)
@@ -180,11 +234,19 @@ class RunTopics:
         if log.truth is not None:
             stamps, frames = self._stamps(log.time[read]), ("map", "base_link")
             yield _odometry(
-                "/ground_truth", stamps, frames, log.truth.pose[read], _EXACT, log.truth.twist[read], _EXACT
+                "/ground_truth",
+                stamps,
+                frames,
+                log.truth.pose[read],
+                _EXACT,
+                log.truth.twist[read],
+                _EXACT,
             )
 
     def scans(self, scans: tuple[Array, Scan] | None) -> Iterator[Publication]:
-        """Topics of scans and the scanner's pose; by default the scans in the log, if it has all of their ranges."""
+        """Topics of scans and the scanner's pose; by default the scans in the log, if it has all of
+        their ranges.
+        """
         log = self._log
         if scans is None and log.scans is not None and log.scans.full is not None:
             scans = log.time, replace(log.scans.scan, ranges=log.scans.full)
@@ -199,7 +261,8 @@ class RunTopics:
             "angle_increment": scan.beam_step,
             "scan_time": float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
             "range_max": float(scan.max_range),
-            "ranges": np.where(np.isnan(scan.ranges), np.inf, scan.ranges).astype(np.float32),  # as in REP 117
+            # as in REP 117
+            "ranges": np.where(np.isnan(scan.ranges), np.inf, scan.ranges).astype(np.float32),
         }
         yield Publication("/scan", "sensor_msgs/msg/LaserScan", stamps, fields)
         begin = self._stamps(np.minimum(time[:1], log.time[0]))
@@ -216,8 +279,13 @@ class RunTopics:
 
 
 def command_topic(name: str, stamps: Stamps, commanded: Array, stamped: bool = True) -> Publication:
-    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s]; stamps are 0 unless `stamped`."""
-    fields = {"header": header(stamps if stamped else 0 * stamps, "base_link"), "twist": twist(_planar(commanded))}
+    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s]; stamps are 0
+    unless `stamped`.
+    """
+    fields = {
+        "header": header(stamps if stamped else 0 * stamps, "base_link"),
+        "twist": twist(_planar(commanded)),
+    }
     return Publication(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
 
 
@@ -240,7 +308,9 @@ def _odometry(
 
 
 def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Publication:
-    """A topic of sensor_msgs/NavSatFix with positions (M, 2), x to the east and y to the north of `FIELD` [m]."""
+    """A topic of sensor_msgs/NavSatFix with positions (M, 2), x to the east and y to the north of
+    `FIELD` [m].
+    """
     from pymap3d import enu2geodetic
 
     latitude, longitude, altitude = enu2geodetic(*place.T, 0.0, *FIELD)

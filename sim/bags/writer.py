@@ -27,8 +27,15 @@ _TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 
 def require_topic(name: str, field: str = "topic") -> None:
-    """Raise InvalidValueError unless a topic may have this name: https://design.ros2.org/articles/topic_and_service_names.html."""
-    require(_TOPIC.fullmatch(name), field, name, "names of letters, digits and _, joined by /, as in /cmd_vel")
+    """Raise InvalidValueError unless a topic may have this name:
+    https://design.ros2.org/articles/topic_and_service_names.html.
+    """
+    require(
+        _TOPIC.fullmatch(name),
+        field,
+        name,
+        "names of letters, digits and _, joined by /, as in /cmd_vel",
+    )
 
 
 def write_bag(
@@ -42,17 +49,19 @@ def write_bag(
 ) -> None:
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
 
-    The bag has these topics if the log has their data: /joint_states, with sprocket angles since the first row; /odom
-    (dead reckoning without slip); /cmd_vel (TwistStamped); /pose (PoseWithCovarianceStamped) or, for poses without
-    headings, /fix (NavSatFix); /scan; /ground_truth; /tf with odom -> base_link and, with headings, map -> odom;
-    /tf_static with map -> laser.
+    The bag has these topics if the log has their data: /joint_states, with sprocket angles since
+    the first row; /odom (dead reckoning without slip); /cmd_vel (TwistStamped); /pose
+    (PoseWithCovarianceStamped) or, for poses without headings, /fix (NavSatFix); /scan;
+    /ground_truth; /tf with odom -> base_link and, with headings, map -> odom; /tf_static with map
+    -> laser.
 
     Args:
-        log: the run; its times become stamps, counted from 2026 unless they are already times since 1970.
-        path: folder of the bag, for `metadata.yaml` and the .mcap file; or only that file if the path ends in .mcap.
-            The path must not exist.
-        geometry: the robot's geometry, for /odom and /cmd_vel; by default that in the log's metadata. Without
-            geometry, these topics are omitted.
+        log: the run; its times become stamps, counted from 2026 unless they are already times since
+            1970.
+        path: folder of the bag, for `metadata.yaml` and the .mcap file; or only that file if the
+            path ends in .mcap. The path must not exist.
+        geometry: the robot's geometry, for /odom and /cmd_vel; by default that in the log's
+            metadata. Without geometry, these topics are omitted.
         covariance: covariance (3, 3) for poses without covariances in the log [m, m, rad].
         readings: mask (T,) of the rows with encoder readings; by default all.
         scans: times (S,) [s] and scans with ranges (S, B), unless they are those in the log's rows.
@@ -72,16 +81,20 @@ def write_bag(
         *contents.truth(),
         *contents.scans(scans),
     ]
-    about = {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
+    about = (
+        {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
+    )
     _write(Path(path), topics, {"run": log.run, **about})
 
 
 def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/cmd_vel") -> None:
-    """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
+    """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be
+    played to a robot.
 
-    The stamps in the headers are 0, which the diff_drive_controller of ros2_control replaces with the time of arrival;
-    it ignores commands with stamps older than its `cmd_vel_timeout`. `path` is that of `write_bag`. Raises
-    InvalidValueError if `topic` isn't a valid name in ROS, and OutputError and TrackslipError like `write_bag`.
+    The stamps in the headers are 0, which the diff_drive_controller of ros2_control replaces with
+    the time of arrival; it ignores commands with stamps older than its `cmd_vel_timeout`. `path` is
+    that of `write_bag`. Raises InvalidValueError if `topic` isn't a valid name in ROS, and
+    OutputError and TrackslipError like `write_bag`.
     """
     require_topic(topic)
     stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
@@ -95,7 +108,8 @@ def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=path.parent) as staging:
-            draft = Path(staging) / path.name.removesuffix(MCAP)  # the folder's name is also the file's
+            # the folder's name is also the file's
+            draft = Path(staging) / path.name.removesuffix(MCAP)
             _fill(draft, topics, about)
             os.replace(draft / f"{draft.name}{MCAP}" if path.suffix == MCAP else draft, path)
     except OSError as error:
@@ -118,17 +132,34 @@ def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str])
                 opened[topic.name] = writer.add_connection(
                     topic.name, topic.kind, typestore=store, offered_qos_profiles=durability
                 )
-        rows = (zip(topic.stamps.tolist(), repeat(topic), messages(topic.kind, topic.fields)) for topic in topics)
+        rows = (
+            zip(topic.stamps.tolist(), repeat(topic), messages(topic.kind, topic.fields))
+            for topic in topics
+        )
         for stamp, topic, message in heapq.merge(*rows, key=itemgetter(0)):
             writer.write(opened[topic.name], stamp, store.serialize_cdr(message, topic.kind))
 
 
 def _latched() -> Any:
     """The quality of service that sends a topic's last message to late subscribers."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
 
     never = QosTime(0, 0)
     return Qos(
-        *(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, never, never),
+        *(
+            QosHistory.KEEP_LAST,
+            1,
+            QosReliability.RELIABLE,
+            QosDurability.TRANSIENT_LOCAL,
+            never,
+            never,
+        ),
         *(QosLiveliness.SYSTEM_DEFAULT, never, False),
     )

@@ -1,7 +1,9 @@
-"""Calibration: parameters of the simulated robot, fitted with priors and a robust loss to data from a robot.
+"""Calibration: parameters of the simulated robot, fitted with priors and a robust loss to data from
+a robot.
 
-MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to sensor trajectories. In this module, candidates also differ in
-ground, drive and clock, errors refer to motions over a few seconds, and some errors may be very large.
+MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to sensor trajectories. In this module,
+candidates also differ in ground, drive and clock, errors refer to motions over a few seconds, and
+some errors may be very large.
 """
 
 from __future__ import annotations
@@ -22,13 +24,18 @@ from trackslip.identification.comparison import newton_steps
 from trackslip.kinematics import Array
 
 _STEP = 0.05  # step for finite differences [standard deviations of the prior]
-_ITERATIONS, _CONVERGED = 15, 0.05  # largest number of iterations; gain in log-likelihood at which they stop
-_ROUNDS, _SAME = 10, 0.01  # largest number of successive fits; relative change in the errors' sizes at which they stop
+# largest number of iterations; gain in log-likelihood at which they stop
+_ITERATIONS, _CONVERGED = 15, 0.05
+# largest number of successive fits; relative change in the errors' sizes at which they stop
+_ROUNDS, _SAME = 10, 0.01
 _KEPT = 64  # number of candidates with cached errors
-_VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over the prior's standard deviation; value over its standard error
-_ALIKE = 0.95  # cosine between error slopes of parameters above which the target can't distinguish the parameters
+# standard error over the prior's standard deviation; value over its standard error
+_VAGUE, _SIGNIFICANT = 0.7, 2.0
+# cosine between error slopes of parameters above which the target can't distinguish the parameters
+_ALIKE = 0.95
 _MAD = 1.4826  # ratio of standard deviation to median magnitude for normal errors
-_CAUCHY = 2.385  # scale of the loss [standard deviations], at 95 % of least squares' efficiency for normal errors
+# scale of the loss [standard deviations], at 95 % of least squares' efficiency for normal errors
+_CAUCHY = 2.385
 _LEAST_CURVED = 0.1  # smallest curvature of the loss, relative to the weights
 
 
@@ -50,13 +57,15 @@ class Calibration:
 
     candidate: Candidate
     estimates: dict[str, Estimate]  # estimates of the free parameters, by name
-    correlation: dict[str, dict[str, float]]  # correlations between the errors of the parameters [-]
+    # correlations between the errors of the parameters [-]
+    correlation: dict[str, dict[str, float]]
     cost: float  # half the minimised loss plus the logarithms of the errors' sizes
     metrics: dict[str, float]  # errors of the fitted candidate
     before: dict[str, float]  # errors of the base candidate
     folds: tuple[Candidate, ...] = ()  # candidates that were each fitted without one fold
     held_out: dict[str, float] | None = None  # errors of `folds`, each in the fold left out
-    held_out_before: dict[str, float] | None = None  # errors of the base candidate in the same folds
+    # errors of the base candidate in the same folds
+    held_out_before: dict[str, float] | None = None
 
 
 def calibrate(
@@ -68,17 +77,19 @@ def calibrate(
 ) -> Calibration:
     """Fit parameters of a candidate to a target.
 
-    This is a least-squares fit, with Cauchy's loss if the target is robust, and with normal priors around the values of
-    `base`. Parameters that the target doesn't determine stay close to their priors and keep the priors' uncertainty.
-    Standard errors are from fits without each cluster (jackknife) if the target is robust, otherwise from residuals.
+    This is a least-squares fit, with Cauchy's loss if the target is robust, and with normal priors
+    around the values of `base`. Parameters that the target doesn't determine stay close to their
+    priors and keep the priors' uncertainty. Standard errors are from fits without each cluster
+    (jackknife) if the target is robust, otherwise from residuals.
 
     Args:
         target: data on the robot's motion.
-        base: candidate at which the fit starts; it also has the values of parameters that aren't free.
-        free: names of the parameters to fit, from `PARAMETERS`; raises InvalidValueError for names that are unknown,
-            repeated or redundant, and for more parameters than the target allows.
-        folds: label (n,) of each error's fold; a candidate fitted to the other folds predicts the errors in a fold.
-            Errors with negative labels are never predicted.
+        base: candidate at which the fit starts; it also has the values of parameters that aren't
+            free.
+        free: names of the parameters to fit, from `PARAMETERS`; raises InvalidValueError for names
+            that are unknown, repeated or redundant, and for more parameters than the target allows.
+        folds: label (n,) of each error's fold; a candidate fitted to the other folds predicts the
+            errors in a fold. Errors with negative labels are never predicted.
         progress: called with 1 after the fit and after each fold.
     """
     problem = _Problem(target, base, _checked(free, target))
@@ -113,7 +124,9 @@ class _End:
 
 
 class _Problem:
-    """The loss as a function of p parameters, each scaled by the standard deviation of its prior."""
+    """The loss as a function of p parameters, each scaled by the standard deviation of its
+    prior.
+    """
 
     def __init__(self, target: Target, base: Candidate, names: tuple[str, ...]) -> None:
         self.target, self._base, self.names = target, base, names
@@ -128,7 +141,11 @@ class _Problem:
 
     def candidate(self, scaled: Iterable[float]) -> Candidate:
         """The candidate with the scaled parameters (p,)."""
-        values = {n: PARAMETERS[n].unscaled(self._base, float(z)) for n, z in zip(self.names, scaled, strict=True) if z}
+        values = {
+            n: PARAMETERS[n].unscaled(self._base, float(z))
+            for n, z in zip(self.names, scaled, strict=True)
+            if z
+        }
         return self._base.with_values(values)
 
     def errors(self, scaled: Array) -> Array:
@@ -136,7 +153,9 @@ class _Problem:
         return self._known(*scaled.tolist())
 
     def slope(self, scaled: Array) -> Array:
-        """Derivatives (n, p) of the errors with respect to the scaled parameters (p,), from finite differences."""
+        """Derivatives (n, p) of the errors with respect to the scaled parameters (p,), from finite
+        differences.
+        """
         errors = self.errors(scaled)
         slope = np.empty((len(errors), len(scaled)))
         for k in self._order:
@@ -146,7 +165,9 @@ class _Problem:
         return slope
 
     def sizes(self, errors: Array) -> Array:
-        """Standard deviations (kinds,) of the errors by kind, allowing for the fitted parameters."""
+        """Standard deviations (kinds,) of the errors by kind, allowing for the fitted
+        parameters.
+        """
         layout, sizes = self._layout, self._layout.floor.copy()
         for kind in range(len(sizes)):
             rows = layout.kind == kind
@@ -156,19 +177,27 @@ class _Problem:
                 middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
                 sigma = _MAD * size[order[middle]]
             else:
-                sigma = np.sqrt(share @ size**2 / max(share.sum() * (1 - len(self.names) / layout.share.sum()), 1.0))
+                sigma = np.sqrt(
+                    share
+                    @ size**2
+                    / max(share.sum() * (1 - len(self.names) / layout.share.sum()), 1.0)
+                )
             sizes[kind] = max(sizes[kind], sigma)
         return sizes
 
     def loss(self, square: Array, share: Array) -> Array:
-        """Loss and its first and second derivatives, (3, n), for squared errors over their variances (n,)."""
+        """Loss and its first and second derivatives, (3, n), for squared errors over their
+        variances (n,).
+        """
         if not self._layout.robust:
             return share * np.stack([square, np.ones_like(square), np.zeros_like(square)])
         fall = 1 / (1 + square / _CAUCHY**2)
         return share * np.stack([-(_CAUCHY**2) * np.log(fall), fall, -(fall**2) / _CAUCHY**2])
 
     def cost(self, scaled: Array) -> tuple[float, Array]:
-        """Negative log-likelihood, up to a constant, and standard deviations (kinds,) of the errors."""
+        """Negative log-likelihood, up to a constant, and standard deviations (kinds,) of the
+        errors.
+        """
         errors, share = self.errors(scaled), self._layout.share
         sigma = self.sizes(errors)
         size = sigma[self._layout.kind]
@@ -178,7 +207,8 @@ class _Problem:
     def minimum(self) -> _End:
         """Find the minimum with successive models of the errors that are linear in the parameters.
 
-        A model needs one simulation per parameter. Least squares on simulated errors would need four times as many.
+        A model needs one simulation per parameter. Least squares on simulated errors would need
+        four times as many.
         """
         scaled, (cost, sigma) = self.first, self.cost(self.first)
         for _ in range(_ITERATIONS):
@@ -195,7 +225,9 @@ class _Problem:
         return _End(scaled, self.errors(scaled), slope, sigma, cost)
 
     def _linear_minimum(self, start: Array, slope: Array, sigma: Array) -> Array:
-        """Parameters (p,) with the least loss for errors with this slope, fitted in turns with the errors' sizes."""
+        """Parameters (p,) with the least loss for errors with this slope, fitted in turns with the
+        errors' sizes.
+        """
         first, scaled, count = self.errors(start), start, len(start)
         prior = np.ones(count)
 
@@ -222,7 +254,8 @@ class _Problem:
     def without(self, end: _End, label: np.ndarray) -> Array:
         """Changes (G, p) in the parameters if the errors with each label, 0 to G - 1, are left out.
 
-        The changes are from one step of Newton's method. Errors with negative labels (n,) are never left out.
+        The changes are from one step of Newton's method. Errors with negative labels (n,) are never
+        left out.
         """
         hessian, gradient, rows = *self._normal(end), label >= 0
         own = np.zeros((label.max() + 1, *hessian.shape[1:]))
@@ -232,14 +265,21 @@ class _Problem:
         return newton_steps(hessian.sum(axis=0) + np.eye(len(self.names)) - own, push)
 
     def _normal(self, end: _End) -> tuple[Array, Array]:
-        """Contributions of each error to the normal equations (n, p, p) and to the loss gradient (n, p)."""
+        """Contributions of each error to the normal equations (n, p, p) and to the loss gradient
+        (n, p).
+        """
         layout = self._layout
         size = end.sigma[layout.kind]
         unit, slope = end.errors / size, end.slope / size[:, None]
         _, weight, bend = self.loss(unit**2, layout.share)
-        curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(layout.kind, weight)
-        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]  # of the loss, averaged over each kind
-        return curvature[:, None, None] * slope[:, :, None] * slope[:, None], slope * (weight * unit)[:, None]
+        curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(
+            layout.kind, weight
+        )
+        # of the loss, averaged over each kind
+        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]
+        return curvature[:, None, None] * slope[:, :, None] * slope[:, None], slope * (
+            weight * unit
+        )[:, None]
 
     def covariance(self, end: _End) -> Array:
         """Covariance (p, p) of the scaled parameters."""
@@ -250,8 +290,12 @@ class _Problem:
         return np.asarray(apart.T @ apart + inverse @ inverse)  # parts from clusters and priors
 
     def vague(self, end: _End, spread: Array) -> dict[str, str]:
-        """Reasons why the target doesn't determine some parameters, by name; `spread` (p,): their standard errors."""
-        slope = end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
+        """Reasons why the target doesn't determine some parameters, by name; `spread` (p,): their
+        standard errors.
+        """
+        slope = (
+            end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
+        )
         strength = np.linalg.norm(slope, axis=0)
         alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
         reasons = {}
@@ -275,12 +319,18 @@ class _Problem:
             parameter, sd = PARAMETERS[name], spread[k]
             value = parameter.read(self.candidate(end.scaled))
             width = parameter.spread * (value if parameter.relative else parameter.size(base)) * sd
-            ends_z = np.clip(end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k])
+            ends_z = np.clip(
+                end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k]
+            )
             low, high = (parameter.unscaled(base, float(z)) for z in ends_z)
-            estimates[name] = Estimate(value, parameter.unit, float(width), low, high, vague.get(name, ""))
+            estimates[name] = Estimate(
+                value, parameter.unit, float(width), low, high, vague.get(name, "")
+            )
         matrix = (covariance / np.outer(spread, spread)).tolist()
         correlation = {
-            name: {other: value for other, value in zip(self.names, row, strict=True) if other != name}
+            name: {
+                other: value for other, value in zip(self.names, row, strict=True) if other != name
+            }
             for name, row in zip(self.names, matrix, strict=True)
         }
         candidate = self.candidate(end.scaled)
@@ -288,8 +338,12 @@ class _Problem:
         return Calibration(candidate, estimates, correlation, end.cost, after, before)
 
 
-def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress) -> Calibration:
-    """The calibration with predictions for each fold, from a candidate fitted to the other folds."""
+def _with_folds(
+    fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress
+) -> Calibration:
+    """The calibration with predictions for each fold, from a candidate fitted to the other
+    folds.
+    """
     target = problem.target
     errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
     first, candidates = problem.errors(np.zeros(len(problem.names))), []
@@ -300,5 +354,8 @@ def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarra
         errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
         progress(1)
     return replace(
-        fit, folds=tuple(candidates), held_out=target.metrics(errors), held_out_before=target.metrics(before)
+        fit,
+        folds=tuple(candidates),
+        held_out=target.metrics(errors),
+        held_out_before=target.metrics(before),
     )

@@ -22,7 +22,8 @@ class Candidate:
 
     robot: RobotParameters = field(default_factory=RobotParameters)
     ground: Ground = field(default_factory=Ground)
-    sensor: Mounting = field(default_factory=Mounting)  # position and yaw of the pose sensor on the robot
+    # position and yaw of the pose sensor on the robot
+    sensor: Mounting = field(default_factory=Mounting)
     clock: float = 0.0  # encoder clock minus pose clock [s]
 
     @property
@@ -48,7 +49,8 @@ class Parameter:
 
     read: Callable[[Candidate], float]  # returns a candidate's value
     write: Callable[[Candidate, float], Candidate]  # returns a copy of a candidate with a new value
-    spread: float  # standard deviation of the prior, in units of `size`; if `relative`, of the value's logarithm
+    # standard deviation of the prior, in units of `size`; if `relative`, of the value's logarithm
+    spread: float
     unit: str = ""
     relative: bool = False
     size: Callable[[Candidate], float] = lambda base: 1.0  # unit of `spread` for a base candidate
@@ -56,7 +58,9 @@ class Parameter:
     high: float = math.inf  # largest value
 
     def scaled(self, base: Candidate, value: float) -> float:
-        """Signed distance of a value from the base candidate's value, in standard deviations of the prior."""
+        """Signed distance of a value from the base candidate's value, in standard deviations of the
+        prior.
+        """
         centre = self.read(base)
         if self.relative:
             return math.log(value / centre) / self.spread
@@ -72,7 +76,9 @@ class Parameter:
         return min(max(value, self.low), self.high)  # in spite of rounding
 
     def limits(self, base: Candidate) -> tuple[float, float]:
-        """Limits on the scaled value: three standard deviations, or less if the smallest or largest value is closer."""
+        """Limits on the scaled value: three standard deviations, or less if the smallest or largest
+        value is closer.
+        """
         positive = self.relative and self.low < 0
         low = -_FARTHEST if positive else max(-_FARTHEST, self.scaled(base, self.low))
         return low, min(_FARTHEST, self.scaled(base, self.high))
@@ -115,7 +121,9 @@ def _radius(side: int) -> Parameter:
         both = sides(candidate)
         both[side] = value
         left, right = both
-        robot = replace(candidate.robot, radius_error=(left + right) / 2, radius_split=(right - left) / 2)
+        robot = replace(
+            candidate.robot, radius_error=(left + right) / 2, radius_split=(right - left) / 2
+        )
         return replace(candidate, robot=robot)
 
     return Parameter(lambda candidate: sides(candidate)[side], write, 0.07)
@@ -127,8 +135,12 @@ PARAMETERS = {
     "radius_error": _field("robot.radius_error", 0.07),
     "radius_left": _radius(0),
     "radius_right": _radius(1),
-    "friction": _field("ground.along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))),
-    "friction_ratio": Parameter(_ratio, lambda c, ratio: _with_ground(c, c.ground.along, ratio), 0.3, relative=True),
+    "friction": _field(
+        "ground.along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))
+    ),
+    "friction_ratio": Parameter(
+        _ratio, lambda c, ratio: _with_ground(c, c.ground.along, ratio), 0.3, relative=True
+    ),
     "shear": _field("ground.shear", 0.015, "m", low=0.0),
     "com_x": _field("robot.com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
     "com_y": _field("robot.com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),

@@ -1,4 +1,6 @@
-"""Calibration targets: data on a robot's motion, and the errors of a candidate that repeats it in simulation."""
+"""Calibration targets: data on a robot's motion, and the errors of a candidate that repeats it in
+simulation.
+"""
 
 from __future__ import annotations
 
@@ -20,25 +22,37 @@ from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.samples import SlipSamples
-from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.kinematics import (
+    Array,
+    RobotGeometry,
+    limit_sprocket_speeds,
+    sprocket_speeds,
+    track_slip,
+)
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 
 SLIP_SCALE = 0.007
-"""Scale of slip errors in a table of turns, about the residual of the best fit to the published slips [-]."""
-_RADIUS_SCALE = 0.07  # scale of relative radius errors [-]: the best fit leaves 0.05; radii have half the weight
+"""Scale of slip errors in a table of turns, about the residual of the best fit to the published
+slips [-].
+"""
+# scale of relative radius errors [-]: the best fit leaves 0.05; radii have half the weight
+_RADIUS_SCALE = 0.07
 _TOP_SPEED = 0.3  # of the paper's robot; faster commands are scaled down, both tracks alike [m/s]
 _STEADY = 2.0  # time after which the motion is steady [s]
-_PASSES, _LONGEST = 2.0, 12.0  # on shearing ground: extra travel of the slowest belt [contact lengths]; limit [s]
+# on shearing ground: extra travel of the slowest belt [contact lengths]; limit [s]
+_PASSES, _LONGEST = 2.0, 12.0
 _NUMERICAL_ERROR = 2e-5  # relative error of the simulated motion [-]
 HORIZONS = (0.5, 1.0, 1.8, 5.0)
 """Horizons over which a drive is compared with its simulation [s]."""
 _PAIRS = 4.0  # approximate number of pose pairs that begin within a horizon
 _MIN_DRIVEN = 0.1  # belt travel above which a robot is moving [half gauges]
 _WINDOW = 6.5  # duration of the windows that are cut from drives [s]
-_LEAD = 3.0  # time replayed before a window, if the drive is long enough, to forget the initial state, even on ice [s]
+# time replayed before a window, if the drive is long enough, to forget the initial state, even on
+# ice [s]
+_LEAD = 3.0
 _MAX_WINDOWS = 200
 _KEPT = 3  # number of cached motions
 _FEW = 20  # number of steady rows at which single wrong rows are evident
@@ -48,10 +62,13 @@ _FEW = 20  # number of steady rows at which single wrong rows are evident
 class Layout:
     """Structure of a target's n errors."""
 
-    kind: np.ndarray  # index of each error's kind (n,), from 0; all errors of a kind have one standard deviation
+    # index of each error's kind (n,), from 0; all errors of a kind have one standard deviation
+    kind: np.ndarray
     share: Array  # weight of each error (n,); errors with the same information share a weight of 1
-    cluster: np.ndarray  # index of each error's cluster (n,), from 0; different clusters are independent
-    floor: Array  # smallest standard deviation per kind (kinds,), the numerical error of the simulation
+    # index of each error's cluster (n,), from 0; different clusters are independent
+    cluster: np.ndarray
+    # smallest standard deviation per kind (kinds,), the numerical error of the simulation
+    floor: Array
     robust: bool  # whether some errors may be very large
 
     @property
@@ -74,7 +91,8 @@ class Target(Protocol):
         """Summary of errors (n,), without those that are NaN."""
 
 
-_COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T  # radii [m] and speeds [m/s] (2, M)
+# radii [m] and speeds [m/s] (2, M)
+_COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
 _OBSERVED = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
 Turns = Callable[..., Array]
 """Function that returns steady twists of a robot on a ground, such as `steady_turns`."""
@@ -84,8 +102,9 @@ Turns = Callable[..., Array]
 class PublishedTurns:
     """The paper's 25 left turns, whose commands are radii and speeds without slip compensation.
 
-    Their slips, from Eq. 11 at the observed radii, refer to the nominal geometry of the robot being calibrated. Slips
-    don't depend on speed, so the turns have the weight of only five, one for each radius.
+    Their slips, from Eq. 11 at the observed radii, refer to the nominal geometry of the robot being
+    calibrated. Slips don't depend on speed, so the turns have the weight of only five, one for each
+    radius.
     """
 
     threads: int = 0
@@ -101,7 +120,9 @@ class PublishedTurns:
         return Layout(np.zeros(len(cluster), int), share, cluster, floor, robust=False)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,) in the slips and in the logarithms of the radii, each divided by its scale."""
+        """Errors (n,) in the slips and in the logarithms of the radii, each divided by its
+        scale.
+        """
         (radius, speed), geometry = _COMMANDED, candidate.geometry
         wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
         omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
@@ -114,7 +135,10 @@ class PublishedTurns:
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors in the slips, and RMS relative errors in the radii [-]."""
         slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(_OBSERVED)]))
-        return {"slip_rms": rms(slip * SLIP_SCALE), "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE))}
+        return {
+            "slip_rms": rms(slip * SLIP_SCALE),
+            "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE)),
+        }
 
 
 @dataclass(frozen=True)
@@ -123,13 +147,16 @@ class SteadyRows:
 
     samples: SlipSamples
     geometry: RobotGeometry  # geometry that defines the slips, for any candidate
-    of_plate: bool = False  # whether the twists are those of the plate, as the scanner sees it, or of the tracks
+    # whether the twists are those of the plate, as the scanner sees it, or of the tracks
+    of_plate: bool = False
     threads: int = 0
     turns: Turns | None = None  # motion of candidates; by default simulated by `steady_turns`
 
     @cached_property
     def _measured(self) -> Array:
-        """Measured speeds v and w, and lateral speeds if there are any (2 or 3, M); NaN where not measured."""
+        """Measured speeds v and w, and lateral speeds if there are any (2 or 3, M); NaN where not
+        measured.
+        """
         lateral = self.samples.lateral
         known = lateral is not None and bool(np.isfinite(lateral).any())
         return np.array([*self.samples.twist.T] + ([lateral] if known else []))
@@ -138,7 +165,9 @@ class SteadyRows:
     def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
         """Steady twists (M, 3), cached for candidates that differ only in the sensor."""
 
-        turns: Turns = partial(self.turns or steady_turns, of_plate=self.of_plate, threads=self.threads)
+        turns: Turns = partial(
+            self.turns or steady_turns, of_plate=self.of_plate, threads=self.threads
+        )
         return lru_cache(_KEPT)(lambda robot, ground: turns(robot, ground, self.samples.omega))
 
     @cached_property
@@ -164,13 +193,19 @@ class SteadyRows:
         return np.stack([moved[:, 0], w, moved[:, 1]])
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """RMS errors in the speeds [m/s, rad/s], and in the slips, except those of sprockets at rest [-]."""
+        """RMS errors in the speeds [m/s, rad/s], and in the slips, except those of sprockets at
+        rest [-].
+        """
         parts = np.full(self._measured.shape, np.nan)
         parts[np.isfinite(self._measured)] = errors
         rows = np.isfinite(parts[:2]).all(axis=0)
         names = ("v_rms", "w_rms", "lateral_rms")
-        metrics = {name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)}
-        slip = track_slip(self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry)
+        metrics = {
+            name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)
+        }
+        slip = track_slip(
+            self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry
+        )
         slip -= self.samples.slip[rows]
         return metrics | {"slip_rms": rms(slip[np.isfinite(slip)])}
 
@@ -178,12 +213,18 @@ class SteadyRows:
 def steady_turns(
     robot: RobotParameters, ground: Ground, omega: Array, of_plate: bool = False, threads: int = 0
 ) -> Array:
-    """Simulated steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the left, yaw rate.
+    """Simulated steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the
+    left, yaw rate.
 
-    The twists are those midway between the tracks or, with `of_plate`, those of the plate on the leaning robot.
+    The twists are those midway between the tracks or, with `of_plate`, those of the plate on the
+    leaning robot.
     """
-    drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius))
-    fleet = Fleet(compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads)
+    drive = tireless(
+        max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius)
+    )
+    fleet = Fleet(
+        compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads
+    )
     fleet.command(omega)
     fleet.advance(_time_to_be_steady(robot, ground, omega, fleet.period))
     twist = fleet.twist()
@@ -192,8 +233,12 @@ def steady_turns(
     return twist
 
 
-def _time_to_be_steady(robot: RobotParameters, ground: Ground, omega: Array, period: float) -> float:
-    """Settling time of turns at sprocket speeds `omega` (M, 2) [rad/s], in whole servo periods [s]."""
+def _time_to_be_steady(
+    robot: RobotParameters, ground: Ground, omega: Array, period: float
+) -> float:
+    """Settling time of turns at sprocket speeds `omega` (M, 2) [rad/s], in whole servo periods
+    [s].
+    """
     moving = np.abs(omega[omega != 0]) * robot.sprocket_radius
     if ground.shear == 0 or not moving.size:
         return _STEADY
@@ -205,12 +250,18 @@ class Drives:
     """Windows of drives, compared with simulations by the robot's motion over several horizons."""
 
     def __init__(
-        self, logs: Sequence[RunLog], geometry: RobotGeometry, inputs: Inputs = "encoders", threads: int = 0
+        self,
+        logs: Sequence[RunLog],
+        geometry: RobotGeometry,
+        inputs: Inputs = "encoders",
+        threads: int = 0,
     ) -> None:
-        """Cut logs into windows of about 6.5 s, in which encoders or commands drive the simulated robots.
+        """Cut logs into windows of about 6.5 s, in which encoders or commands drive the simulated
+        robots.
 
-        Within a window, poses don't jump. If there are many windows, about 200 of them are used, evenly chosen. Raises
-        LogError for logs that identification refuses, and if no poses have headings.
+        Within a window, poses don't jump. If there are many windows, about 200 of them are used,
+        evenly chosen. Raises LogError for logs that identification refuses, and if no poses have
+        headings.
         """
         windows = [
             (k, window, _with_lead(part, window))
@@ -218,7 +269,9 @@ class Drives:
             for part in parts
             for window in _windows(part)
         ]
-        of_log, self.windows, led = map(list, zip(*windows[:: -(-len(windows) // _MAX_WINDOWS)], strict=True))
+        of_log, self.windows, led = map(
+            list, zip(*windows[:: -(-len(windows) // _MAX_WINDOWS)], strict=True)
+        )
         replayer = Replayer(led, inputs)
         self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
         self._pairs = _Pairs.of(self.windows, geometry)
@@ -228,35 +281,52 @@ class Drives:
         cluster = _same_commands(self.windows)[window]
         cluster = np.unique(cluster, return_inverse=True)[1]
         group = 3 * np.searchsorted(HORIZONS, self.horizon)
-        number = np.unique(np.stack([cluster, group]), axis=1, return_inverse=True, return_counts=True)
+        number = np.unique(
+            np.stack([cluster, group]), axis=1, return_inverse=True, return_counts=True
+        )
         alike = number[2][number[1].reshape(-1)]
         kind = np.unique((group[:, None] + np.arange(3)).ravel(), return_inverse=True)[1]
         floor = np.full(int(kind.max()) + 1, _NUMERICAL_ERROR)  # [m, rad]
-        self.layout = Layout(kind, np.repeat(1 / alike, 3), np.repeat(cluster, 3), floor, robust=True)
-        """Structure of the errors: forwards, to the left and heading for each pair; each horizon has its own kinds."""
+        self.layout = Layout(
+            kind, np.repeat(1 / alike, 3), np.repeat(cluster, 3), floor, robust=True
+        )
+        """Structure of the errors: forwards, to the left and heading for each pair; each horizon
+        has its own kinds.
+        """
 
     def motion(self, candidate: Candidate) -> Replay:
         """Simulated motion in all windows."""
         return self._motion(candidate.robot, candidate.ground)
 
     def errors(self, candidate: Candidate) -> Array:
-        """Errors (n,) for each pair: forwards, to the left and heading in the first pose's frame [m, m, rad]."""
+        """Errors (n,) for each pair: forwards, to the left and heading in the first pose's frame
+        [m, m, rad].
+        """
         motion, place, window = self.motion(candidate), candidate.sensor, self._pairs.window
-        first, last = (motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T)
+        first, last = (
+            motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T
+        )
         error = se2.between(first, last) - self._measured
         error[:, 2] = se2.wrap_angle(error[:, 2])
         return np.asarray(error).ravel()
 
     def metrics(self, errors: Array) -> dict[str, float]:
-        """Median, 90 % quantile and RMS of the errors in position [m] and heading [rad], by horizon."""
+        """Median, 90 % quantile and RMS of the errors in position [m] and heading [rad], by
+        horizon.
+        """
         known = np.isfinite(errors[::3])
         each, metrics = errors.reshape(-1, 3)[known], dict[str, float]()
         for horizon in np.unique(self.horizon[known]):
             rows = each[self.horizon[known] == horizon]
-            for name, size in (("position", np.hypot(rows[:, 0], rows[:, 1])), ("heading", np.abs(rows[:, 2]))):
+            for name, size in (
+                ("position", np.hypot(rows[:, 0], rows[:, 1])),
+                ("heading", np.abs(rows[:, 2])),
+            ):
                 values = np.median(size), np.quantile(size, 0.9), rms(size)
                 statistics = zip(("median", "p90", "rms"), map(float, values), strict=True)
-                metrics |= {f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics}
+                metrics |= {
+                    f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics
+                }
         return metrics
 
 
@@ -271,10 +341,18 @@ class _Pairs:
 
     @classmethod
     def of(cls, windows: Sequence[RunLog], geometry: RobotGeometry) -> _Pairs:
-        """The pairs of poses in windows, about four per horizon; raises LogError if there are none."""
-        headed = [(k, log, rows) for k, log in enumerate(windows) if len(rows := np.flatnonzero(log.has_heading)) > 1]
+        """The pairs of poses in windows, about four per horizon; raises LogError if there are
+        none.
+        """
+        headed = [
+            (k, log, rows)
+            for k, log in enumerate(windows)
+            if len(rows := np.flatnonzero(log.has_heading)) > 1
+        ]
         if not headed:
-            raise LogError("no poses with headings (phi): a calibration compares positions and headings")
+            raise LogError(
+                "no poses with headings (phi): a calibration compares positions and headings"
+            )
         parts: list[tuple[Array, ...]] = []
         for k, log, rows in headed:
             time, interval = log.time[rows], float(np.median(np.diff(log.time[rows])))
@@ -282,11 +360,20 @@ class _Pairs:
             way = np.append(0.0, np.cumsum(belts))[rows]
             for horizon in HORIZONS:
                 first = np.arange(0, len(rows), max(1, round(horizon / _PAIRS / interval)))
-                last = np.searchsorted(time, time[first] + horizon - interval / 2).clip(max=len(rows) - 1)
+                last = np.searchsorted(time, time[first] + horizon - interval / 2).clip(
+                    max=len(rows) - 1
+                )
                 apart = np.abs(time[last] - time[first] - horizon) <= interval / 2 + 1e-9
                 apart &= way[last] - way[first] > _MIN_DRIVEN * geometry.half_gauge
                 ends = np.stack([first[apart], last[apart]], axis=1)
-                parts.append((np.full(len(ends), horizon), np.full(len(ends), k), time[ends], log.pose[rows[ends]]))
+                parts.append(
+                    (
+                        np.full(len(ends), horizon),
+                        np.full(len(ends), k),
+                        time[ends],
+                        log.pose[rows[ends]],
+                    )
+                )
         pairs = cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         if not len(pairs.horizon):
             raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")

@@ -1,4 +1,6 @@
-"""The ground under the tracks: friction, shear, slope, and patches and changes with other friction."""
+"""The ground under the tracks: friction, shear, slope, and patches and changes with other
+friction.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ MAX_SLOPE = 1.5
 MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
 UNLESS_ZERO = {"stored_unless": 0.0}
-"""Metadata for a field that is omitted from files if it is zero, so that older files stay unchanged."""
+"""Metadata for a field that is omitted from files if it is zero, so that older files stay
+unchanged.
+"""
 _TURN = 2 * math.pi
 _MAX_PATCHES = 10_000  # largest number of patches, and of changes, on a ground
 _HARD = 0.778 / 0.70
@@ -32,7 +36,9 @@ _HARD = 0.778 / 0.70
 
 @dataclass(frozen=True)
 class Patch:
-    """An axis-aligned rectangle with its own friction, which acts on pads with their centres inside."""
+    """An axis-aligned rectangle with its own friction, which acts on pads with their centres
+    inside.
+    """
 
     x: tuple[float, float]
     """Smallest and largest x in the world [m]; may be infinite."""
@@ -49,7 +55,9 @@ class Patch:
         _require_friction(self.along, self.across)
         require_non_negative("shear", self.shear or 0.0, MAX_SHEAR, "m")
         for name, pair in (("x", self.x), ("y", self.y)):
-            require(len(pair) == 2 and pair[0] < pair[1], name, tuple(pair), "two ascending numbers")
+            require(
+                len(pair) == 2 and pair[0] < pair[1], name, tuple(pair), "two ascending numbers"
+            )
 
 
 @dataclass(frozen=True)
@@ -75,12 +83,13 @@ class Change:
 class Ground(Checked):
     """A plane with friction along and across the tracks.
 
-    Slip depends on the ratio of the two coefficients, not on their magnitude. The default is stone paving under tracks
-    with treads that grip better sideways; its ratio is tuned so that the robot drives the radii observed in the paper.
+    Slip depends on the ratio of the two coefficients, not on their magnitude. The default is stone
+    paving under tracks with treads that grip better sideways; its ratio is tuned so that the robot
+    drives the radii observed in the paper.
 
-    Ground with a shear modulus K gives way before it slides: an element of track that has moved by j over the ground
-    since its touchdown exerts a share 1 - exp(-j / K) of the friction (Janosi and Hanamoto 1961). Slip then depends on
-    slope, load and radius as well.
+    Ground with a shear modulus K gives way before it slides: an element of track that has moved by
+    j over the ground since its touchdown exerts a share 1 - exp(-j / K) of the friction (Janosi and
+    Hanamoto 1961). Slip then depends on slope, load and radius as well.
     """
 
     along: float = checked(0.70, require_positive, MAX_FRICTION)
@@ -88,7 +97,9 @@ class Ground(Checked):
     across: float = checked(0.778, require_positive, MAX_FRICTION)
     """Friction coefficient across the track [-]."""
     slope: float = checked(0.0, require_non_negative, MAX_SLOPE, "rad")
-    """Angle between the plane and the horizontal [rad]. Poses and scans are measured in the plane."""
+    """Angle between the plane and the horizontal [rad]. Poses and scans are measured in the
+    plane.
+    """
     uphill: float = checked(0.0, require_within, -_TURN, _TURN, "rad")
     """Heading of a robot that drives straight up the slope [rad]."""
     patches: tuple[Patch, ...] = ()
@@ -108,13 +119,22 @@ class Ground(Checked):
     @property
     def largest_shear(self) -> float:
         """Largest shear modulus of the ground, its patches and its changes [m]."""
-        of_patches, of_changes = (p.shear or 0.0 for p in self.patches), (c.shear or 0.0 for c in self.changes)
+        of_patches, of_changes = (
+            (p.shear or 0.0 for p in self.patches),
+            (c.shear or 0.0 for c in self.changes),
+        )
         return max(self.shear, *of_patches, *of_changes, 0.0)
 
     def gravity(self, size: float) -> tuple[float, float, float]:
-        """Gravity of magnitude `size` in the plane's frame: x and y in the plane, z along its normal [m/s^2]."""
+        """Gravity of magnitude `size` in the plane's frame: x and y in the plane, z along its
+        normal [m/s^2].
+        """
         downhill = size * math.sin(self.slope)
-        return -downhill * math.cos(self.uphill), -downhill * math.sin(self.uphill), -size * math.cos(self.slope)
+        return (
+            -downhill * math.cos(self.uphill),
+            -downhill * math.sin(self.uphill),
+            -size * math.cos(self.slope),
+        )
 
 
 def _require_friction(along: float, across: float) -> None:
@@ -127,38 +147,49 @@ def _hard(along: float) -> Ground:
 
 
 NAMED_GROUNDS: dict[str, Ground] = {
-    "stone": Ground(),  # the paper's paving: along assumed; across tuned to slips and radii (trackslip calibrate)
+    # the paper's paving: along assumed; across tuned to slips and radii (trackslip calibrate)
+    "stone": Ground(),
     "concrete": _hard(0.75),  # dry concrete: Noon
     "rubber": _hard(0.90),  # rubber matting: assumed
     "packed_soil": Ground(0.60, 0.75),  # assumed; ratio 1.25
     "gravel": Ground(0.35, 0.455),  # gravel and dirt road: Noon; ratio 1.3
     "wet": _hard(0.60),  # wet concrete: Noon
-    "sticky": Ground(changes=(Change(20.0, 0.70, 1.089),)),  # assumed: stone, 40 % stickier across after 20 s
-    "firm_sand": Ground(0.60, 0.75, shear=0.010),  # firm sand, 31.1 degrees: Wong; ratio 1.25 and shear assumed
-    "loose_sand": Ground(0.53, 0.689, shear=0.025),  # dry sand, 28 degrees: Wong; ratio 1.3 and shear assumed
+    # assumed: stone, 40 % stickier across after 20 s
+    "sticky": Ground(changes=(Change(20.0, 0.70, 1.089),)),
+    # firm sand, 31.1 degrees: Wong; ratio 1.25 and shear assumed
+    "firm_sand": Ground(0.60, 0.75, shear=0.010),
+    # dry sand, 28 degrees: Wong; ratio 1.3 and shear assumed
+    "loose_sand": Ground(0.53, 0.689, shear=0.025),
     "clay": Ground(0.60, 0.75, shear=0.006),  # assumed, firm clay; ratio 1.25 and shear assumed
-    "snow": Ground(0.36, 0.468, shear=0.040),  # snow, 19.7 degrees: Wong; ratio 1.3 and shear assumed
+    # snow, 19.7 degrees: Wong; ratio 1.3 and shear assumed
+    "snow": Ground(0.36, 0.468, shear=0.040),
     # for robots on wheels; the fits are in docs/reality.md
-    "asphalt": Ground(0.80, 0.80),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.76 and 0.99
+    # for tyres: assumed; ratio 1; a Warthog's log fits 0.76 and 0.99
+    "asphalt": Ground(0.80, 0.80),
     "grass": Ground(0.50, 0.50),  # for tyres: assumed; ratio 1; a Warthog's log fits 0.50 and 0.95
-    "ice": Ground(0.12, 0.12),  # ice, 0.10 to 0.15: Noon; ratio 1; a Warthog's log fits 0.12 and 1.08
+    # ice, 0.10 to 0.15: Noon; ratio 1; a Warthog's log fits 0.12 and 1.08
+    "ice": Ground(0.12, 0.12),
 }
 """Grounds by name, with sources for the friction along the track:
 
-R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), for tyres; J. Y. Wong, Theory of Ground Vehicles (2008),
-for angles of friction, quoted second-hand.
+R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), for tyres; J. Y. Wong, Theory of
+Ground Vehicles (2008), for angles of friction, quoted second-hand.
 """
 
 
 def load_ground(source: str) -> Ground:
-    """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground to be changed.
+    """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground
+    to be changed.
 
-    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file or invalid fields.
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file or
+    invalid fields.
     """
     if source in NAMED_GROUNDS:
         return NAMED_GROUNDS[source]
     table = read_named("ground", source, NAMED_GROUNDS)
     base = table.pop("base", "stone")
     if not isinstance(base, str) or base not in NAMED_GROUNDS:
-        raise SettingsFileError(f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}")
+        raise SettingsFileError(
+            f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}"
+        )
     return build(Ground, table, source, NAMED_GROUNDS[base])

@@ -1,15 +1,17 @@
-"""Shear of the ground under a fleet's tracks: the displacement of each track element, and the share of the friction
-that it mobilises.
+"""Shear of the ground under a fleet's tracks: the displacement of each track element, and the share
+of the friction that it mobilises.
 
-An element of track touches down at the front of a belt that drives forwards and is carried to the rear. P_i(t) is the
-world position of the robot's point x_i, V the belt speed. In a period dt, the displacement at that point becomes
+An element of track touches down at the front of a belt that drives forwards and is carried to the
+rear. P_i(t) is the world position of the robot's point x_i, V the belt speed. In a period dt, the
+displacement at that point becomes
 
     j_i <- j(x_i + V dt) + P_i(t + dt) - P(t, x_i + V dt)
 
-with j = 0 where elements touch down. Between points, j is a cubic through four points, one of them downstream; a
-parabola through three points would cause ripples that hardly decay. The share is the mean of 1 - exp(-a) over a point's
-cell, in which a = |j + tau dj/dt| / K varies linearly (Janosi and Hanamoto 1961, Wong and Chiang 2001). tau removes a
-speed ripple due to the servo's period; steady states don't depend on it.
+with j = 0 where elements touch down. Between points, j is a cubic through four points, one of them
+downstream; a parabola through three points would cause ripples that hardly decay. The share is the
+mean of 1 - exp(-a) over a point's cell, in which a = |j + tau dj/dt| / K varies linearly (Janosi
+and Hanamoto 1961, Wong and Chiang 2001). tau removes a speed ripple due to the servo's period;
+steady states don't depend on it.
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ from trackslip import se2
 from trackslip.kinematics import Array
 
 LARGEST = 20.0
-"""Largest stored displacement, relative to the shear modulus, at which friction is fully mobilised [-]."""
+"""Largest stored displacement, relative to the shear modulus, at which friction is fully mobilised
+[-].
+"""
 LEAST_SHARE = 1e-5
 """Smallest share of the friction, as the engine needs friction above zero [-]."""
 _AHEAD = 0.02  # tau [s]
@@ -38,14 +42,17 @@ _Rows = np.ndarray | slice
 
 
 class Shear(Restorable):
-    """Displacements and shares at the P points of N robots' tracks, whose pads touch the ground at one point each.
+    """Displacements and shares at the P points of N robots' tracks, whose pads touch the ground at
+    one point each.
 
     A wheel counts as a track with the length of its patch.
     """
 
     STATE = ("_moved", "share")
 
-    def __init__(self, place: Array, patches: int, length: float, size: int, period: float, top_speed: float) -> None:
+    def __init__(
+        self, place: Array, patches: int, length: float, size: int, period: float, top_speed: float
+    ) -> None:
         """Start without shear.
 
         Args:
@@ -58,11 +65,13 @@ class Shear(Restorable):
         """
         self._patches, points = patches, len(place) // (2 * patches)
         along, across = (column.reshape(2 * patches, points) for column in place.T)
-        self._along, self._across = along.T[:, None], across[:, 0]  # (points of a patch, 1, patches), (patches,)
+        # (points of a patch, 1, patches), (patches,)
+        self._along, self._across = along.T[:, None], across[:, 0]
         self._cell = length / points
         self._period = period
         self._steps = max(1, math.ceil(top_speed * period / (_COURANT * self._cell)))
-        # x, y in the world; the first axis is a patch's points, from the rear, because neighbours are needed together
+        # x, y in the world; the first axis is a patch's points, from the rear, because neighbours
+        # are needed together
         self._moved = np.zeros((points, 2, size, 2 * patches))
         self.share = np.ones((size, len(place)))
         """Share (N, P) of the friction that acts at each point in the next period [-]."""
@@ -81,12 +90,15 @@ class Shear(Restorable):
         """Mobilise the full friction under the robots `rows` (R,), as on Coulomb ground."""
         self._moved[:, :, rows], self.share[rows] = 0.0, 1.0
 
-    def advance(self, rows: _Rows, before: Array, after: Array, belt: Array, modulus: Array) -> None:
+    def advance(
+        self, rows: _Rows, before: Array, after: Array, belt: Array, modulus: Array
+    ) -> None:
         """Update displacements and shares for a period in which the robots `rows` (R,) move.
 
         Args:
             rows: indices of the robots that have moved.
-            before, after: places of the robots (4, R): position x, y [m], cosine and sine of the heading.
+            before, after: places of the robots (4, R): position x, y [m], cosine and sine of the
+                heading.
             belt: belt speeds (R, 2), positive forwards [m/s].
             modulus: shear moduli (R, P) under the points [m].
         """
@@ -106,7 +118,9 @@ class Shear(Restorable):
         self.share[rows] = _share(np.sqrt(ahead[:, 0] ** 2 + ahead[:, 1] ** 2), by_patch, belt)
 
     def _carried(self, moved: Array, place: Array, part: Array, travel: Array) -> Array:
-        """Displacements (p, 2, R, T) after belts travel by `travel` (R, T) [m] and places change by `part` (4, R)."""
+        """Displacements (p, 2, R, T) after belts travel by `travel` (R, T) [m] and places change by
+        `part` (4, R).
+        """
         new = _interpolated(moved, travel / self._cell)
         _, _, cos, sin = place[..., None]
         x, y, more_cos, more_sin = part[..., None]
@@ -114,15 +128,20 @@ class Shear(Restorable):
         new[:, 1] += (y + self._across * more_cos - sin * travel) + more_sin * self._along
         return new
 
-    def rest(self, rows: np.ndarray, heading: Array, load: Array, push: Array, surface: Array) -> None:
-        """Shear the ground under resting robots `rows` (R,) by the smallest displacement that holds them.
+    def rest(
+        self, rows: np.ndarray, heading: Array, load: Array, push: Array, surface: Array
+    ) -> None:
+        """Shear the ground under resting robots `rows` (R,) by the smallest displacement that holds
+        them.
 
         Args:
             rows: indices of the robots.
             heading: headings (R,) of the robots [rad].
             load: normal forces (R, P) at the points, relative to their mean [-].
-            push: forces (R, P, 2) of the ground at the points, along and across the robots, over the load there [-].
-            surface: friction along and across, and shear modulus, (R, P, 3) at the points [-, -, m].
+            push: forces (R, P, 2) of the ground at the points, along and across the robots, over
+                the load there [-].
+            surface: friction along and across, and shear modulus, (R, P, 3) at the points [-, -,
+                m].
         """
         friction, modulus = surface[..., :2], surface[..., 2]
         needed = np.sqrt(((push / friction) ** 2).sum(axis=-1))
@@ -137,7 +156,9 @@ class Shear(Restorable):
         size = np.sqrt((to**2).sum(axis=-1))
         moved = to * (-modulus * np.log1p(-share) / np.where(size > 0, size, 1.0))[..., None]
         world = se2.rotate(heading[:, None], moved).swapaxes(1, 2)  # (R, 2, P)
-        self._moved[:, :, rows] = world.reshape(len(rows), 2, 2 * self._patches, -1).transpose(3, 1, 0, 2)
+        self._moved[:, :, rows] = world.reshape(len(rows), 2, 2 * self._patches, -1).transpose(
+            3, 1, 0, 2
+        )
         self.share[rows] = np.where(modulus > 0, np.maximum(share, LEAST_SHARE), 1.0)
 
 
@@ -164,7 +185,9 @@ def _interpolated(moved: Array, c: Array) -> Array:
 
 
 def _share(distance: Array, modulus: Array, belt: Array) -> Array:
-    """Shares (R, P) of the friction at displacements and moduli (p, R, T) [m], under belts with speeds (R, T) [m/s]."""
+    """Shares (R, P) of the friction at displacements and moduli (p, R, T) [m], under belts with
+    speeds (R, T) [m/s].
+    """
     a = distance / np.where(modulus > 0, modulus, 1.0)
     half = np.empty_like(a)  # half the change over a cell
     half[1:-1] = (a[2:] - a[:-2]) / 4

@@ -51,10 +51,11 @@ class TrackingReward(Checked):
         change              -weight_change mean((a - a_before)^2) / 4
         termination         -weight_termination, if the robot leaves the path or tips over
 
-    with s(z) = z^2 / (1 + z^2), the distance d between the robot's true position and the reference's current one, the
-    true heading error e_phi and the actions a in [-1, 1]. s is quadratic for small errors and never exceeds 1, so the
-    reward lies between weight_alive minus the other weights and weight_alive. By default this range is 0 to 1: no step
-    on the path is worse than leaving the path.
+    with s(z) = z^2 / (1 + z^2), the distance d between the robot's true position and the
+    reference's current one, the true heading error e_phi and the actions a in [-1, 1]. s is
+    quadratic for small errors and never exceeds 1, so the reward lies between weight_alive minus
+    the other weights and weight_alive. By default this range is 0 to 1: no step on the path is
+    worse than leaving the path.
     """
 
     TERMS: ClassVar = ("alive", "position", "heading", "change", "termination")
@@ -74,11 +75,13 @@ class TrackingReward(Checked):
     heading_scale: float = checked(0.2, require_within, _MIN_SCALE, MAX_WEIGHT)
     """Heading error at which half of `weight_heading` is lost [rad]."""
 
-    def terms(self, distance: Array, heading: Array, change: Array, terminated: np.ndarray) -> Array:
+    def terms(
+        self, distance: Array, heading: Array, change: Array, terminated: np.ndarray
+    ) -> Array:
         """Terms (5, N) of the reward, in the order of `TERMS`.
 
-        The terms depend on position and heading errors (N,) [m, rad], changes in the actions (N, 2) [-], and a mask
-        (N,) of terminated episodes.
+        The terms depend on position and heading errors (N,) [m, rad], changes in the actions (N, 2)
+        [-], and a mask (N,) of terminated episodes.
         """
         left, right = change.T
         terms = np.empty((len(self.TERMS), len(change)))
@@ -100,19 +103,25 @@ class EnvConfig(OwnTerms):
     """Options of a path-tracking task."""
 
     reference: str | tuple[str, ...] = "paper"
-    """Name of a reference, or a .csv file of waypoints; each episode draws one if there are several."""
+    """Name of a reference, or a .csv file of waypoints; each episode draws one if there are
+    several.
+    """
     ground: str | tuple[str, ...] = "stone"
-    """Name of a ground, a .toml file, or "robot" for the ground in the robot's file; each episode draws one if there
-    are several."""
+    """Name of a ground, a .toml file, or "robot" for the ground in the robot's file; each episode
+    draws one if there are several.
+    """
     action: str = "sprockets"
-    """Meaning of the actions in [-1, 1]: "sprockets" for set points (left, right) in units of the top speed, "twist"
-    for body twists (v, w) in units of `twist_scale`."""
+    """Meaning of the actions in [-1, 1]: "sprockets" for set points (left, right) in units of the
+    top speed, "twist" for body twists (v, w) in units of `twist_scale`.
+    """
     twist_scale: tuple[float, float] = (0.3, 1.0)
     """Unit of the twists in actions and observations [m/s, rad/s]."""
     compensation: str | SlipLaw = "none"
-    """Slip law that converts twists into sprocket speeds, or the name of a compensation: "none"; "published"; a law in
-    `laws`; "online" or "online_load", which start from laws in `laws` and learn while driving, anew in each episode; or
-    "online_cold", which starts without slip. Laws for slip under load use the load from slope and pull."""
+    """Slip law that converts twists into sprocket speeds, or the name of a compensation: "none";
+    "published"; a law in `laws`; "online" or "online_load", which start from laws in `laws` and
+    learn while driving, anew in each episode; or "online_cold", which starts without slip. Laws for
+    slip under load use the load from slope and pull.
+    """
     laws: str | None = None
     """File of the laws that `compensation` can name; None for the laws shipped with trackslip."""
     previews: int = checked(5, require_whole, 0, _MAX_PREVIEWS)
@@ -120,8 +129,9 @@ class EnvConfig(OwnTerms):
     preview_spacing: float = checked(0.2, require_positive, _MAX_PREVIEW, "s")
     """Time between previews; a multiple of the control period [s]."""
     pose_source: str = "truth"
-    """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; or "scanner", the plate in the
-    laser range finder's scans, tracked from the known start."""
+    """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; or "scanner",
+    the plate in the laser range finder's scans, tracked from the known start.
+    """
     position_noise: float = checked(0.002, require_non_negative, 1.0)
     """Standard deviation of noisy positions, in x and in y [m]."""
     heading_noise: float = checked(math.radians(0.25), require_non_negative, 1.0)
@@ -131,7 +141,9 @@ class EnvConfig(OwnTerms):
     pull: Pull = field(default_factory=Pull)
     """Load towed by the robot."""
     loads: bool = False
-    """Whether to observe the load from slope and pull, which an inclinometer and a load cell at the hitch measure."""
+    """Whether to observe the load from slope and pull, which an inclinometer and a load cell at the
+    hitch measure.
+    """
     off_path: float = checked(0.5, require_within, _MIN_OFF_PATH, 10.0, "m")
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: TrackingReward = field(default_factory=TrackingReward)
@@ -144,11 +156,24 @@ class EnvConfig(OwnTerms):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, choices in (("action", _ACTIONS), ("pose_source", _POSE_SOURCES)):
-            require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
+            require(
+                getattr(self, name) in choices,
+                name,
+                getattr(self, name),
+                f"one of {', '.join(choices)}",
+            )
         used = self.action == "twist" or self.compensation == "none"
         require(used, "compensation", self.compensation, '"none" unless action is "twist"')
-        needed = isinstance(self.compensation, str) and self.compensation not in (*KNOWN_LAWS, "online_cold")
-        require(self.laws is None or needed, "laws", self.laws, "None unless compensation names a law in a file")
+        needed = isinstance(self.compensation, str) and self.compensation not in (
+            *KNOWN_LAWS,
+            "online_cold",
+        )
+        require(
+            self.laws is None or needed,
+            "laws",
+            self.laws,
+            "None unless compensation names a law in a file",
+        )
         for name, names in (("reference", self.reference), ("ground", self.ground)):
             valid = names and all(isinstance(value, str) for value in _several(names))
             require(valid, name, names, "a name, or a tuple of names")
@@ -162,12 +187,22 @@ class EnvConfig(OwnTerms):
         require(multiple, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
         require_at_most("previews * preview_spacing", self.previews * spacing, _MAX_PREVIEW, "s")
         rate = self.scanner.rate
-        require(abs(rate * PERIOD - 1) <= 1e-9, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
+        require(
+            abs(rate * PERIOD - 1) <= 1e-9,
+            "scanner.rate",
+            rate,
+            f"{1 / PERIOD:g} Hz, once in a control period",
+        )
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
-        require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")
+        require(
+            distance[1] < self.off_path,
+            "start_distance",
+            distance,
+            f"less than off_path = {self.off_path} m",
+        )
 
     @cached_property
     def _robot_file(self) -> tuple[RobotParameters, Ground]:
@@ -179,7 +214,9 @@ class EnvConfig(OwnTerms):
         return self._robot_file[0]
 
     def load_ground(self, name: str) -> Ground:
-        """A ground by name, or "robot" for the ground in the robot's file; raises TrackslipError for unknown names."""
+        """A ground by name, or "robot" for the ground in the robot's file; raises TrackslipError
+        for unknown names.
+        """
         return self._robot_file[1] if name == "robot" else load_ground(name)
 
     @property
@@ -231,8 +268,15 @@ class TrackingLayout:
             Element("position error, ahead", "m", config.off_path, _BOUND),
             Element("position error, to the left", "m", config.off_path, _BOUND),
             Element("heading error", "rad", np.pi),
-            *(Element(f"reference {n} {time}", unit, scale, _BOUND) for time in times for n, unit, scale in twists),
-            *(Element(f"{side} sprocket speed", "rad/s", top_speed, _BOUND) for side in ("left", "right")),
+            *(
+                Element(f"reference {n} {time}", unit, scale, _BOUND)
+                for time in times
+                for n, unit, scale in twists
+            ),
+            *(
+                Element(f"{side} sprocket speed", "rad/s", top_speed, _BOUND)
+                for side in ("left", "right")
+            ),
             *(Element(f"last action, {which}", "-", 1.0) for which in ("first", "second")),
             *(Element(f"load, {where}", "-", _LOAD, _BOUND) for where in _WHERE if config.loads),
         )
@@ -240,8 +284,18 @@ class TrackingLayout:
         self._scale = np.array([[element.scale for element in self.elements]])  # (1, n)
         self._bound = np.array([element.bound for element in self.elements], np.float32)
 
-    def observation(self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None) -> Floats:
-        """Observations (N, n) for errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and loads (N, 2)."""
-        parts = error, twist.reshape(len(error), -1), omega, action, *(() if load is None else (load,))
+    def observation(
+        self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None
+    ) -> Floats:
+        """Observations (N, n) for errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and
+        loads (N, 2).
+        """
+        parts = (
+            error,
+            twist.reshape(len(error), -1),
+            omega,
+            action,
+            *(() if load is None else (load,)),
+        )
         whole = np.concatenate(parts, axis=1) / self._scale
         return np.minimum(np.maximum(whole.astype(np.float32), -self._bound), self._bound)

@@ -46,15 +46,19 @@ class Episode:
 
 
 def draw(
-    config: EnvConfig, table: ReferenceTable, generator: np.random.Generator, options: Mapping[str, Any]
+    config: EnvConfig,
+    table: ReferenceTable,
+    generator: np.random.Generator,
+    options: Mapping[str, Any],
 ) -> Episode:
     """Draw an episode; `options` replace drawn values, without an effect on the other draws.
 
-    The options are `reference`, a name, which is added to the table if it is new; `ground`, a name or a Ground, which
-    is not randomized; `start_error` (3,), the offset from the reference's start: forwards, to the left, heading
-    [m, m, rad]; `radius_error` [-]; `com` (2,), the offset of the centre of mass: forwards, to the left [m]; `mass`, a
-    factor on the chassis' mass [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown
-    options and values out of range.
+    The options are `reference`, a name, which is added to the table if it is new; `ground`, a name
+    or a Ground, which is not randomized; `start_error` (3,), the offset from the reference's start:
+    forwards, to the left, heading [m, m, rad]; `radius_error` [-]; `com` (2,), the offset of the
+    centre of mass: forwards, to the left [m]; `mass`, a factor on the chassis' mass [-]; `lag` [s];
+    and `latency` [control periods]. Raises InvalidValueError for unknown options and values out of
+    range.
     """
     options, drawn = options_of("options", options, _OPTIONS), config.drawn
     chosen = config.references[generator.integers(len(config.references))]
@@ -63,22 +67,46 @@ def draw(
     setting = drawn.setting(generator, config.parameters, base, table.path(reference))
     ground = setting.ground
     if "ground" in options:
-        ground = options["ground"] if isinstance(options["ground"], Ground) else config.load_ground(options["ground"])
-        shear, allowed = ground.largest_shear, "0 in an environment that is made without ground that shears"
+        ground = (
+            options["ground"]
+            if isinstance(options["ground"], Ground)
+            else config.load_ground(options["ground"])
+        )
+        shear, allowed = (
+            ground.largest_shear,
+            "0 in an environment that is made without ground that shears",
+        )
         require(shear == 0 or config.shears, "ground.shear", shear, allowed)
     latency = generator.integers(*drawn.latency, endpoint=True)
-    distance, bearing = uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
+    distance, bearing = (
+        uniform(generator, drawn.start_distance, 0.0),
+        generator.uniform(-math.pi, math.pi),
+    )
     turned = uniform(generator, drawn.start_heading, 0.0)
-    error, weight = (distance * math.cos(bearing), distance * math.sin(bearing), turned), setting.weight
-    given = {name: options[name] for name in ("radius_error", "mass", "lag", "latency") if name in options}
+    error, weight = (
+        (distance * math.cos(bearing), distance * math.sin(bearing), turned),
+        setting.weight,
+    )
+    given = {
+        name: options[name]
+        for name in ("radius_error", "mass", "lag", "latency")
+        if name in options
+    }
     for name, value in given.items():
         require_within(name, value, *Randomization.limits(name))
     if "start_error" in options:
         error = _finite("start_error", options["start_error"], 3)
-        require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
+        require_at_most(
+            "distance of start_error",
+            math.hypot(*error[:2]),
+            config.off_path,
+            "m, which is off_path",
+        )
     if "com" in options:
         weight = _finite("com", options["com"], 2)
-        Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(config.parameters)
+        Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(
+            config.parameters
+        )
     latency = given.pop("latency", latency)
     start = tuple(se2.compose(setting.start, error).tolist())
     setting = dataclasses.replace(setting, start=start, ground=ground, weight=weight, **given)
@@ -103,7 +131,9 @@ class ReferenceTable(Restorable):
     STATE = ("names", "last", "_pose", "_twists")
 
     def __init__(self, names: Iterable[str], steps: Index) -> None:
-        """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
+        """Tabulate the references `names`, with twists `steps` (K,) control periods ahead,
+        ascending from 0.
+        """
         self._steps = steps
         self.names: tuple[str, ...] = ()  # names of the references, in the order of the rows
         self.last: Index = np.empty(0, int)  # last control period (R,) of each reference
@@ -113,7 +143,9 @@ class ReferenceTable(Restorable):
             self.index(name)
 
     def index(self, name: str) -> int:
-        """Index of a reference, which is added if it is new; raises TrackslipError for an unknown name."""
+        """Index of a reference, which is added if it is new; raises TrackslipError for an unknown
+        name.
+        """
         if name not in self.names:
             reference = load_reference(name)
             last = math.ceil(reference.duration / PERIOD - 1e-9)
@@ -135,12 +167,19 @@ class ReferenceTable(Restorable):
         return self._pose[index, np.minimum(k, self._pose.shape[1] - 1)]
 
     def twists(self, index: Index, k: Index) -> Array:
-        """Twists (..., K, 2) on references `index` (...), each of `steps` after control periods `k` (...)."""
+        """Twists (..., K, 2) on references `index` (...), each of `steps` after control periods `k`
+        (...).
+        """
         return self._twists[index, np.minimum(k, self._twists.shape[1] - 1)]
 
 
 def _stacked(table: Array, row: Array) -> Array:
-    """Append `row` (t, ...) to a table (R, T, ...); the shorter of them is extended with its last values."""
+    """Append `row` (t, ...) to a table (R, T, ...); the shorter of them is extended with its last
+    values.
+    """
     length = max(table.shape[1], len(row))
-    every = [part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1) for part in (table, row[None])]
+    every = [
+        part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1)
+        for part in (table, row[None])
+    ]
     return np.concatenate(every)

@@ -45,14 +45,17 @@ class Randomization(Checked):
     com_y: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
     """Leftward offset of the centre of mass from the robot's nominal one [m]."""
     slope: Range | None = checked(None, _require_drawn, 0.0, MAX_SLOPE)
-    """Slope of the ground, with uphill in any direction; None for the ground's own slope [rad]. Drawn slopes are
-    limited to 0.6 times the smallest friction angle, so that the robot can park."""
+    """Slope of the ground, with uphill in any direction; None for the ground's own slope [rad].
+    Drawn slopes are limited to 0.6 times the smallest friction angle, so that the robot can park.
+    """
     patches: tuple[int, int] = checked((0, 0), require_range, 0, 10)
     """Number of square patches with different friction on the path."""
     patch_size: Range = checked((0.3, 1.0), require_range, 0.01, 100.0)
     """Side length of the patches [m]."""
     patch_friction: Range = checked((0.5, 1.0), require_range, 0.01, MAX_FRICTION / 10)
-    """Ratio of the patches' friction to the ground's; across the tracks, `friction_ratio` also scales it [-]."""
+    """Ratio of the patches' friction to the ground's; across the tracks, `friction_ratio` also
+    scales it [-].
+    """
     shear: Range | None = checked(None, _require_drawn, 0.0, MAX_SHEAR)
     """Shear modulus of the ground and its patches; None for the ground's own [m]."""
     lag: Range | None = checked(None, _require_drawn, 0.001, 1.0)
@@ -91,15 +94,20 @@ class Randomization(Checked):
             start_heading=(-0.3, 0.3),
         )
 
-    def setting(self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array) -> Setting:
-        """Draw ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m, rad]."""
+    def setting(
+        self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array
+    ) -> Setting:
+        """Draw ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m,
+        rad].
+        """
         return Setting(
             start=tuple(path[0].tolist()),
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
             weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
             lag=uniform(generator, self.lag, robot.drive.lag),
-            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # keeps old seeds' draws
+            # keeps old seeds' draws
+            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
@@ -109,26 +117,41 @@ class Randomization(Checked):
             x, y = path[generator.integers(len(path)), :2]
             half = uniform(generator, self.patch_size, 0.0) / 2
             along = base.along * uniform(generator, self.patch_friction, 1.0)
-            across = along * (base.across / base.along * uniform(generator, self.friction_ratio, 1.0))
+            across = along * (
+                base.across / base.along * uniform(generator, self.friction_ratio, 1.0)
+            )
             patches.append(Patch((x - half, x + half), (y - half, y + half), along, across))
-        slope, uphill = uniform(generator, self.slope, base.slope), generator.uniform(-math.pi, math.pi)
-        changes = tuple(dataclasses.replace(change, across=change.across * ratio) for change in base.changes)
+        slope, uphill = (
+            uniform(generator, self.slope, base.slope),
+            generator.uniform(-math.pi, math.pi),
+        )
+        changes = tuple(
+            dataclasses.replace(change, across=change.across * ratio) for change in base.changes
+        )
         across, every = base.across * ratio, (*base.patches, *patches)
         ground = dataclasses.replace(base, across=across, changes=changes, patches=every)
         if self.shear is not None:
             ground = dataclasses.replace(ground, shear=uniform(generator, self.shear, 0.0))
         if self.slope is None:
             return ground
-        least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))
-        return dataclasses.replace(ground, slope=min(slope, PARKING * math.atan(least)), uphill=uphill)
+        least = min(
+            ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches)
+        )
+        return dataclasses.replace(
+            ground, slope=min(slope, PARKING * math.atan(least)), uphill=uphill
+        )
 
     def require_standing(self, robot: RobotParameters) -> None:
-        """Raise InvalidValueError if the robot would tip over with some of the drawn centres of mass."""
+        """Raise InvalidValueError if the robot would tip over with some of the drawn centres of
+        mass.
+        """
         for x, y in itertools.product(self.com_x, self.com_y):
             dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)
 
 
 def uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
-    """Draw a number from a range, or return `otherwise` if it is None; both cases draw once from the generator."""
+    """Draw a number from a range, or return `otherwise` if it is None; both cases draw once from
+    the generator.
+    """
     low, high = (otherwise, otherwise) if ends is None else ends
     return low + (high - low) * float(generator.random())

@@ -1,4 +1,6 @@
-"""Path tracking as a learning task for N robots, one row each: actions in, observations and rewards out."""
+"""Path tracking as a learning task for N robots, one row each: actions in, observations and rewards
+out.
+"""
 
 from __future__ import annotations
 
@@ -31,14 +33,39 @@ class PathTracking(Task):
     """The task in which robots follow references."""
 
     STATE = (
-        *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_angle", "_omega", "_pose"),
-        *("_measured", "_error", "_seen_error", "_success", "_compensation", "_load", "config", *Task.STATE),
+        *(
+            "fleet",
+            "table",
+            "_source",
+            "_reference",
+            "last",
+            "_k",
+            "_latency",
+            "_line",
+            "_angle",
+            "_omega",
+            "_pose",
+        ),
+        *(
+            "_measured",
+            "_error",
+            "_seen_error",
+            "_success",
+            "_compensation",
+            "_load",
+            "config",
+            *Task.STATE,
+        ),
     )
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
-        """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
+        """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts
+        their episodes.
+        """
         robot = load_robot(parameters=config.parameters)
-        self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
+        self.table = ReferenceTable(
+            config.references, np.arange(config.previews + 1) * config.stride
+        )
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))
         self.fleet = Fleet(robot, begin, None, 0.0, None, threads, config.pull, config.shears)
@@ -47,22 +74,27 @@ class PathTracking(Task):
         super().__init__(config, size, PERIOD, self.layout.elements, commanded)
         self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
-        self._senses_load = isinstance(self._compensation, SensesLoad)  # stored because the check of a protocol is slow
+        # stored because the check of a protocol is slow
+        self._senses_load = isinstance(self._compensation, SensesLoad)
         self._compensation.reset(begin)
-        self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2) units of the actions
+        # (1, 2) units of the actions
+        self._unit = np.array([[element.scale for element in self.commanded]])
         self._reference: Index = np.zeros(size, int)
         self.last: Index = np.zeros(size, int)  # last step (N,) in each robot's episode
         self._k: Index = np.zeros(size, int)  # control periods (N,) since each episode began
         self._latency: Index = np.zeros(size, int)
-        self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points that the latency delays, newest first [rad/s]
+        # set points that the latency delays, newest first [rad/s]
+        self._line = np.zeros((size, MAX_LATENCY + 1, 2))
         self._rows = np.arange(size)
-        self._angle: Array = np.zeros((size, 2))  # encoder angles (N, 2) at the end of the last control period [rad]
+        # encoder angles (N, 2) at the end of the last control period [rad]
+        self._angle: Array = np.zeros((size, 2))
         self._omega: Array = np.zeros((size, 2))
         self._pose: Array = np.zeros((size, 3))  # true poses (N, 3)
         self._measured: Array = np.zeros((size, 3))
         self._error: Array = np.zeros((size, 3))  # true errors (N, 3)
         self._seen_error: Array = np.zeros((size, 3))  # observed errors (N, 3)
-        self._load: Array = np.zeros((size, 2))  # tractions that the robots need per load on the tracks [-]
+        # tractions that the robots need per load on the tracks [-]
+        self._load: Array = np.zeros((size, 2))
         self._success = np.ones(size, bool)
 
     def path(self, row: int) -> Array:
@@ -74,7 +106,9 @@ class PathTracking(Task):
         return draw(self.config, self.table, generator, options)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
-        """Begin an episode with each of the robots `rows` (R,); raises InvalidValueError if a robot can't park."""
+        """Begin an episode with each of the robots `rows` (R,); raises InvalidValueError if a robot
+        can't park.
+        """
         where = np.asarray(rows, int)
         if not where.size:
             return
@@ -113,7 +147,9 @@ class PathTracking(Task):
         ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
-        self.terminated = ~((distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED))
+        self.terminated = ~(
+            (distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED)
+        )
         self.truncated = (self._k >= self.last) & ~self.terminated
         self._earn(self.config.reward.terms(distance, turn, change, self.terminated))
 
@@ -126,10 +162,14 @@ class PathTracking(Task):
         if self.config.action == "sprockets":
             return wanted
         law = self._compensation.law()
-        return limit_sprocket_speeds(law.sprocket_speeds(wanted, self.fleet.robot.geometry), self.fleet.drive.limit)
+        return limit_sprocket_speeds(
+            law.sprocket_speeds(wanted, self.fleet.robot.geometry), self.fleet.drive.limit
+        )
 
     def _seen_pose(self) -> Array:
-        """Observed poses (N, 3), with headings corrected by the crab angles that the compensation predicts."""
+        """Observed poses (N, 3), with headings corrected by the crab angles that the compensation
+        predicts.
+        """
         if self.config.loads or self._loaded is not None:
             self._load = self.fleet.needed_traction()
         if self._loaded is None:
@@ -146,7 +186,11 @@ class PathTracking(Task):
         return self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
 
     def _quantities(self) -> dict[str, NDArray[Any]]:
-        twist, geometry, omega = self.fleet.twist(), self.fleet.robot.geometry, self.fleet.drive.omega
+        twist, geometry, omega = (
+            self.fleet.twist(),
+            self.fleet.robot.geometry,
+            self.fleet.drive.omega,
+        )
         rests = np.abs(omega) < _STANDING
         tracks = track_speeds(twist[:, ::2], geometry.half_gauge)
         slip = ~rests * (1 - tracks / (geometry.sprocket_radius * omega + rests))
@@ -162,15 +206,19 @@ class PathTracking(Task):
             "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
             "torque": self.fleet.drive.torque,  # (N, 2) motor torques at the sprockets [N m]
             "energy": self.fleet.drive.energy,  # (N, 2) energy drawn by the motors so far [J]
-            "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
-            "success": self._success,  # whether the robot has always stayed within metrics.LOST of the reference
+            # (N, 2) along and across, averaged over the pads [-]
+            "friction": self.fleet.friction(),
+            # whether the robot has always stayed within metrics.LOST of the reference
+            "success": self._success,
         }
 
 
 def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
     """The elements of an action; `limit` is the sprockets' top speed [rad/s]."""
     if config.action == "sprockets":
-        return Element("left sprocket speed", "rad/s", limit), Element("right sprocket speed", "rad/s", limit)
+        return Element("left sprocket speed", "rad/s", limit), Element(
+            "right sprocket speed", "rad/s", limit
+        )
     speed, rate = config.twist_scale
     return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
 
@@ -179,7 +227,9 @@ def _pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
     if config.pose_source == "truth":
         return TruePose(fleet)
     if config.pose_source == "noisy":
-        return NoisyPose(fleet, (config.position_noise, config.position_noise, config.heading_noise))
+        return NoisyPose(
+            fleet, (config.position_noise, config.position_noise, config.heading_noise)
+        )
     return ScannedPose(fleet, ScannerFeed(config.scanner, fleet), PlateLocator(fleet.robot.plate))
 
 

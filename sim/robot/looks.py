@@ -17,11 +17,13 @@ from sim.robot.wheels import start
 from sim.tracks.drawing import TrackLook, draw
 from trackslip.kinematics import Array
 
-_AZIMUTH, _ELEVATION = 106.0, -21.0  # the camera looks at the robot from the right, slightly ahead of it [deg]
+# the camera looks at the robot from the right, slightly ahead of it [deg]
+_AZIMUTH, _ELEVATION = 106.0, -21.0
 _AWAY = 2.8  # distance of the camera from the robot, in robot lengths
 _CALM = 0.6  # share of the robot's heave that the camera follows
 
-_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # shipped robot: wheels x, z, radius; belt's width [m]
+# shipped robot: wheels x, z, radius; belt's width [m]
+_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09
 _TYRE = 0.76  # ratio of a wheel's drawn width to its radius [-]
 _ATTACHED = "robot/"  # prefix of all names that come from a tracked robot's model
 
@@ -32,7 +34,8 @@ class RobotLooks:
 
     model: mujoco.MjModel  # without the tracks
     body: int  # the chassis
-    tracks: list[tuple[str, int, TrackLook]]  # name, body and look of each track: left, right, then the flippers'
+    # name, body and look of each track: left, right, then the flippers'
+    tracks: list[tuple[str, int, TrackLook]]
     track_side: np.ndarray  # (T,) side whose speed each track's belt follows: 0 left, 1 right
     rest: Array  # (nq,) positions of all joints, with the chassis at the origin
 
@@ -41,14 +44,23 @@ class RobotLooks:
         """The looks of a robot on its terrain; `world` must have been built with `looks=True`."""
         robot, model = world.robot, world.model
         hull, belted = np.array(robot.hull), robot.contact != WHEELS
-        sides = [TrackLook(hull, sign * robot.half_gauge, robot.width, belted) for sign in (1.0, -1.0)]
+        sides = [
+            TrackLook(hull, sign * robot.half_gauge, robot.width, belted) for sign in (1.0, -1.0)
+        ]
         looks = [(world.body, look) for look in sides]
-        looks += [(model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
-        tracks = [(f"{name}_track", *each) for name, each in zip(world.belts.names, looks, strict=True)]
+        looks += [
+            (model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width))
+            for f in robot.flippers
+        ]
+        tracks = [
+            (f"{name}_track", *each) for name, each in zip(world.belts.names, looks, strict=True)
+        ]
         return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, travel: Array) -> None:
-        """Append the tracks to a scene, for belts that have travelled `travel` (T,) forwards [m]."""
+        """Append the tracks to a scene, for belts that have travelled `travel` (T,) forwards
+        [m].
+        """
         for (_, body, look), way in zip(self.tracks, travel, strict=True):
             draw(scene, look.pieces(way), data.xpos[body], data.xmat[body].reshape(3, 3))
 
@@ -63,7 +75,9 @@ class RobotLooks:
         return camera
 
     def qpos(self, pose: Array) -> Array:
-        """Positions (..., nq) of all joints of robots on level ground at poses (..., 3) [m, m, rad]."""
+        """Positions (..., nq) of all joints of robots on level ground at poses (..., 3) [m, m,
+        rad].
+        """
         qpos = np.tile(self.rest, (*pose.shape[:-1], 1))
         qpos[..., :2] = pose[..., :2]
         qpos[..., 3], qpos[..., 6] = np.cos(pose[..., 2] / 2), np.sin(pose[..., 2] / 2)
@@ -71,14 +85,22 @@ class RobotLooks:
 
 
 def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> RobotLooks:
-    """The looks of a robot, in its own colours or in one `colour` (4,); raises TrackslipError if its file is gone."""
+    """The looks of a robot, in its own colours or in one `colour` (4,); raises TrackslipError if
+    its file is gone.
+    """
     spec = shaped_robot(parameters)
-    looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
+    looks = (
+        _tracked_looks(spec, parameters.looks)
+        if parameters.looks
+        else _shipped_looks(spec, parameters)
+    )
     model = looks.model
     if len(colour):
         painted = [model.geom("plate").id]
         if parameters.looks:
-            painted += np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body("chassis").id).tolist()
+            painted += np.flatnonzero(
+                model.body_rootid[model.geom_bodyid] == model.body("chassis").id
+            ).tolist()
         else:
             painted.append(model.geom("hull").id)
         model.geom_rgba[painted], model.geom_matid[painted] = colour, -1
@@ -90,21 +112,34 @@ def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
     body, radius = model.body("chassis").id, parameters.sprocket_radius
     part, hull, width = "track", np.array(_WHEELS), _BELT
     if parameters.axles:
-        part, hull, width = "wheels", np.array([(x, radius, radius) for x in parameters.axles]), _TYRE * radius
+        part, hull, width = (
+            "wheels",
+            np.array([(x, radius, radius) for x in parameters.axles]),
+            _TYRE * radius,
+        )
     sides = (("left", parameters.half_gauge), ("right", -parameters.half_gauge))
-    tracks = [(f"{side}_{part}", body, TrackLook(hull, y, width, not parameters.axles)) for side, y in sides]
+    tracks = [
+        (f"{side}_{part}", body, TrackLook(hull, y, width, not parameters.axles))
+        for side, y in sides
+    ]
     return RobotLooks(model, body, tracks, np.arange(len(tracks)), model.qpos0.copy())
 
 
 def _tracked_looks(spec: Any, source: str) -> RobotLooks:
-    """The looks of the robot with this name or file, on the field's chassis, with its flippers off the ground."""
+    """The looks of the robot with this name or file, on the field's chassis, with its flippers off
+    the ground.
+    """
     robot = load_tracked(source)
     built, own = build_tracked(robot, looks=True), load_spec(robot, looks=True)
     body = chassis_of(own, robot)
     for joint in list(body.joints):
         own.delete(joint)
     own.compile()  # so that the model's keyframe is attached, too
-    body.pos, body.quat, body.alt.type = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], mujoco.mjtOrientation.mjORIENTATION_QUAT
+    body.pos, body.quat, body.alt.type = (
+        [0.0] * 3,
+        [1.0, 0.0, 0.0, 0.0],
+        mujoco.mjtOrientation.mjORIENTATION_QUAT,
+    )
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)
@@ -113,12 +148,15 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     model = spec.compile()
     looks = RobotLooks.of(built)
     tracks = [
-        (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look) for name, carrier, look in looks.tracks
+        (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look)
+        for name, carrier, look in looks.tracks
     ]
     rest = start(model).qpos.copy()
     rest[:7] = model.qpos0[:7]
     angles = built.flipper_control(clear_angles(built))
-    hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
+    hinges = [
+        model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers
+    ]
     rest[model.jnt_qposadr[hinges]] = angles
     return RobotLooks(model, model.body("chassis").id, tracks, looks.track_side, rest)
 
@@ -126,7 +164,10 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
 def _agree(spec: Any, field: Any) -> None:
     """Copy the field's options to a spec, so that the engine doesn't warn about differences."""
     kinds = ("global_", "quality", "headlight", "map", "scale", "rgba")
-    pairs = [(spec.option, field.option), *((getattr(spec.visual, k), getattr(field.visual, k)) for k in kinds)]
+    pairs = [
+        (spec.option, field.option),
+        *((getattr(spec.visual, k), getattr(field.visual, k)) for k in kinds),
+    ]
     for own, like in pairs:
         for name in (name for name in dir(own) if not name.startswith("_")):
             setattr(own, name, getattr(like, name))

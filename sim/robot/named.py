@@ -1,4 +1,5 @@
-"""Robots by name or file, for flat ground (bodies on two rows of pads) and for terrain (models with tracks).
+"""Robots by name or file, for flat ground (bodies on two rows of pads) and for terrain (models with
+tracks).
 
 `check` reports what a robot's files contain, what they leave out and what is wrong in them.
 """
@@ -23,7 +24,14 @@ from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, cle
 from sim.robot.urdf import Refuse, engine_errors, refuse
 from sim.robot.wheels import colliding, outline, own_wheels, start
 from sim.settings import build, read_named
-from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError, TrackslipError, counted, require
+from trackslip.errors import (
+    InvalidValueError,
+    RobotWarning,
+    SettingsFileError,
+    TrackslipError,
+    counted,
+    require,
+)
 
 SHIPPED = "shipped"
 """Name of the robot in models/tracked_robot.xml."""
@@ -45,11 +53,13 @@ _G, _SLOPE = 9.81, np.radians(20)  # [m/s^2, rad]
 
 
 def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParameters, Ground]:
-    """Load a robot for flat ground: its parameters, and the ground in the table `ground` of its file.
+    """Load a robot for flat ground: its parameters, and the ground in the table `ground` of its
+    file.
 
-    The source is a name in `ROBOTS`, a robot, a file of parameters, whose missing fields keep their defaults, or the
-    file of a tracked robot, which `on_flat_ground` converts. Raises InvalidValueError for an unknown source,
-    SettingsFileError for an unreadable file or invalid fields, TrackslipError for a model that doesn't compile.
+    The source is a name in `ROBOTS`, a robot, a file of parameters, whose missing fields keep their
+    defaults, or the file of a tracked robot, which `on_flat_ground` converts. Raises
+    InvalidValueError for an unknown source, SettingsFileError for an unreadable file or invalid
+    fields, TrackslipError for a model that doesn't compile.
     """
     robot, ground = _load(source)
     if isinstance(robot, TrackedRobot):
@@ -58,9 +68,11 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
 
 
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
-    """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts parameters.
+    """Load a robot for terrain, from the same sources as `load_parameters`; `on_terrain` converts
+    parameters.
 
-    `refuse` is called for each missing mesh that is needed to find the model's wheels; see `build_tracked`.
+    `refuse` is called for each missing mesh that is needed to find the model's wheels; see
+    `build_tracked`.
     """
     robot, _ = _load(source, refuse)
     if isinstance(robot, TrackedRobot):
@@ -70,14 +82,21 @@ def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse)
     return on_terrain(robot, "robot" if robot is source else Path(str(source)).stem)
 
 
-def _load(source: RobotSource | Path, refuse: Refuse = refuse) -> tuple[RobotParameters | TrackedRobot, Ground]:
+def _load(
+    source: RobotSource | Path, refuse: Refuse = refuse
+) -> tuple[RobotParameters | TrackedRobot, Ground]:
     if isinstance(source, RobotParameters | TrackedRobot):
         return source, Ground()
     if str(source) == SHIPPED:
         return RobotParameters(), Ground()
     name = str(_FILES.get(str(source), source))
     is_model = name.lower().endswith((".urdf", ".xacro", ".xml", ".sdf"))
-    require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/your_robot.md")
+    require(
+        not is_model,
+        "robot",
+        name,
+        "a .toml file that names this model and its tracks: see docs/your_robot.md",
+    )
     path, table = Path(name), read_named("robot", name, ROBOTS)
     ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
     if any(field in TrackedRobot.__dataclass_fields__ and field not in _SHARED for field in table):
@@ -86,12 +105,14 @@ def _load(source: RobotSource | Path, refuse: Refuse = refuse) -> tuple[RobotPar
 
 
 def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
-    """The parameters of a tracked robot on level ground: a rigid body that stands on the longest runs of its tracks.
+    """The parameters of a tracked robot on level ground: a rigid body that stands on the longest
+    runs of its tracks.
 
-    Its joints stay in their starting positions, its flippers as low as possible without touching the ground. Its frame
-    is in the middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above the rest
-    of the robot. It is drawn as the robot with the name or file `looks`. Raises InvalidValueError for a robot out of
-    range or that doesn't stand on two wheels of each track, TrackslipError for a model that can't be compiled.
+    Its joints stay in their starting positions, its flippers as low as possible without touching
+    the ground. Its frame is in the middle of the runs, its sprockets are as large as its largest
+    wheels, and the plate stands above the rest of the robot. It is drawn as the robot with the name
+    or file `looks`. Raises InvalidValueError for a robot out of range or that doesn't stand on two
+    wheels of each track, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
     model, data = built.model, _stand(built)
@@ -129,16 +150,27 @@ def _stand(built: TrackedModel) -> mujoco.MjData:
 
 
 def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
-    """The robot with these parameters: the shipped robot's body on wheels, or on tracks as long as the contact."""
+    """The robot with these parameters: the shipped robot's body on wheels, or on tracks as long as
+    the contact.
+    """
     radius, half = parameters.sprocket_radius, parameters.contact_length / 2
-    ends, radius = (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
-    hull, shared = tuple((x, radius, radius) for x in ends), {each: getattr(parameters, each) for each in _SHARED}
-    return PlainRobot(MODELS / "tracked_robot.xml", hull=hull, name=name, parameters=parameters, **shared)
+    ends, radius = (
+        (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
+    )
+    hull, shared = (
+        tuple((x, radius, radius) for x in ends),
+        {each: getattr(parameters, each) for each in _SHARED},
+    )
+    return PlainRobot(
+        MODELS / "tracked_robot.xml", hull=hull, name=name, parameters=parameters, **shared
+    )
 
 
 @dataclass(frozen=True)
 class PlainRobot(TrackedRobot):
-    """The shipped robot, or a robot that differs from it only in its parameters, on tracks instead of pads."""
+    """The shipped robot, or a robot that differs from it only in its parameters, on tracks instead
+    of pads.
+    """
 
     parameters: RobotParameters = field(default_factory=RobotParameters)
     """Shape and mass of the robot."""
@@ -149,7 +181,8 @@ class PlainRobot(TrackedRobot):
         pads = [geom for geom in spec.geoms if "_pad" in geom.name]
         for thing in (*spec.pairs, *spec.sensors, *pads):
             spec.delete(thing)
-        spec.option.timestep = mujoco.MjSpec().option.timestep  # the time step in the file is for pads
+        # the time step in the file is for pads
+        spec.option.timestep = mujoco.MjSpec().option.timestep
         spec.authored.option = 0
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
@@ -159,15 +192,25 @@ class PlainRobot(TrackedRobot):
 def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> TrackedRobot:
     wheels = table.get("wheels", [])
     if isinstance(wheels, str) and wheels != "replace":
-        raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
+        raise SettingsFileError(
+            f'{path}: wheels = {wheels!r}: must be "replace" or a list of links'
+        )
     given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
-    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until they are read
-    robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path))
+    # until they are read
+    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}
+    robot = build(
+        TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path)
+    )
     folder = path.parent
-    robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
+    robot = replace(
+        robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages)
+    )
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
         return robot
-    with engine_errors(robot.model), warnings.catch_warnings(action="ignore", category=RobotWarning):
+    with (
+        engine_errors(robot.model),
+        warnings.catch_warnings(action="ignore", category=RobotWarning),
+    ):
         spec = load_spec(replace(robot, wheels=()), refuse=refuse)
         own = own_wheels(spec, chassis_of(spec, robot).name, robot, given)
     try:
@@ -190,12 +233,16 @@ class RobotCheck:
 
     def __str__(self) -> str:
         lines = [f"{name}: {value}" for name, value in self.facts]
-        lines += [f"warning: {line}" for line in self.warnings] + [f"error: {line}" for line in self.errors]
+        lines += [f"warning: {line}" for line in self.warnings] + [
+            f"error: {line}" for line in self.errors
+        ]
         return "\n".join(lines)
 
 
 def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
-    """Check a robot, by name or file, and collect all of its faults instead of stopping at the first error."""
+    """Check a robot, by name or file, and collect all of its faults instead of stopping at the
+    first error.
+    """
     facts: list[tuple[str, str]] = []
     errors: list[str] = []
     with warnings.catch_warnings(record=True) as said:
@@ -204,8 +251,15 @@ def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
             robot = load_tracked(source, errors.append)
             facts += [
                 ("model", robot.model.name),
-                ("contact", f"{robot.contact}, half gauge {robot.half_gauge:g} m, {robot.contact_length:.4g} m long"),
-                ("wheels (x, z, radius)", ", ".join(f"({x:g}, {z:g}, {r:g})" for x, z, r in robot.hull)),
+                (
+                    "contact",
+                    f"{robot.contact}, half gauge {robot.half_gauge:g} m, "
+                    f"{robot.contact_length:.4g} m long",
+                ),
+                (
+                    "wheels (x, z, radius)",
+                    ", ".join(f"({x:g}, {z:g}, {r:g})" for x, z, r in robot.hull),
+                ),
                 ("links replaced", ", ".join(robot.wheels) or "none"),
             ]
             build_tracked(robot, looks=True, refuse=errors.append)
@@ -222,18 +276,31 @@ def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
 
 
 def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
-    """Names and values of a compiled robot's properties: mass, inertia, joints, flippers and motors."""
-    robot, model, own = tracked.robot, tracked.model, np.flatnonzero(tracked.model.body_rootid == tracked.body)
+    """Names and values of a compiled robot's properties: mass, inertia, joints, flippers and
+    motors.
+    """
+    robot, model, own = (
+        tracked.robot,
+        tracked.model,
+        np.flatnonzero(tracked.model.body_rootid == tracked.body),
+    )
     mass, (x, y, z), inertia = composite(model, _stand(tracked), own)
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
     swings = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
     loose = [name for name in (model.joint(k).name for k in swings) if name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
     motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
-    whose = "the shipped robot's, not counted on terrain" if robot.drive == Drive() else "the robot file's"
+    whose = (
+        "the shipped robot's, not counted on terrain"
+        if robot.drive == Drive()
+        else "the robot file's"
+    )
     return [
         ("mass", f"{mass:.4g} kg, {x:+.3f} m ahead, {y:+.3f} m left, {z:.3f} m above the ground"),
-        ("inertia", f"{', '.join(f'{value:.3g}' for value in inertia.diagonal())} kg m^2 about x, y, z"),
+        (
+            "inertia",
+            f"{', '.join(f'{value:.3g}' for value in inertia.diagonal())} kg m^2 about x, y, z",
+        ),
         ("what collides", counted(int(colliding(model)[model.geom_bodyid > 0].sum()), "shape")),
         ("joints with motors", ", ".join(held) or "none"),
         ("joints without", ", ".join(loose) or "none"),

@@ -18,7 +18,9 @@ from trackslip.skid_theory import Contact, line_contact, wheel_contact
 TRACKS, WHEELS = "tracks", "wheels"
 """Kinds of contact with the ground."""
 SINK = 0.002
-"""Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
+"""Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for
+any robot [m].
+"""
 PATCH_LENGTH = 0.1
 """Default length of a wheel's contact with the ground [m]."""
 _MIN_SIZE = 1e-3  # [m]
@@ -27,7 +29,8 @@ _OFFSET = require_within, -10.0, 10.0, "m"  # allowed coordinates of the centre 
 _PLATE_HEIGHT = 0.5  # from models/tracked_robot.xml [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # largest mean of the axles' positions [m]
-_FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel [-]
+# largest part of the ground's righting moment that the weight of a leaning robot may cancel [-]
+_FIRM = 0.25
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,9 @@ class RobotParameters(Checked):
     com_height: float = checked(0.12, *_SIZE)
     """Centre of mass above the ground [m]."""
     inertia: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
-    """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty for the shipped robot's inertia, scaled with mass
-    and shape [kg m^2]."""
+    """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty for the shipped robot's
+    inertia, scaled with mass and shape [kg m^2].
+    """
     plate_height: float = checked(_PLATE_HEIGHT, *_SIZE, stored_unless=_PLATE_HEIGHT)
     """Height of the plate's centre, and of the scanner, above the ground [m]."""
     looks: str = field(default="", metadata={"stored_unless": ""})
@@ -60,12 +64,16 @@ class RobotParameters(Checked):
     contact: str = field(default=TRACKS, metadata={"stored_unless": TRACKS})
     """What touches the ground: "tracks", or "wheels" that turn at one speed per side."""
     axles: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
-    """Positions of the axles ahead of their mean [m]. The contact extends from the rearmost patch to the foremost."""
+    """Positions of the axles ahead of their mean [m]. The contact extends from the rearmost patch
+    to the foremost.
+    """
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
-    radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
+    radius_split: float = checked(
+        0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO
+    )
     """Half the difference between the sprockets' radius errors, right minus left [-]."""
 
     def __post_init__(self) -> None:
@@ -82,24 +90,37 @@ class RobotParameters(Checked):
 
     @property
     def centre_of_mass(self) -> tuple[float, float, float]:
-        """Centre of mass, ahead and to the left of the middle of the tracks, and above the ground [m]."""
+        """Centre of mass, ahead and to the left of the middle of the tracks, and above the ground
+        [m].
+        """
         return self.com_x, self.com_y, self.com_height
 
     def with_contact_length(self, length: float) -> RobotParameters:
-        """The same robot with another contact length [m]; wheels keep their patch length and move apart or together."""
+        """The same robot with another contact length [m]; wheels keep their patch length and move
+        apart or together.
+        """
         if not self.axles:
             return dataclasses.replace(self, contact_length=length)
         growth = (length - self.patch_length) / (self.contact_length - self.patch_length)
-        require(growth > 0, "contact_length", length, f"more than that of a patch, {self.patch_length:g} m")
+        require(
+            growth > 0,
+            "contact_length",
+            length,
+            f"more than that of a patch, {self.patch_length:g} m",
+        )
         axles = tuple(growth * x for x in self.axles)
         return dataclasses.replace(self, contact_length=RobotParameters.contact_length, axles=axles)
 
     def contact_theory(self, along: float, across: float, points: int = 200) -> Contact:
-        """The robot's contact, for `skid_theory`, with ground of this friction [-]; at least `points` per side."""
+        """The robot's contact, for `skid_theory`, with ground of this friction [-]; at least
+        `points` per side.
+        """
         rest = (along, across, self.centre_of_mass)
         if not self.axles:
             return line_contact(self.half_gauge, self.contact_length / 2, *rest, points)
-        return wheel_contact(self.half_gauge, self.axles, self.patch_length, *rest, -(-points // len(self.axles)))
+        return wheel_contact(
+            self.half_gauge, self.axles, self.patch_length, *rest, -(-points // len(self.axles))
+        )
 
     def _lay_axles(self) -> None:
         """Check the kind of contact; sort the axles and derive the contact length from them."""
@@ -112,7 +133,9 @@ class RobotParameters(Checked):
         axles = tuple(sorted(self.axles))
         few = 2 <= len(axles) <= _MOST_AXLES and bool(np.isfinite(axles).all())
         require(few, "axles", list(axles), f"2 to {_MOST_AXLES} positions ahead of the middle [m]")
-        allowed = f"positions ahead of the middle of all, whose mean is 0 within {1e3 * _CENTRED:g} mm"
+        allowed = (
+            f"positions ahead of the middle of all, whose mean is 0 within {1e3 * _CENTRED:g} mm"
+        )
         require(abs(np.mean(axles)) <= _CENTRED, "axles", list(axles), allowed)
         require_positive("patch_length", self.patch_length)
         apart = min(float(np.diff(axles).min()), 2 * self.sprocket_radius)
@@ -120,14 +143,26 @@ class RobotParameters(Checked):
         require(_MIN_SIZE <= self.patch_length < apart, "patch_length", self.patch_length, allowed)
         span = round(axles[-1] - axles[0] + self.patch_length, 9)
         derived = self.contact_length in (RobotParameters.contact_length, span)
-        require(derived, "contact_length", self.contact_length, f"left out: the axles make it {span:.4g} m")
+        require(
+            derived,
+            "contact_length",
+            self.contact_length,
+            f"left out: the axles make it {span:.4g} m",
+        )
         object.__setattr__(self, "axles", axles)
         object.__setattr__(self, "contact_length", span)
 
     def _require_standing(self) -> None:
-        """Raise InvalidValueError if the centre of mass is too high or too far off centre to load every contact."""
-        # mean squares of the coordinates of the ground's springs; they yield by SINK, so a high robot leans further
-        spread_x, end, spread_y = self.contact_length**2 / 12, self.contact_length / 2, self.half_gauge**2
+        """Raise InvalidValueError if the centre of mass is too high or too far off centre to load
+        every contact.
+        """
+        # mean squares of the coordinates of the ground's springs; they yield by SINK, so a high
+        # robot leans further
+        spread_x, end, spread_y = (
+            self.contact_length**2 / 12,
+            self.contact_length / 2,
+            self.half_gauge**2,
+        )
         if self.axles:
             spread_x = float(np.mean(np.square(self.axles))) + self.patch_length**2 / 12
             end = float(np.abs(self.axles).max()) + self.patch_length / 2
@@ -144,19 +179,32 @@ class RobotParameters(Checked):
 
 
 def require_inertia(inertia: Sequence[float]) -> None:
-    """Raise InvalidValueError unless the six numbers xx, yy, zz, xy, xz, yz are a rigid body's inertia [kg m^2]."""
+    """Raise InvalidValueError unless the six numbers xx, yy, zz, xy, xz, yz are a rigid body's
+    inertia [kg m^2].
+    """
     allowed = "six finite numbers xx, yy, zz, xy, xz, yz, as a rigid body has them [kg m^2]"
-    require(len(inertia) == 6 and bool(np.isfinite(inertia).all()), "inertia", list(inertia), allowed)
+    require(
+        len(inertia) == 6 and bool(np.isfinite(inertia).all()), "inertia", list(inertia), allowed
+    )
     xx, yy, zz, xy, xz, yz = inertia
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    require(moments[0] > 0 and moments[2] <= moments[:2].sum() * (1 + 1e-9), "inertia", list(inertia), allowed)
+    require(
+        moments[0] > 0 and moments[2] <= moments[:2].sum() * (1 + 1e-9),
+        "inertia",
+        list(inertia),
+        allowed,
+    )
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
     """The text of a robot file; `ground` must be level, without patches or changes."""
     shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
     values = {f.name: (f, getattr(parameters, f.name)) for f in dataclasses.fields(parameters)}
-    given = {name: value for name, (f, value) in values.items() if f.metadata.get("stored_unless", ...) != value}
+    given = {
+        name: value
+        for name, (f, value) in values.items()
+        if f.metadata.get("stored_unless", ...) != value
+    }
     if parameters.axles:
         del given["contact_length"]
     driven = ""
@@ -170,8 +218,11 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
 
 def ground_file_text(ground: Ground, comment: str) -> str:
     """The text of a ground file; `ground` must be level, without patches or changes."""
-    return f"# {comment}\n{_lines({name: getattr(ground, name) for name in ('along', 'across', 'shear')})}"
+    friction = _lines({name: getattr(ground, name) for name in ("along", "across", "shear")})
+    return f"# {comment}\n{friction}"
 
 
 def _lines(values: dict[str, Any]) -> str:
-    return "".join(f"{name} = {list(v) if isinstance(v, tuple) else v!r}\n" for name, v in values.items())
+    return "".join(
+        f"{name} = {list(v) if isinstance(v, tuple) else v!r}\n" for name, v in values.items()
+    )

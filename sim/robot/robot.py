@@ -1,4 +1,6 @@
-"""Compiled robots for the paper's field, the numbers that the simulator reads from them, and rigid-body inertia."""
+"""Compiled robots for the paper's field, the numbers that the simulator reads from them, and
+rigid-body inertia.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,15 @@ from numpy.typing import ArrayLike
 
 import models
 from sim.robot.parameters import RobotParameters
-from sim.tracks.recipe import LEAST_ODDS, LEVEL, LEVEL_WHEELS, LEVEL_WIDE, Preset, track_points, warn_if_unverified
+from sim.tracks.recipe import (
+    LEAST_ODDS,
+    LEVEL,
+    LEVEL_WHEELS,
+    LEVEL_WIDE,
+    Preset,
+    track_points,
+    warn_if_unverified,
+)
 from trackslip.errors import RobotWarning
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -34,19 +44,25 @@ VISUAL_GROUP = 1
 CONTACT_POINTS = 2
 """Default number of contact points per pad."""
 CONTACT_WIDTH = 9
-"""Number of values from a contact sensor per point, in this order: force, position in the world, velocity. Force
-and velocity have components normal to the ground, along the pad and across it."""
+"""Number of values from a contact sensor per point, in this order: force, position in the world,
+velocity. Force and velocity have components normal to the ground, along the pad and across it.
+"""
 _Bit = mujoco.mjtDisableBit
-_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # off: useless for a single body
+# off: useless for a single body
+_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
-_TILT = np.radians(45.0)  # tilt of a pad with one point: only its lower end touches; its axis still sets directions
+# tilt of a pad with one point: only its lower end touches; its axis still sets directions
+_TILT = np.radians(45.0)
 _LENGTH = 0.02  # distance between the ends of a tilted pad [m]
 _SHEARING = 4  # number of points in a wheel's patch on shearing ground
-_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # points in a patch on other ground, with a uniform patch's spread [-]
+# points in a patch on other ground, with a uniform patch's spread [-]
+_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))
 
 
 def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
-    """The spec of a shipped model with the body that these parameters describe, without the looks of its tracks."""
+    """The spec of a shipped model with the body that these parameters describe, without the looks
+    of its tracks.
+    """
     spec = mujoco.MjSpec.from_file(str(MODELS / file))
     for name in _TRACK_LOOKS:
         spec.delete(spec.body(name))
@@ -65,13 +81,20 @@ def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
         lrf.pos = lrf.pos + raised
     for site in (site for site in chassis.sites if "_footprint" in site.name):
         site.pos[1] = np.copysign(parameters.half_gauge, site.pos[1])
-        site.size[0] = parameters.contact_length  # to either side of the middle: covers any contact points
-    _set_mass(chassis, parameters, np.array([size[0], size[1], parameters.com_height / shipped.com_height]))
+        # to either side of the middle: covers any contact points
+        site.size[0] = parameters.contact_length
+    _set_mass(
+        chassis,
+        parameters,
+        np.array([size[0], size[1], parameters.com_height / shipped.com_height]),
+    )
     return spec
 
 
 def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> None:
-    """Set the chassis' mass, its centre and its inertia; the shape grows by factors `growth` (3,) along x, y, z."""
+    """Set the chassis' mass, its centre and its inertia; the shape grows by factors `growth` (3,)
+    along x, y, z.
+    """
     second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
     second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
     inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
@@ -80,16 +103,21 @@ def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> 
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
-    """Contact points (n,) along one side of a robot, from rear to front [m], and their contact recipe.
+    """Contact points (n,) along one side of a robot, from rear to front [m], and their contact
+    recipe.
 
-    A track has one point in the middle of each segment; a wheel has two, or on shearing ground four `single` pads.
+    A track has one point in the middle of each segment; a wheel has two, or on shearing ground four
+    `single` pads.
     """
     if not parameters.axles:
         n = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
-        return parameters.contact_length * _middles(n), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
+        return parameters.contact_length * _middles(
+            n
+        ), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
     warn_if_unverified(parameters.half_gauge, parameters.contact_length)
     points = _middles(_SHEARING) if single else np.array(_GAUSS)
-    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # least that the engine allows, for any ground
+    # least that the engine allows, for any ground
+    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)
     preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))
     return np.add.outer(parameters.axles, parameters.patch_length * points).ravel(), preset
 
@@ -100,28 +128,46 @@ def _middles(count: int) -> Array:
 
 
 def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Array:
-    """Replace a model's pads with those that a robot needs, and return the contact points (n,) along one side [m].
+    """Replace a model's pads with those that a robot needs, and return the contact points (n,)
+    along one side [m].
 
-    A pad has two points, or one if `single`. The robot's sinkage and creep don't depend on the number of points.
+    A pad has two points, or one if `single`. The robot's sinkage and creep don't depend on the
+    number of points.
     """
     chassis = spec.body("chassis")
     pads, plain = [geom for geom in chassis.geoms if "_pad" in geom.name], spec.pairs[0]
     x, preset = contact_points(parameters, single)
-    radius, group, ground, friction = pads[0].size[0], pads[0].group, plain.geomname1, list(plain.friction)
+    radius, group, ground, friction = (
+        pads[0].size[0],
+        pads[0].group,
+        plain.geomname1,
+        list(plain.friction),
+    )
     for thing in (*spec.pairs, *pads):
         spec.delete(thing)
-    contact = preset.contact(-float(spec.option.gravity[2]), 1 / (2 * len(x)), preset.regularisation, preset.grip)
+    contact = preset.contact(
+        -float(spec.option.gravity[2]), 1 / (2 * len(x)), preset.regularisation, preset.grip
+    )
     spec.option.impratio = preset.impratio
     raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
     for side, y in zip(("left", "right"), parameters.half_gauge * -SIDES, strict=True):
         place = np.stack([x, np.full_like(x, y), np.full_like(x, radius)], axis=1)
         spans = np.hstack([place, place + raised]) if single else place.reshape(-1, 6)
         for k, span in enumerate(spans):
-            name, unseen = f"{side}_pad{k}", {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": group}
-            chassis.add_geom(
-                name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0.0, 0.0], fromto=span, **unseen
+            name, unseen = (
+                f"{side}_pad{k}",
+                {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": group},
             )
-            spec.add_pair(geomname1=ground, geomname2=name, condim=3, friction=friction, **vars(contact))
+            chassis.add_geom(
+                name=name,
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                size=[radius, 0.0, 0.0],
+                fromto=span,
+                **unseen,
+            )
+            spec.add_pair(
+                geomname1=ground, geomname2=name, condim=3, friction=friction, **vars(contact)
+            )
     return x
 
 
@@ -136,21 +182,28 @@ class Robot:
     plate_radius: float  # radius of the sphere around the plate [m]
     pads: slice  # the geoms that are contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_sign: Array  # (P,) 1 where a pad's z axis points forwards, -1 where backwards; less in magnitude if tilted
-    pad_slant: Array  # (P,) ratio of the x and z components of the robot's forward direction in the pad's frame
+    # (P,) 1 where a pad's z axis points forwards, -1 where backwards; less in magnitude if tilted
+    pad_sign: Array
+    # (P,) ratio of the x and z components of the robot's forward direction in the pad's frame
+    pad_slant: Array
     pad_position: Array  # (P, 2) middle of each pad's contact, in the chassis' frame [m]
     pad_pairs: slice  # the contact pairs, in the order of the pads
-    contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
+    # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
+    contact_points: Array
     lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
     lrf_height: float  # height of the scan plane above the ground [m]
     digest: str  # SHA-256 of the model, without visuals and contact sensors
     parameters: RobotParameters
     contact_sensors: bool
-    """True if every pad has a sensor; runs are then recorded with the pads' forces and complete scans."""
+    """True if every pad has a sensor; runs are then recorded with the pads' forces and complete
+    scans.
+    """
     points_per_pad: int  # number of points at which a pad touches the ground
 
     def pad_speeds(self, belts: Array) -> Array:
-        """Speeds (..., P) of the pads' surfaces, each along the pad's own axis, for belt speeds (..., 2) [m/s]."""
+        """Speeds (..., P) of the pads' surfaces, each along the pad's own axis, for belt speeds
+        (..., 2) [m/s].
+        """
         # the lower side of a belt moves backwards when the robot drives forwards
         return (-belts).take(self.pad_side, axis=-1) * self.pad_sign
 
@@ -164,12 +217,15 @@ class Robot:
 
 
 def load_robot(
-    parameters: RobotParameters | None = None, contact_sensors: bool = False, single_contacts: bool = False
+    parameters: RobotParameters | None = None,
+    contact_sensors: bool = False,
+    single_contacts: bool = False,
 ) -> Robot:
     """Compile a robot, by default the shipped one, on the paper's field, and read its numbers.
 
-    With `contact_sensors`, every pad has a sensor, which `sim.run_recorder` reads and runs record; with
-    `single_contacts`, a pad touches the ground at one point instead of two, and there are more pads.
+    With `contact_sensors`, every pad has a sensor, which `sim.run_recorder` reads and runs record;
+    with `single_contacts`, a pad touches the ground at one point instead of two, and there are more
+    pads.
     """
     parameters = parameters or RobotParameters()
     spec = shaped_robot(parameters)
@@ -183,7 +239,8 @@ def load_robot(
     if contact_sensors:
         _add_contact_sensors(spec, count)
     model = spec.compile()
-    model.flg_surfacevel = 1  # else the engine would ignore later writes, as tracks are compiled at rest
+    # else the engine would ignore later writes, as tracks are compiled at rest
+    model.flg_surfacevel = 1
     half_gauge = parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
     data = mujoco.MjData(model)
@@ -234,8 +291,12 @@ def _add_contact_sensors(spec: Any, points: int) -> None:
         )
 
 
-def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> tuple[float, Array, Array]:
-    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies in their current poses; world axes."""
+def composite(
+    model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike
+) -> tuple[float, Array, Array]:
+    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies in their current
+    poses; world axes.
+    """
     own = np.asarray(bodies, int)
     mass = model.body_mass[own]
     centre = mass @ data.xipos[own] / mass.sum()
@@ -248,8 +309,8 @@ def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> 
 def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
     """Issue a RobotWarning for a body with a radius of gyration beyond the reach of its shapes.
 
-    Links under the body `robot` that are fixed to each other count as one body; a body without shapes is compared with
-    the shapes of the whole robot. `path` is the model's file.
+    Links under the body `robot` that are fixed to each other count as one body; a body without
+    shapes is compared with the shapes of the whole robot. `path` is the model's file.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -262,10 +323,18 @@ def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
         mass, centre, inertia = composite(model, data, own)
         shapes = np.isin(model.geom_bodyid, own)
         shapes = shapes if shapes.any() else np.isin(model.geom_bodyid, links)
-        reach = (np.linalg.norm(data.geom_xpos[shapes] - centre, axis=1) + model.geom_rbound[shapes]).max(initial=0.0)
+        reach = (
+            np.linalg.norm(data.geom_xpos[shapes] - centre, axis=1) + model.geom_rbound[shapes]
+        ).max(initial=0.0)
         gyration = float(np.sqrt(np.linalg.eigvalsh(inertia)[-1] / mass))
         if gyration > reach:
             worst = own[model.body_inertia[own].max(axis=1).argmax()]
-            what = f"inertia of link {model.body(worst).name} = {model.body_inertia[worst].max():.3g} kg m^2"
-            why = f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and reach only {reach:.3g} m"
+            what = (
+                f"inertia of link {model.body(worst).name} = "
+                f"{model.body_inertia[worst].max():.3g} kg m^2"
+            )
+            why = (
+                f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and "
+                f"reach only {reach:.3g} m"
+            )
             warnings.warn(f"{path}: {what}: {why}", RobotWarning, stacklevel=3)

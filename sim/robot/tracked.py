@@ -29,7 +29,9 @@ def _width(width: float, lines: int) -> float:
 
 @dataclass(frozen=True)
 class Flipper(Checked):
-    """A hinged body with one track, which runs together with the chassis' track on the same side."""
+    """A hinged body with one track, which runs together with the chassis' track on the same
+    side.
+    """
 
     body: str
     """Name of the body."""
@@ -64,14 +66,18 @@ class Flipper(Checked):
 
 @dataclass(frozen=True)
 class TrackedRobot:
-    """A model and its tracks or wheels; a robot file has these fields, and a table `flippers` for each flipper."""
+    """A model and its tracks or wheels; a robot file has these fields, and a table `flippers` for
+    each flipper.
+    """
 
     model: Path
     """MJCF or URDF file; in a robot file, its path is relative to the robot file."""
     half_gauge: float
     """Half the distance between the chassis' tracks [m]."""
     hull: Wheels
-    """Wheels (x, z, radius) on one side of the chassis, in its frame [m]; the belt is their convex hull."""
+    """Wheels (x, z, radius) on one side of the chassis, in its frame [m]; the belt is their convex
+    hull.
+    """
     body: str = ""
     """Name of the chassis; by default the only body directly in the model's world."""
     contact: str = TRACKS
@@ -81,16 +87,20 @@ class TrackedRobot:
     width: float = 0.08
     """Width of the chassis' belts or tyres [m]."""
     lines: int = 1
-    """Lines of contact across that width: 1 if the width is only drawn, or 3 to resist tipping over the edges."""
+    """Lines of contact across that width: 1 if the width is only drawn, or 3 to resist tipping over
+    the edges.
+    """
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
     wheels: tuple[str, ...] = ()
-    """Links that tracks replace: they don't collide, and their joints are locked, except those of flippers. In a robot
-    file, "replace" stands for the flippers and all round links that turn endlessly about y. `half_gauge` and `hull` are
-    read from these wheels unless they are given."""
+    """Links that tracks replace: they don't collide, and their joints are locked, except those of
+    flippers. In a robot file, "replace" stands for the flippers and all round links that turn
+    endlessly about y. `half_gauge` and `hull` are read from these wheels unless they are given.
+    """
     packages: tuple[Path, ...] = ()
-    """Folders of the packages in package://NAME/FILE, or their parent folders, searched before the folders above the
-    model; in a robot file, their paths are relative to the robot file."""
+    """Folders of the packages in package://NAME/FILE, or their parent folders, searched before the
+    folders above the model; in a robot file, their paths are relative to the robot file.
+    """
     key: str = field(default="", metadata={"stored_unless": ""})
     """MJCF keyframe from which joints and motors start; by default they start at 0."""
     name: str = "robot"
@@ -103,12 +113,24 @@ class TrackedRobot:
         require_positive("width", self.width)
         self.track("accurate", (1.0, 1.0))
         bodies = self.flipper_bodies
-        require(len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different")
+        require(
+            len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different"
+        )
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
-        """The chassis' pair of tracks or rows of wheels, with this contact preset and friction along and across [-]."""
+        """The chassis' pair of tracks or rows of wheels, with this contact preset and friction
+        along and across [-].
+        """
         width, contact, patch = _width(self.width, self.lines), self.contact, self.patch_length
-        return Track(self.half_gauge, self._level, preset, friction, width=width, contact=contact, patch_length=patch)
+        return Track(
+            self.half_gauge,
+            self._level,
+            preset,
+            friction,
+            width=width,
+            contact=contact,
+            patch_length=patch,
+        )
 
     @property
     def flipper_bodies(self) -> tuple[str, ...]:
@@ -129,7 +151,9 @@ class TrackedRobot:
 
     @property
     def standing(self) -> list[float]:
-        """Axles of the wheels, or ends of the runs, that stand on level ground, ahead of the chassis' frame [m]."""
+        """Axles of the wheels, or ends of the runs, that stand on level ground, ahead of the
+        chassis' frame [m].
+        """
         if self.contact == WHEELS:
             return [x for x, z, radius in self._level if z - radius < self.lowest + _SAME_HEIGHT]
         level = [run for run in Hull.from_wheels(self._level).runs if run.outwards[1] < _LEVEL]
@@ -137,7 +161,9 @@ class TrackedRobot:
 
     @property
     def _level(self) -> Wheels:
-        """`hull` with its lowest wheels at the same height, to which tyres and springs would bring them."""
+        """`hull` with its lowest wheels at the same height, to which tyres and springs would bring
+        them.
+        """
         highest = self.lowest + _SAME_HEIGHT
         return tuple((x, self.lowest + r if z - r < highest else z, r) for x, z, r in self.hull)
 

@@ -35,25 +35,35 @@ def refuse(line: str) -> None:
 def read_model(path: Path, locked: Collection[str] = ()) -> Any:
     """Read an MJCF or URDF file as a `mujoco.MjSpec`; the meshes of a URDF keep their folders.
 
-    In a URDF, links without <inertial> have no mass if they are fixed or will be `locked`; moving ones weigh as much as
-    water, with a RobotWarning. Raises TrackslipError for a missing file, for xacro, and for files of other kinds.
+    In a URDF, links without <inertial> have no mass if they are fixed or will be `locked`; moving
+    ones weigh as much as water, with a RobotWarning. Raises TrackslipError for a missing file, for
+    xacro, and for files of other kinds.
     """
     if not os.path.isfile(path):  # Path.is_file fails for long names
-        raise TrackslipError(f"{path}: no such file; `model` must name the robot's MJCF or URDF file")
+        raise TrackslipError(
+            f"{path}: no such file; `model` must name the robot's MJCF or URDF file"
+        )
     if _is_pointer(path):
         raise TrackslipError(f"{path}: is {_UNFETCHED}")
     text = _text(path)
     if "<xacro:" in text:
-        raise TrackslipError(f"{path}: is xacro; run `xacro {path.name} > robot.urdf`, and name its result as `model`")
+        raise TrackslipError(
+            f"{path}: is xacro; run `xacro {path.name} > robot.urdf`, and name its result as "
+            "`model`"
+        )
     element = re.search(r"<([A-Za-z][\w:.-]*)", text)
     root = element[1] if element else ""
     if root not in ("mujoco", "robot"):
         kind = f"is XML of <{root}>" if root else "is no XML"
-        raise TrackslipError(f"{path}: {kind}; `model` must be an MJCF (<mujoco>) or URDF (<robot>): convert it")
+        raise TrackslipError(
+            f"{path}: {kind}; `model` must be an MJCF (<mujoco>) or URDF (<robot>): convert it"
+        )
     if root == "mujoco":
         return mujoco.MjSpec.from_file(str(path))
     if "<link" not in text:
-        raise TrackslipError(f"{path}: has no links; if it is from xacro, its macros must be called as <xacro:NAME/>")
+        raise TrackslipError(
+            f"{path}: has no links; if it is from xacro, its macros must be called as <xacro:NAME/>"
+        )
     spec = mujoco.MjSpec.from_string(_unstripped(text))
     stated, water = any(body.explicitinertial for body in spec.bodies), []
     for geom in list(spec.geoms):
@@ -66,18 +76,26 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
             water.append(link.name)
     if water:
         links = some(list(dict.fromkeys(water)))
-        warnings.warn(f"{path}: links without <inertial>, {links}, weigh as water does", RobotWarning, stacklevel=4)
+        warnings.warn(
+            f"{path}: links without <inertial>, {links}, weigh as water does",
+            RobotWarning,
+            stacklevel=4,
+        )
     return spec
 
 
 def _text(path: Path) -> str:
     """The XML text of a file, with its comments blanked out."""
     text = path.read_text(encoding="utf-8-sig", errors="replace")
-    return re.sub(r"<!--.*?(?:-->|\Z)", lambda comment: "\n" * comment[0].count("\n"), text, flags=re.DOTALL)
+    return re.sub(
+        r"<!--.*?(?:-->|\Z)", lambda comment: "\n" * comment[0].count("\n"), text, flags=re.DOTALL
+    )
 
 
 def _unstripped(text: str) -> str:
-    """The text of a URDF, changed so that MuJoCo keeps its visuals and the folders of its meshes."""
+    """The text of a URDF, changed so that MuJoCo keeps its visuals and the folders of its
+    meshes.
+    """
     text = re.sub(r"\b(?:strippath|discardvisual)\s*=\s*(?:\"[^\"]*\"|'[^']*')", "", text)
     text = re.sub(r"<mujoco\s*/>", "", text)
     for tag, place in (("<compiler", "<compiler"), ("</mujoco>", "<compiler/></mujoco>")):
@@ -89,7 +107,9 @@ def _unstripped(text: str) -> str:
 def weightless(spec: Any, geom: Any) -> bool:
     """Whether a geom neither collides nor has mass."""
     measured = spec.compiler.inertiafromgeom == _FROM_GEOMS
-    massless = geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
+    massless = (
+        geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
+    )
     return bool(geom.contype == geom.conaffinity == 0 and massless)
 
 
@@ -99,11 +119,17 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
     Calls `refuse` for a mesh without such a file that collides or has mass.
     """
     folder = model.absolute().parent
-    kinds = (("texture", spec.textures, spec.texturedir), ("height field", spec.hfields, spec.meshdir))
+    kinds = (
+        ("texture", spec.textures, spec.texturedir),
+        ("height field", spec.hfields, spec.meshdir),
+    )
     for kind, things, place in kinds:
         for thing in things:
             if thing.file and _is_pointer(folder / place / thing.file):
-                refuse(f"{model}: {kind} {thing.name!r} needs {thing.file[-100:]}, but it is {_UNFETCHED}")
+                refuse(
+                    f"{model}: {kind} {thing.name!r} needs {thing.file[-100:]}, but it is "
+                    f"{_UNFETCHED}"
+                )
                 thing.file = ""
     left_out: dict[str, str] = {}
     for mesh in [mesh for mesh in spec.meshes if mesh.file]:
@@ -116,7 +142,10 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
             if weightless(spec, geom):
                 left_out[mesh.file.rpartition("/")[2]] = wrong
             else:
-                link = f"{model}: link {geom.parent.name!r} needs {mesh.file[-100:]} to collide or for its mass"
+                link = (
+                    f"{model}: link {geom.parent.name!r} needs {mesh.file[-100:]} to collide "
+                    "or for its mass"
+                )
                 refuse(f"{link}, but {wrong}")
             spec.delete(geom)
         spec.delete(mesh)
@@ -126,14 +155,20 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
         warnings.warn(f"{model}: shown without {files}: {why}", RobotWarning, stacklevel=2)
 
 
-def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -> tuple[Path | None, str]:
-    """A mesh file that MuJoCo can read, such as an .stl or .obj beside a .dae, and ""; or None and the reason."""
+def _mesh_file(
+    file: str, model: Path, packages: Sequence[Path], meshdir: str
+) -> tuple[Path | None, str]:
+    """A mesh file that MuJoCo can read, such as an .stl or .obj beside a .dae, and ""; or None and
+    the reason.
+    """
     folder = model.absolute().parent
     scheme, _, rest = file.rpartition("://")
     if scheme in ("package", "model"):
         name, _, rest = rest.partition("/")
         homes = (*packages, folder, *folder.parents)
-        folders = [home for home in homes if name in (home.name, _package_name(home))] + [home / name for home in homes]
+        folders = [home for home in homes if name in (home.name, _package_name(home))] + [
+            home / name for home in homes
+        ]
         tried = [each / rest for each in folders]
         there = next((each for each in folders if each.is_dir()), None)
         wrong = f"there is none; `packages` must list the folder of {name}, or the one it lies in"
@@ -147,20 +182,37 @@ def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -
         for each in (path, *beside):
             if os.path.isfile(each) and _is_readable(each):
                 unit = _unit(path)
-                scale = f'name {each.name} in the model, scale="{unit} {unit} {unit}" unless its numbers are in metres'
+                scale = (
+                    f'name {each.name} in the model, scale="{unit} {unit} {unit}" unless its '
+                    "numbers are in metres"
+                )
                 if float(unit) != 1 and each != path:
-                    return None, f"{path.name} is in units of {unit} m, and {each.name} has no unit: {scale}"
+                    return (
+                        None,
+                        f"{path.name} is in units of {unit} m, and {each.name} has no unit: "
+                        f"{scale}",
+                    )
                 return each, ""
         if os.path.isfile(path):
             if _is_pointer(path):
                 return None, f"{path.name} is {_UNFETCHED}"
-            kind = "such an .stl (ASCII, or over 200,000 faces)" if path.suffix.lower() == ".stl" else path.suffix
-            return None, f"MuJoCo doesn't read {kind}; convert it to an .obj or .stl of the same name beside it"
+            kind = (
+                "such an .stl (ASCII, or over 200,000 faces)"
+                if path.suffix.lower() == ".stl"
+                else path.suffix
+            )
+            return (
+                None,
+                f"MuJoCo doesn't read {kind}; convert it to an .obj or .stl of the same name "
+                "beside it",
+            )
     return None, wrong
 
 
 def _is_pointer(path: Path) -> bool:
-    """Whether a file is a pointer, which Git LFS leaves in place of a file that it hasn't fetched."""
+    """Whether a file is a pointer, which Git LFS leaves in place of a file that it hasn't
+    fetched.
+    """
     if not os.path.isfile(path):
         return False
     with path.open("rb") as file:
@@ -168,7 +220,9 @@ def _is_pointer(path: Path) -> bool:
 
 
 def _unit(path: Path) -> str:
-    """The unit of length in a COLLADA file [m], which converted meshes lose; "1" for other files."""
+    """The unit of length in a COLLADA file [m], which converted meshes lose; "1" for other
+    files.
+    """
     if path.suffix.lower() != ".dae" or not os.path.isfile(path):
         return "1"
     unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _text(path))
@@ -176,7 +230,9 @@ def _unit(path: Path) -> str:
 
 
 def _is_readable(path: Path) -> bool:
-    """Whether MuJoCo can read a mesh file; an .stl must be binary and have at most 200,000 faces."""
+    """Whether MuJoCo can read a mesh file; an .stl must be binary and have at most 200,000
+    faces.
+    """
     if path.suffix.lower() != ".stl":
         return path.suffix.lower() in _READABLE and not _is_pointer(path)
     with path.open("rb") as file:
@@ -204,4 +260,6 @@ def engine_errors(path: Path) -> Iterator[None]:
     except TrackslipError:
         raise
     except (ValueError, KeyError, AttributeError, OSError) as error:
-        raise TrackslipError(f"{path}: {' '.join(str(error).split()).removeprefix('Error: ')}") from error
+        raise TrackslipError(
+            f"{path}: {' '.join(str(error).split()).removeprefix('Error: ')}"
+        ) from error

@@ -1,4 +1,6 @@
-"""A model's own wheels, which the robot's tracks replace, and the keyframe from which runs start."""
+"""A model's own wheels, which the robot's tracks replace, and the keyframe from which runs
+start.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +20,26 @@ from trackslip.errors import RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
 _AXIS = 0.95  # least cosine between a wheel's axis and the chassis' y axis [-]
-_ROUND = 0.1  # largest difference between a wheel's extents along x and z, relative to their mean [-]
-_MIRRORED = 0.1  # largest difference between wheels on the left and right, relative to the radius [-]
-_MIDDLE = 0.25  # smallest |y| of a wheel, relative to the largest of all; those nearer to the middle are casters [-]
+# largest difference between a wheel's extents along x and z, relative to their mean [-]
+_ROUND = 0.1
+# largest difference between wheels on the left and right, relative to the radius [-]
+_MIRRORED = 0.1
+# smallest |y| of a wheel, relative to the largest of all; those nearer to the middle are casters
+# [-]
+_MIDDLE = 0.25
 _TREAD = 0.1  # height of a wheel's tread from below, relative to the wheel's height [-]
 _LIGHT = 1e-9  # least mass and inertia of links, as locked links may weigh nothing [kg, kg m^2]
-_FREE, _HINGE, _GEOM = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtObj.mjOBJ_GEOM
+_FREE, _HINGE, _GEOM = (
+    mujoco.mjtJoint.mjJNT_FREE,
+    mujoco.mjtJoint.mjJNT_HINGE,
+    mujoco.mjtObj.mjOBJ_GEOM,
+)
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
-    """Keep links in `robot.wheels` from colliding; raises TrackslipError for links that are missing in the model."""
+    """Keep links in `robot.wheels` from colliding; raises TrackslipError for links that are missing
+    in the model.
+    """
     for name in robot.wheels:
         rigid = [link_of(spec, robot, name)]
         for body in rigid:  # the list grows during the loop
@@ -38,21 +50,33 @@ def switch_off(spec: Any, robot: TrackedRobot) -> None:
 
 
 def lock(spec: Any, robot: TrackedRobot) -> None:
-    """Lock the joints of links in `robot.wheels`, except flippers; raises TrackslipError if moving parts carry any."""
+    """Lock the joints of links in `robot.wheels`, except flippers; raises TrackslipError if moving
+    parts carry any.
+    """
     for name in robot.wheels:
         for joint in [joint for joint in spec.body(name).joints if joint.type != _FREE]:
             if name not in robot.flipper_bodies:
                 _delete_joint(spec, joint)
-    carriers = {name: moving for name in robot.wheels if (moving := _moving_carriers(spec.body(name), robot))}
+    carriers = {
+        name: moving
+        for name in robot.wheels
+        if (moving := _moving_carriers(spec.body(name), robot))
+    }
     if carriers:
         name, first = next((name, moving[0]) for name, moving in carriers.items())
-        every = dict.fromkeys((*robot.wheels, *(each for moving in carriers.values() for each in moving)))
+        every = dict.fromkeys(
+            (*robot.wheels, *(each for moving in carriers.values() for each in moving))
+        )
         allowed = f"fixed to the chassis; list it to lock it, wheels = {json.dumps(list(every))}"
-        raise TrackslipError(f"{robot.model}: wheels = {name!r}: hangs on {first!r}, must be {allowed}")
+        raise TrackslipError(
+            f"{robot.model}: wheels = {name!r}: hangs on {first!r}, must be {allowed}"
+        )
 
 
 def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
-    """Names of the bodies with joints, from a link up to, but without, the chassis or the flipper that carries it."""
+    """Names of the bodies with joints, from a link up to, but without, the chassis or the flipper
+    that carries it.
+    """
     moving = []
     for each in (link, *_carriers(link)):
         if each.parent.name == "world" or each.name in robot.flipper_bodies:
@@ -63,18 +87,28 @@ def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
 
 
 def link_of(spec: Any, robot: TrackedRobot, name: str, field: str = "wheels") -> Any:
-    """The link that a field of the robot file names; raises TrackslipError if the model doesn't have it."""
+    """The link that a field of the robot file names; raises TrackslipError if the model doesn't
+    have it.
+    """
     if spec.body(name) in (None, spec.worldbody):
         known = some([body.name for body in spec.bodies if body.name != "world"])
-        raise TrackslipError(f"{robot.model}: {field} = {name!r}: must be links of the model, such as {known}")
+        raise TrackslipError(
+            f"{robot.model}: {field} = {name!r}: must be links of the model, such as {known}"
+        )
     return spec.body(name)
 
 
 def forget_geoms(spec: Any, geoms: Iterable[Any]) -> None:
     """Delete the contact pairs and sensors that refer to these geoms."""
     named = {(_GEOM, geom.name) for geom in geoms if geom.name}
-    sensors = [each for each in spec.sensors if named & {(each.objtype, each.objname), (each.reftype, each.refname)}]
-    pairs = [each for each in spec.pairs if named & {(_GEOM, each.geomname1), (_GEOM, each.geomname2)}]
+    sensors = [
+        each
+        for each in spec.sensors
+        if named & {(each.objtype, each.objname), (each.reftype, each.refname)}
+    ]
+    pairs = [
+        each for each in spec.pairs if named & {(_GEOM, each.geomname1), (_GEOM, each.geomname2)}
+    ]
     for each in (*sensors, *pairs):
         spec.delete(each)
 
@@ -90,19 +124,27 @@ def _delete_joint(spec: Any, joint: Any) -> None:
         spec.delete(each)
 
 
-def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[str]) -> dict[str, Any]:
-    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, read from the model's own wheels.
+def own_wheels(
+    spec: Any, chassis: str, robot: TrackedRobot, given: Collection[str]
+) -> dict[str, Any]:
+    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, read from the model's own
+    wheels.
 
-    The wheels are the links in `robot.wheels`, or by default all links that turn endlessly, and the flippers; wheels on
-    flippers don't count. Raises TrackslipError if the left and right wheels differ, unless gauge and hull are `given`.
+    The wheels are the links in `robot.wheels`, or by default all links that turn endlessly, and the
+    flippers; wheels on flippers don't count. Raises TrackslipError if the left and right wheels
+    differ, unless gauge and hull are `given`.
     """
-    listed = [link_of(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies]
+    listed = [
+        link_of(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies
+    ]
     found = _wheels(spec, chassis, robot, listed)
     replaced = {"wheels": robot.wheels or (*found, *robot.flipper_bodies)}
     if {"half_gauge", "hull"} <= set(given):
         return replaced
     flippers = [link_of(spec, robot, name, "flippers: body") for name in robot.flipper_bodies]
-    carried = {link.name for flipper in flippers for link in flipper.find_all(mujoco.mjtObj.mjOBJ_BODY)}
+    carried = {
+        link.name for flipper in flippers for link in flipper.find_all(mujoco.mjtObj.mjOBJ_BODY)
+    }
     wheels = {name: extent for name, extent in found.items() if name not in carried}
     low, high = np.reshape(list(wheels.values()), (-1, 2, 3)).transpose(1, 0, 2)
     (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
@@ -112,32 +154,42 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot, given: Collection[s
     if not len(pairs):
         allowed = "round links that collide, on endless hinges about y, alike on the left and right"
         seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
-        raise TrackslipError(f"{robot.model}: wheels = {', '.join(listed) or 'replace'}: must be {allowed}; {seen}")
+        raise TrackslipError(
+            f"{robot.model}: wheels = {', '.join(listed) or 'replace'}: must be {allowed}; {seen}"
+        )
     return replaced | {
         "half_gauge": round(float(shapes[outer, 3].mean()), 6),
         "hull": tuple(map(tuple, sorted(pairs.mean(axis=1)[:, :3].round(6).tolist()))),
     }
 
 
-def _wheels(spec: Any, chassis: str, robot: TrackedRobot, listed: Sequence[str]) -> dict[str, Array]:
+def _wheels(
+    spec: Any, chassis: str, robot: TrackedRobot, listed: Sequence[str]
+) -> dict[str, Array]:
     """Extents (2, 3) of the wheels in the chassis' frame, by name [m].
 
-    Wheels are round and turn endlessly about the chassis' y; `listed` wheels may have limits or be fixed. Parts of
-    wheels, and links that carry wheels, such as rockers and knuckles, don't count. Raises TrackslipError for `listed`
-    links that turn endlessly about y but aren't round.
+    Wheels are round and turn endlessly about the chassis' y; `listed` wheels may have limits or be
+    fixed. Parts of wheels, and links that carry wheels, such as rockers and knuckles, don't count.
+    Raises TrackslipError for `listed` links that turn endlessly about y but aren't round.
     """
     spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHT
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = data.body(chassis)
-    about_y = (model.jnt_type == _HINGE) & (np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS)
-    turning, spinning = (set(model.jnt_bodyid[which].tolist()) for which in (about_y, about_y & endless(model)))
+    about_y = (model.jnt_type == _HINGE) & (
+        np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS
+    )
+    turning, spinning = (
+        set(model.jnt_bodyid[which].tolist()) for which in (about_y, about_y & endless(model))
+    )
     own = [model.body(body).name for body in sorted(spinning)]
     names = listed or [name for name in own if name not in robot.flipper_bodies]
     bodies = {int(model.body(name).id): name for name in names}
     fixed_to = {body: int(model.body_weldid[body]) for body in bodies}
-    parts = {body for body, root in fixed_to.items() if root != body and root in spinning & bodies.keys()}
+    parts = {
+        body for body, root in fixed_to.items() if root != body and root in spinning & bodies.keys()
+    }
     whole = [spec.body(name) for body, name in bodies.items() if body not in parts]
     carriers = {carrier.name for link in whole for carrier in _carriers(link)}
     wheels = {}
@@ -150,7 +202,9 @@ def _wheels(spec: Any, chassis: str, robot: TrackedRobot, listed: Sequence[str])
             wheels[name] = extent
         elif listed and body in spinning:
             allowed = "round to be a wheel; give `hull` and `half_gauge`"
-            raise TrackslipError(f"{robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}")
+            raise TrackslipError(
+                f"{robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}"
+            )
     return wheels
 
 
@@ -159,7 +213,9 @@ def _carriers(link: Any) -> list[Any]:
 
 
 def _mirrored(left: Array, right: Array) -> Array:
-    """Pairs (P, 2, 4) of left and right wheels, each x, z, radius and |y| [m]; none if the sides (P, 4) differ."""
+    """Pairs (P, 2, 4) of left and right wheels, each x, z, radius and |y| [m]; none if the sides
+    (P, 4) differ.
+    """
     if left.shape != right.shape:
         return np.empty((0, 2, 4))
     apart = np.abs(left[:, None] - right).max(axis=-1)
@@ -175,19 +231,24 @@ def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """For each geom, whether it collides with other geoms, for which one of its two masks is enough."""
+    """For each geom, whether it collides with other geoms, for which one of its two masks is
+    enough.
+    """
     return np.asarray((model.geom_contype | model.geom_conaffinity) > 0)
 
 
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
     """Smallest and largest coordinates (2, 3) of a link's geoms in the chassis' frame [m].
 
-    If some geoms collide, only these count; along y, only the tread counts, because a hub reaches further inwards.
+    If some geoms collide, only these count; along y, only the tread counts, because a hub reaches
+    further inwards.
     """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
     collide = own & colliding(model)
     shapes = np.flatnonzero(collide if collide.any() else own).tolist()
-    stacked = np.vstack([np.full((1, 3), np.nan), *(outline(model, data, chassis, shape) for shape in shapes)])
+    stacked = np.vstack(
+        [np.full((1, 3), np.nan), *(outline(model, data, chassis, shape) for shape in shapes)]
+    )
     extent = np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
     tread = stacked[~(stacked[:, 2] > extent[0, 2] + _TREAD * np.ptp(extent[:, 2]))]
     extent[:, 1] = np.fmin.reduce(tread[:, 1]), np.fmax.reduce(tread[:, 1])
@@ -215,12 +276,15 @@ def outline(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, geom: int)
 
 
 def choose_start(spec: Any, robot: TrackedRobot) -> None:
-    """Delete all keyframes except the robot's; issue a RobotWarning if none is chosen but they would move joints.
+    """Delete all keyframes except the robot's; issue a RobotWarning if none is chosen but they
+    would move joints.
 
     Raises TrackslipError for a keyframe that the model doesn't have.
     """
     held = {*robot.flipper_bodies, *robot.wheels}
-    moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in held]
+    moving = [
+        joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in held
+    ]
     names = [key.name for key in spec.keys]
     if robot.key and robot.key not in names:
         known = f"one of its keyframes, {some(names)}" if names else "left out: it has no keyframes"

@@ -22,28 +22,40 @@ _SLACK = 0.2  # margin around the plate, within which beams are not selected aga
 
 @dataclass(frozen=True)
 class _Aim:
-    """The beams that can hit plates close to `centre` at any heading; their number W is the same for all robots."""
+    """The beams that can hit plates close to `centre` at any heading; their number W is the same
+    for all robots.
+    """
 
     centre: Array  # (N, 3) centres of the plates at the time of selection [m]
     beams: np.ndarray  # (N, W) indices of the selected beams among all B beams
 
     @classmethod
-    def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array) -> _Aim:
+    def at(
+        cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array
+    ) -> _Aim:
         """Select the beams that can hit plates around `centre` (N, 3) [m].
 
-        The beams start at `origin` (3,) [m]; their `bearings` (B,) relative to the world direction `heading` ascend in
-        equal steps [rad]. All points of a plate are within `radius` from its centre [m].
+        The beams start at `origin` (3,) [m]; their `bearings` (B,) relative to the world direction
+        `heading` ascend in equal steps [rad]. All points of a plate are within `radius` from its
+        centre [m].
         """
         radius += _SLACK
         x, y = (centre - origin)[:, :2].T
         distance = np.hypot(x, y)
         bearing = wrap_angle(np.arctan2(y, x) - heading)
-        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
+        spread = np.where(
+            distance > radius,
+            np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)),
+            np.pi,
+        )
         last = len(bearings) - 1
         step = (bearings[-1] - bearings[0]) / last
         low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
         around = np.abs(bearing) + spread > np.pi  # behind the scanner, where bearings wrap
-        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
+        low, high = (
+            np.where(around, 0, np.clip(low, 0, last)),
+            np.where(around, last, np.clip(high, 0, last)),
+        )
         first = np.floor(low).astype(int)
         count = min(int((np.ceil(high) - first).max()), last) + 1
         return cls(centre, np.minimum(first, last + 1 - count)[:, None] + np.arange(count))
@@ -54,7 +66,9 @@ class _Aim:
 
 
 class ScannerFeed(Restorable):
-    """The scanners of a fleet: each robot is observed by its own laser range finder (LRF) in its own world."""
+    """The scanners of a fleet: each robot is observed by its own laser range finder (LRF) in its
+    own world.
+    """
 
     STATE = ("_random",)
 
@@ -72,18 +86,26 @@ class ScannerFeed(Restorable):
         Args:
             scanner: properties of all scanners.
             fleet: N robots.
-            generators: one per robot, so that a robot's noise doesn't depend on the other robots; or a seed for them.
+            generators: one per robot, so that a robot's noise doesn't depend on the other robots;
+                or a seed for them.
             obstacles: obstacles around every robot; by default none.
-            kept: whether logs have all ranges, not only those on the plate; always true for robots with contact
-                sensors.
-            noise: standard deviation of ranges for each robot's scanner (N,); by default the noise of `scanner` [m].
+            kept: whether logs have all ranges, not only those on the plate; always true for robots
+                with contact sensors.
+            noise: standard deviation of ranges for each robot's scanner (N,); by default the noise
+                of `scanner` [m].
 
         Raises:
-            InvalidValueError: for a wrong number of generators, negative noise, and an obstacle at the scanner.
+            InvalidValueError: for a wrong number of generators, negative noise, and an obstacle at
+                the scanner.
         """
         if isinstance(generators, int):
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
-        require(len(generators) == fleet.size, "generators", len(generators), f"{fleet.size}, one per robot")
+        require(
+            len(generators) == fleet.size,
+            "generators",
+            len(generators),
+            f"{fleet.size}, one per robot",
+        )
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
         self._noise = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
@@ -98,7 +120,10 @@ class ScannerFeed(Restorable):
         self.bearings = scanner.bearings
         """Directions (B,) of the beams in the LRF's frame [rad]."""
         direction = self._heading + self.bearings
-        self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, 3)
+        # (B, 3)
+        self._rays = np.stack(
+            [np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1
+        )
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
         self._around = obstacles.ranges(self._origin[:2], self._rays[:, :2])  # (B,) [m]
@@ -134,7 +159,9 @@ class ScannerFeed(Restorable):
         return self._aim
 
     def measure(self, true_ranges: Array) -> Array:
-        """Measured ranges (N, ..., B) for true ranges (N, ..., B) [m]; each robot has its own generator."""
+        """Measured ranges (N, ..., B) for true ranges (N, ..., B) [m]; each robot has its own
+        generator.
+        """
         return self._scanner.measure(true_ranges, self._random, self._noise)
 
     def scan(self, ranges: Array) -> Scan:

@@ -1,4 +1,6 @@
-"""The laser range finder (LRF) with its beams, rate and errors, and obstacles by name or from a TOML file."""
+"""The laser range finder (LRF) with its beams, rate and errors, and obstacles by name or from a
+TOML file.
+"""
 
 from __future__ import annotations
 
@@ -64,15 +66,22 @@ class LaserScanner(Checked):
             (not 0 < rounding < _MIN_STEP, "quantisation", f"0, or at least {_MIN_STEP:g} m"),
             (self.rate >= _MIN_RATE, "rate", f"at least {_MIN_RATE:g} Hz"),
             (opened / step <= _MAX_BEAMS, "resolution", few_beams),
-            (step < opened <= 2 * np.pi, "field_of_view", "greater than the resolution, at most 2 pi"),
+            (
+                step < opened <= 2 * np.pi,
+                "field_of_view",
+                "greater than the resolution, at most 2 pi",
+            ),
         ):
             require(valid, name, getattr(self, name), allowed)
 
-    def measure(self, true_ranges: Array, random: Sequence[np.random.Generator], noise: Array | None = None) -> Array:
+    def measure(
+        self, true_ranges: Array, random: Sequence[np.random.Generator], noise: Array | None = None
+    ) -> Array:
         """Measured ranges (N, ..., B) for true ranges (N, ..., B), NaN for no echo [m].
 
-        Each of the N rows has its own generator in `random` and, with `noise` (N,), its own standard deviation [m].
-        Noise, bias, rounding, dropout and the largest range are applied only in this method.
+        Each of the N rows has its own generator in `random` and, with `noise` (N,), its own
+        standard deviation [m]. Noise, bias, rounding, dropout and the largest range are applied
+        only in this method.
         """
         shape = true_ranges.shape[1:]
         ranges = np.stack([generator.standard_normal(shape) for generator in random])
@@ -82,7 +91,9 @@ class LaserScanner(Checked):
         if self.quantisation > 0:
             ranges = np.round(ranges / self.quantisation) * self.quantisation
         if self.dropout > 0:
-            ranges[np.stack([generator.random(shape) for generator in random]) < self.dropout] = np.nan
+            ranges[np.stack([generator.random(shape) for generator in random]) < self.dropout] = (
+                np.nan
+            )
         ranges[true_ranges > self.max_range] = np.nan
         return ranges
 
@@ -146,7 +157,9 @@ class Wall(Checked):
         require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
 
     def ranges(self, origin: Array, direction: Array) -> Array:
-        """Distances (...) to the wall along beams, see `Obstacles.ranges`; a beam parallel to the wall misses it."""
+        """Distances (...) to the wall along beams, see `Obstacles.ranges`; a beam parallel to the
+        wall misses it.
+        """
         start = np.array([self.x0, self.y0]) - origin
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
         # range * direction = start + share * side
@@ -171,7 +184,8 @@ class Obstacles:
     def ranges(self, origin: Array, direction: Array) -> Array:
         """Distances (...) to the nearest obstacle, NaN if a beam hits none [m].
 
-        The beams start at `origin` (2,) [m] along unit vectors `direction` (..., 2). Inside a post, the distance is 0.
+        The beams start at `origin` (2,) [m] along unit vectors `direction` (..., 2). Inside a post,
+        the distance is 0.
         """
         nearest = np.full(direction.shape[:-1], np.nan)
         obstacles: tuple[Post | Wall, ...] = (*self.posts, *self.walls)
@@ -180,7 +194,9 @@ class Obstacles:
         return nearest
 
     def require_clear(self, scanner: Array) -> None:
-        """Raise InvalidValueError if an obstacle covers the position `scanner` (2,) of the scanner [m]."""
+        """Raise InvalidValueError if an obstacle covers the position `scanner` (2,) of the scanner
+        [m].
+        """
         angle = np.linspace(0.0, 2 * np.pi, 360)
         around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         x, y = np.round(scanner, 3) + 0.0
@@ -196,9 +212,16 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {
-    # posts beside and behind the circles, two of them within the length of a plate from the largest circle
+    # posts beside and behind the circles, two of them within the length of a plate from the largest
+    # circle
     "posts": Obstacles(
-        posts=(Post(2.3, 2.0), Post(-5.3, 4.0), Post(1.6, 6.0), Post(-1.5, 7.2, 0.15), Post(-3.5, -0.8))
+        posts=(
+            Post(2.3, 2.0),
+            Post(-5.3, 4.0),
+            Post(1.6, 6.0),
+            Post(-1.5, 7.2, 0.15),
+            Post(-3.5, -0.8),
+        )
     ),
     "room": Obstacles(
         walls=(
@@ -213,15 +236,17 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
 }
 """Obstacles by name, around the circles in front of the scanner that the robots of a grid drive.
 
-The scanner is at (-1.5, -1.5), with its forward axis along +y. The circles touch each other at (-1.5, 0) and lie beyond
-this point; the largest extends from x = -4.7 to 1.7 and up to y = 6.3. No obstacle is in the way of a robot.
+The scanner is at (-1.5, -1.5), with its forward axis along +y. The circles touch each other at
+(-1.5, 0) and lie beyond this point; the largest extends from x = -4.7 to 1.7 and up to y = 6.3. No
+obstacle is in the way of a robot.
 """
 
 
 def load_obstacles(source: str) -> Obstacles:
     """Load obstacles by name, or from a TOML file with tables `[[posts]]` and `[[walls]]`.
 
-    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and
+    invalid fields.
     """
     if source in NAMED_OBSTACLES:
         return NAMED_OBSTACLES[source]

@@ -1,4 +1,6 @@
-"""Courses: pieces of terrain in a row along x, as geoms and as exact heights, by name or from a file."""
+"""Courses: pieces of terrain in a row along x, as geoms and as exact heights, by name or from a
+file.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,19 @@ import models
 from sim.seeds import generator
 from sim.settings import build, read_named, read_toml
 from sim.terrain.loose import Beams, Blocks, Pallets
-from sim.terrain.pieces import LENGTH, Flat, Gap, Piece, Placed, Ramp, Rough, SideSlope, Site, Stairs, Step
+from sim.terrain.pieces import (
+    LENGTH,
+    Flat,
+    Gap,
+    Piece,
+    Placed,
+    Ramp,
+    Rough,
+    SideSlope,
+    Site,
+    Stairs,
+    Step,
+)
 from sim.terrain.solids import EDGE, LINES, Base, Level, Solid, look
 from trackslip.errors import (
     Checked,
@@ -57,7 +71,8 @@ _KINDS: dict[str, type[Any]] = {
 
 @dataclass(frozen=True)
 class Course(Checked):
-    """Pieces in a row between a start and a goal platform; the first piece begins at x = 0 and height 0.
+    """Pieces in a row between a start and a goal platform; the first piece begins at x = 0 and
+    height 0.
 
     The course stands on a level floor, 0.3 m below its lowest point.
     """
@@ -77,7 +92,8 @@ class Course(Checked):
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], where: str) -> Course:
-        """A course from a table of its fields, with a table per piece; raises SettingsFileError, citing `where`.
+        """A course from a table of its fields, with a table per piece; raises SettingsFileError,
+        citing `where`.
 
         A piece without a `kind` is of the only kind that has exactly the given fields.
         """
@@ -97,7 +113,9 @@ class Course(Checked):
         for piece in self.pieces:
             require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
         super().__post_init__()
-        require_at_most("length of the course", self.placed[-1].x + self.start_length, _MAX_COURSE, "m")
+        require_at_most(
+            "length of the course", self.placed[-1].x + self.start_length, _MAX_COURSE, "m"
+        )
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
@@ -106,7 +124,8 @@ class Course(Checked):
         kinds: Counter[str] = Counter()
         for piece in (Flat(self.start_length), *self.pieces, Flat(self.goal_length)):
             kind = type(piece).__name__
-            rng = generator(self.seed, f"{kind} {kinds[kind]}")  # independent of other pieces on the course
+            # independent of other pieces on the course
+            rng = generator(self.seed, f"{kind} {kinds[kind]}")
             placed.append(piece.place(Site(placed[-1].x, placed[-1].z, self.width, rng)))
             kinds[kind] += 1
             require_at_most("solids of the course", sum(len(p.solids) for p in placed), _MAX_SOLIDS)
@@ -114,7 +133,9 @@ class Course(Checked):
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
-        """Solids of the course; adjacent blocks of equal height are merged, so that there is no edge between them."""
+        """Solids of the course; adjacent blocks of equal height are merged, so that there is no
+        edge between them.
+        """
         solids: list[Solid] = []
         last = 0  # index of the last block with a level top
         for solid in (solid for placed in self.placed for solid in placed.solids):
@@ -129,7 +150,9 @@ class Course(Checked):
 
     @cached_property
     def bounds(self) -> Array:
-        """Opposite corners (2, 3) of an upright box around the course's surface, without the floor [m]."""
+        """Opposite corners (2, 3) of an upright box around the course's surface, without the floor
+        [m].
+        """
         every = np.stack([solid.bounds for solid in self.solids])  # (S, 2, 3)
         return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
 
@@ -140,7 +163,9 @@ class Course(Checked):
 
     @property
     def start(self) -> tuple[float, float, float, float]:
-        """Start pose, up to 1 m before the first piece: x, y, height of the ground [m] and heading [rad]."""
+        """Start pose, up to 1 m before the first piece: x, y, height of the ground [m] and heading
+        [rad].
+        """
         return -min(_START_BEFORE, self.start_length / 2), 0.0, 0.0, 0.0
 
     @property
@@ -174,7 +199,8 @@ class Course(Checked):
         heights = np.full((len(x), len(y)), self.floor)
         for solid in self.solids:
             rows, columns = (
-                slice(*np.searchsorted(line, solid.bounds[:, k] + [-EDGE, EDGE])) for k, line in enumerate((x, y))
+                slice(*np.searchsorted(line, solid.bounds[:, k] + [-EDGE, EDGE]))
+                for k, line in enumerate((x, y))
             )
             part = heights[rows, columns]
             at = np.broadcast_arrays(x[rows, None], y[columns])
@@ -183,10 +209,12 @@ class Course(Checked):
         return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
     def add_to(self, spec: mujoco.MjSpec, *, looks: bool = True) -> list[str]:
-        """Add the course and its infinite floor to the world body in `spec`; return the names of their geoms.
+        """Add the course and its infinite floor to the world body in `spec`; return the names of
+        their geoms.
 
-        To add a second course, or to move one, attach a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
-        With `looks`, the supports of slopes are drawn as meshes, which don't collide.
+        To add a second course, or to move one, attach a spec of its own: `spec.attach(other,
+        prefix=..., frame=...)`. With `looks`, the supports of slopes are drawn as meshes, which
+        don't collide.
         """
         taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
         require(not taken, "spec", spec.modelname, "one without a course")
@@ -195,7 +223,11 @@ class Course(Checked):
         names = [f"{_NAME}{k}" for k in range(len(self.solids))]
         for solid, geom in zip(self.solids, names, strict=True):
             solid.add_to(spec, geom, base)
-        floor = {"size": [_FLOOR_SIZE, _FLOOR_SIZE, 1.0], "pos": [0.0, 0.0, self.floor], **look(_FLOOR, base)}
+        floor = {
+            "size": [_FLOOR_SIZE, _FLOOR_SIZE, 1.0],
+            "pos": [0.0, 0.0, self.floor],
+            **look(_FLOOR, base),
+        }
         spec.worldbody.add_geom(name=f"{_NAME}floor", type=mujoco.mjtGeom.mjGEOM_PLANE, **floor)
         return [*names, f"{_NAME}floor"]
 
@@ -209,7 +241,8 @@ class Table(NamedTuple):
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
-    """Heights (N, P) of N courses, each at its own `points` (N, P, 2), bilinear within cells of 2 cm [m].
+    """Heights (N, P) of N courses, each at its own `points` (N, P, 2), bilinear within cells of 2
+    cm [m].
 
     For courses larger than 800 m², the cells are larger. `Course.height` is exact.
     """
@@ -249,13 +282,19 @@ def course_names() -> list[str]:
 
 
 def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ()) -> Course:
-    """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`, each with a `kind`.
+    """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`, each
+    with a `kind`.
 
-    `seed` replaces the file's seed; `drawn` are further names that the caller accepts, for the error message. Raises
-    InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    `seed` replaces the file's seed; `drawn` are further names that the caller accepts, for the
+    error message. Raises InvalidValueError for any other source, SettingsFileError for an
+    unreadable file and invalid fields.
     """
     named = _COURSES / f"{source}.toml"
-    table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))
+    table = (
+        read_toml(named)
+        if source in course_names()
+        else read_named("course", source, (*course_names(), *drawn))
+    )
     course = Course.from_table(table, source)
     return course if seed is None else dataclasses.replace(course, seed=seed)
 
@@ -264,7 +303,11 @@ def _piece(row: object, where: str) -> Piece:
     if not isinstance(row, dict):
         raise SettingsFileError(f"{where}: {row!r:.80} is not a table")
     fields = {name: value for name, value in row.items() if name != "kind"}
-    alike = [name for name, kind in _KINDS.items() if {f.name for f in dataclasses.fields(kind)} == set(fields)]
+    alike = [
+        name
+        for name, kind in _KINDS.items()
+        if {f.name for f in dataclasses.fields(kind)} == set(fields)
+    ]
     kind = row.get("kind", alike[0] if alike else None)
     if not isinstance(kind, str) or kind not in _KINDS:
         raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")

@@ -15,7 +15,8 @@ from trackslip.errors import Checked, checked, require, require_within
 _MAX_YAW = 0.8  # [rad]
 # a European pallet: its blocks, and the boards above and below them, form three solid bearers [m]
 _WIDTH, _DEPTH, _HEIGHT, _BOARD = 1.2, 0.8, 0.144, 0.022
-_BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))  # x, width
+# x, width
+_BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))
 _BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # y, width
 
 
@@ -34,12 +35,18 @@ class Beams(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self.spacing > self.size, "spacing", self.spacing, f"greater than the beams' size, {self.size:g} m")
+        require(
+            self.spacing > self.size,
+            "spacing",
+            self.spacing,
+            f"greater than the beams' size, {self.size:g} m",
+        )
 
     def place(self, site: Site) -> Placed:
         """Place the beams at `site`; see `Piece`."""
         half = self.size / 2
-        margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)  # keeps beams off other pieces
+        # keeps beams off other pieces
+        margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)
         end = site.x + 2 * margin + (self.number - 1) * self.spacing
         yaw = site.rng.uniform(-self.yaw, self.yaw, self.number)
         size, x = (half, site.width / 2, half), site.x + margin
@@ -55,14 +62,20 @@ class Blocks(Checked):
     """Blocks on level ground, such as rails, piles or a kerb under one of the tracks."""
 
     blocks: tuple[tuple[float, float, float, float, float, float], ...]
-    """Numbers for each block: x of its centre from the piece's start, y to the left of the course's centre line,
-    length and width before turning, height [m], yaw [rad]."""
+    """Numbers for each block: x of its centre from the piece's start, y to the left of the course's
+    centre line, length and width before turning, height [m], yaw [rad].
+    """
     length: float = checked(MISSING, *LENGTH)
     """Length of the piece [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(1 <= len(self.blocks) <= MAX_NUMBER, "blocks", f"{len(self.blocks)} blocks", f"1 to {MAX_NUMBER}")
+        require(
+            1 <= len(self.blocks) <= MAX_NUMBER,
+            "blocks",
+            f"{len(self.blocks)} blocks",
+            f"1 to {MAX_NUMBER}",
+        )
         for block in self.blocks:
             require(np.shape(block) == (6,), "blocks", block, "x, y, length, width, height and yaw")
             x, y, along, across, height, yaw = block
@@ -77,7 +90,12 @@ class Blocks(Checked):
         """Place the blocks at `site`; see `Piece`."""
         end = site.x + self.length
         solids = (
-            Box((site.x + x, y, site.z + height / 2), (along / 2, across / 2, height / 2), _turned(yaw), STONE)
+            Box(
+                (site.x + x, y, site.z + height / 2),
+                (along / 2, across / 2, height / 2),
+                _turned(yaw),
+                STONE,
+            )
             for x, y, along, across, height, yaw in self.blocks
         )
         return Placed((Level(site.x, end, site.width / 2, site.z), *solids), end, site.z)
@@ -87,7 +105,8 @@ class Blocks(Checked):
 class Pallets(Checked):
     """Pallets of 0.8 x 1.2 m on level ground: five boards across, on three bearers.
 
-    Each row has the largest odd number of pallets that fit side by side, so that one of them is in the middle.
+    Each row has the largest odd number of pallets that fit side by side, so that one of them is in
+    the middle.
     """
 
     number: int = checked(3, *NUMBER)
@@ -100,7 +119,12 @@ class Pallets(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         depth, _ = self._reach
-        require(self.spacing > depth, "spacing", self.spacing, f"greater than the depth of a pallet, {depth:.3g} m")
+        require(
+            self.spacing > depth,
+            "spacing",
+            self.spacing,
+            f"greater than the depth of a pallet, {depth:.3g} m",
+        )
 
     @property
     def _reach(self) -> tuple[float, float]:

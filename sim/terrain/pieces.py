@@ -1,4 +1,5 @@
-"""Ground pieces of a course: level, ramps, steps, stairs, gaps, side slopes, rough ground and given heights.
+"""Ground pieces of a course: level, ramps, steps, stairs, gaps, side slopes, rough ground and given
+heights.
 
 A piece runs along x, from the point and height at which the piece before it ends.
 """
@@ -12,7 +13,15 @@ from typing import Protocol
 import numpy as np
 
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
-from trackslip.errors import Checked, checked, require, require_at_most, require_finite, require_whole, require_within
+from trackslip.errors import (
+    Checked,
+    checked,
+    require,
+    require_at_most,
+    require_finite,
+    require_whole,
+    require_within,
+)
 from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # thickness of the boxes that form slopes [m]
@@ -32,7 +41,8 @@ NUMBER = require_whole, 1, MAX_NUMBER
 _ANGLE = require_within, -1.2, 1.2, "rad (69 degrees)"  # of a ramp or a side slope
 _MAX_EXPONENT = 8.0
 _MAX_SAMPLES = 1_000_000  # in a height field
-_MAX_SIDE = 2000  # largest side of rough ground [samples]; its spectrum takes four times the square of this
+# largest side of rough ground [samples]; its spectrum takes four times the square of this
+_MAX_SIDE = 2000
 _MIN_CELL = 0.005  # [m]
 
 
@@ -101,8 +111,11 @@ class Ramp(Checked):
         end, height = site.x + self.length * cos, site.z + self.length * sin
         half = _THICKNESS / 2
         centre = ((site.x + end) / 2 + half * sin, 0.0, (site.z + height) / 2 - half * cos)
-        turned = (math.cos(self.angle / 2), 0.0, -math.sin(self.angle / 2), 0.0)  # about -y: nose up
-        return Placed((Box(centre, (self.length / 2, site.width / 2, half), turned, SLATE),), end, height)
+        # about -y: nose up
+        turned = (math.cos(self.angle / 2), 0.0, -math.sin(self.angle / 2), 0.0)
+        return Placed(
+            (Box(centre, (self.length / 2, site.width / 2, half), turned, SLATE),), end, height
+        )
 
 
 @dataclass(frozen=True)
@@ -139,7 +152,13 @@ class Stairs(Checked):
         edges = site.x + self.run * np.arange(self.number + 1)
         heights = site.z + self.rise * np.arange(1, self.number + 1)
         treads = tuple(
-            Level(float(edges[k]), float(edges[k + 1]), half_width, float(heights[k]), STONE if k % 2 else SLATE)
+            Level(
+                float(edges[k]),
+                float(edges[k + 1]),
+                half_width,
+                float(heights[k]),
+                STONE if k % 2 else SLATE,
+            )
             for k in range(self.number)
         )
         return Placed(treads, treads[-1].x1, treads[-1].z)
@@ -157,12 +176,16 @@ class Gap(Checked):
     def place(self, site: Site) -> Placed:
         """Place the gap at `site`; see `Piece`."""
         end = site.x + self.length
-        return Placed((Level(site.x, end, site.width / 2, site.z - self.depth, SLATE),), end, site.z)
+        return Placed(
+            (Level(site.x, end, site.width / 2, site.z - self.depth, SLATE),), end, site.z
+        )
 
 
 @dataclass(frozen=True)
 class SideSlope(Checked):
-    """Ground that slopes to one side, between two stretches that twist from level ground to the slope and back."""
+    """Ground that slopes to one side, between two stretches that twist from level ground to the
+    slope and back.
+    """
 
     angle: float = checked(0.3, *_ANGLE)
     """Angle from the horizontal, negative if the left is lower [rad]."""
@@ -179,7 +202,9 @@ class SideSlope(Checked):
         turned = (math.cos(self.angle / 2), math.sin(self.angle / 2), 0.0, 0.0)
         centre = ((begin + end) / 2, half * sin, site.z - half * cos)
         slope = Box(centre, (self.length / 2, site.width / 2 / cos, half), turned, SLATE)
-        columns, rows = (max(2, math.ceil(size / _BLEND_CELL) + 1) for size in (self.blend, site.width))
+        columns, rows = (
+            max(2, math.ceil(size / _BLEND_CELL) + 1) for size in (self.blend, site.width)
+        )
         across = np.linspace(-site.width / 2, site.width / 2, rows)[:, None] * math.tan(self.angle)
         twisted = site.z + across * smooth_step(np.linspace(0.0, 1.0, columns))
         before = Grid(site.x, self.blend, site.width, twisted)
@@ -188,21 +213,27 @@ class SideSlope(Checked):
 
 
 def smooth_step(share: Array) -> Array:
-    """Smooth rise from 0 to 1 as `share` goes from 0 to 1, with level ends; constant outside this range."""
+    """Smooth rise from 0 to 1 as `share` goes from 0 to 1, with level ends; constant outside this
+    range.
+    """
     share = np.clip(share, 0.0, 1.0)
     return share**2 * (3 - 2 * share)
 
 
 @dataclass(frozen=True)
 class Rough(Checked):
-    """Random rough ground with a power spectrum that falls with the wave number; its ends are level."""
+    """Random rough ground with a power spectrum that falls with the wave number; its ends are
+    level.
+    """
 
     length: float = checked(4.0, *LENGTH)
     """Length of the ground [m]."""
     amplitude: float = checked(0.1, *HEIGHT)
     """Height difference between the highest and the lowest point [m]."""
     exponent: float = checked(3.0, require_within, 0.0, _MAX_EXPONENT)
-    """Exponent of the fall in spectral power per area with the wave number; 3 for roads (ISO 8608) [-]."""
+    """Exponent of the fall in spectral power per area with the wave number; 3 for roads (ISO 8608)
+    [-].
+    """
     cell: float = 0.1
     """Size of a cell of the height field [m]."""
     blend: float = 0.5
@@ -229,9 +260,11 @@ class Rough(Checked):
 
 
 def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -> Array:
-    """Gaussian noise (rows, columns) of mean 0, with power per area of wave numbers ~ wave number ** -exponent.
+    """Gaussian noise (rows, columns) of mean 0, with power per area of wave numbers ~ wave number
+    ** -exponent.
 
-    The noise is cut from a square of twice its size, because noise from a Fourier sum repeats from edge to edge.
+    The noise is cut from a square of twice its size, because noise from a Fourier sum repeats from
+    edge to edge.
     """
     size = 2 * max(rows, columns)
     wave_number = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
@@ -243,10 +276,14 @@ def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -
 
 @dataclass(frozen=True, eq=False)
 class HeightField(Checked):
-    """Given heights; the mean of the first column joins the previous piece, that of the last column the next piece."""
+    """Given heights; the mean of the first column joins the previous piece, that of the last column
+    the next piece.
+    """
 
     heights: Array
-    """Heights (rows, columns) [m]: rows along y, to the left; columns along x, the driving direction."""
+    """Heights (rows, columns) [m]: rows along y, to the left; columns along x, the driving
+    direction.
+    """
     length: float = checked(4.0, *LENGTH)
     """Length from the first to the last column [m]."""
     width: float = checked(math.inf, _require_width)
@@ -258,7 +295,12 @@ class HeightField(Checked):
         except (TypeError, ValueError):  # also for rows of different lengths
             values = np.array(np.nan)
         fits = values.ndim == 2 and min(values.shape) >= 2 and bool(np.isfinite(values).all())
-        require(fits, "heights", f"of shape {values.shape}", "finite numbers in rows and columns, two of each at least")
+        require(
+            fits,
+            "heights",
+            f"of shape {values.shape}",
+            "finite numbers in rows and columns, two of each at least",
+        )
         require_at_most("samples of heights", values.size, _MAX_SAMPLES)
         require_at_most("range of heights", float(np.ptp(values)), MAX_LENGTH, "m")
         super().__post_init__()
@@ -269,4 +311,6 @@ class HeightField(Checked):
         width = site.width if self.width == math.inf else self.width
         heights = heights + (site.z - heights[:, 0].mean())
         end = site.x + self.length
-        return Placed((Grid(site.x, self.length, width, heights),), end, float(heights[:, -1].mean()))
+        return Placed(
+            (Grid(site.x, self.length, width, heights),), end, float(heights[:, -1].mean())
+        )

@@ -1,4 +1,6 @@
-"""Solids of a course: level blocks, boxes in any attitude and height fields, as geoms and as exact surfaces."""
+"""Solids of a course: level blocks, boxes in any attitude and height fields, as geoms and as exact
+surfaces.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
 LINES = "course/lines"
 """Name of the material that all geoms of a course have."""
-_NO_TURNING = 0.005, 0.0001  # torsional and rolling friction: MuJoCo's defaults, ignored for condim 3 [m]
+# torsional and rolling friction: MuJoCo's defaults, ignored for condim 3 [m]
+_NO_TURNING = 0.005, 0.0001
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,9 @@ class Solid(Protocol):
         """Opposite corners (2, 3) of an upright box around the solid's upper surface [m]."""
 
     def height(self, x: Array, y: Array) -> Array:
-        """Heights (P,) of the solid's upper surface at points x, y (P,), -inf outside the solid [m]."""
+        """Heights (P,) of the solid's upper surface at points x, y (P,), -inf outside the solid
+        [m].
+        """
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the solid to the world body in `spec` as a geom called `name`."""
@@ -64,7 +69,9 @@ class Level:
 
     def height(self, x: Array, y: Array) -> Array:
         """Heights (P,) of the top; see `Solid`."""
-        inside = (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE) & (np.abs(y) <= self.half_width + EDGE)
+        inside = (
+            (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE) & (np.abs(y) <= self.half_width + EDGE)
+        )
         return np.where(inside, self.z, -np.inf)
 
     def continues(self, behind: Level) -> bool:
@@ -106,9 +113,12 @@ class Box:
         return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
 
     def height(self, x: Array, y: Array) -> Array:
-        """Heights (P,), see `Solid`: where vertical lines first leave any of the slabs between opposite faces."""
+        """Heights (P,), see `Solid`: where vertical lines first leave any of the slabs between
+        opposite faces.
+        """
         centre, half = np.array(self.centre), np.array(self.half) + EDGE
-        start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])  # (3, P), in the box
+        # (3, P), in the box
+        start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])
         enters, leaves = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for axis, rise in enumerate(self.rotation[2]):  # slab between the faces along each axis
             if rise == 0:
@@ -133,7 +143,9 @@ class Box:
             self._add_skirt(spec, f"{name}/skirt", base)
 
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """Draw the support of a sloping box, from its lower face down to the floor; the support doesn't collide."""
+        """Draw the support of a sloping box, from its lower face down to the floor; the support
+        doesn't collide.
+        """
         signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
         lower = self.centre + signs * self.half @ self.rotation.T  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
@@ -160,23 +172,31 @@ class Grid:
 
     @cached_property
     def _stored(self) -> tuple[float, float, NDArray[np.float32]]:
-        """Lowest height, range of the heights [m], and heights scaled to 0 to 1, in the form that MuJoCo stores."""
+        """Lowest height, range of the heights [m], and heights scaled to 0 to 1, in the form that
+        MuJoCo stores.
+        """
         low, high = float(self.heights.min()), float(self.heights.max())
         span = (high - low) or 1.0
         return low, span, ((self.heights - low) / span).astype(np.float32)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Heights (P,), see `Solid`; rectangles are cut from the first to the last corner, as in MuJoCo's ray casts."""
+        """Heights (P,), see `Solid`; rectangles are cut from the first to the last corner, as in
+        MuJoCo's ray casts.
+        """
         low, span, shares = self._stored
         heights, (rows, columns) = low + span * shares.astype(float), shares.shape
         dx, dy = self.length / (columns - 1), self.width / (rows - 1)
         u, v = (x - self.x0) / dx, (y + self.width / 2) / dy
-        column, row = (np.clip(at.astype(int), 0, most - 2) for at, most in ((u, columns), (v, rows)))
+        column, row = (
+            np.clip(at.astype(int), 0, most - 2) for at, most in ((u, columns), (v, rows))
+        )
         u, v = u - column, v - row
         first, last = heights[row, column], heights[row + 1, column + 1]
         right = u > v  # right of the cut, in the direction of y
         corner = np.where(right, heights[row, column + 1], heights[row + 1, column])
-        along_x, along_y = np.where(right, [corner - first, last - corner], [last - corner, corner - first])
+        along_x, along_y = np.where(
+            right, [corner - first, last - corner], [last - corner, corner - first]
+        )
         beside = np.abs(x - self.x0 - self.length / 2) > self.length / 2 + EDGE
         beside |= np.abs(y) > self.width / 2 + EDGE
         return np.where(beside, -np.inf, first + u * along_x + v * along_y)
@@ -196,7 +216,9 @@ class Grid:
 
 
 def look(colour: Colour, base: Base) -> dict[str, Any]:
-    """Arguments for `add_geom` that all geoms of a course share and that override the model's defaults."""
+    """Arguments for `add_geom` that all geoms of a course share and that override the model's
+    defaults.
+    """
     return {
         "rgba": list(colour),
         "material": LINES,

@@ -28,11 +28,15 @@ class _Map:
         counts = [len(tracks.names) for tracks in every]
         self.names = tuple(name for tracks in every for name in tracks.names)
         self.bodies, self.geoms, self.direction = (
-            np.concatenate([getattr(tracks, name) for tracks in every]) for name in ("bodies", "geoms", "direction")
+            np.concatenate([getattr(tracks, name) for tracks in every])
+            for name in ("bodies", "geoms", "direction")
         )
         before = np.cumsum(counts) - counts
-        self.track = np.concatenate([tracks.track + k for tracks, k in zip(every, before, strict=True)])
-        first = np.searchsorted(self.track, np.arange(len(self.names)))  # a geom per track whose speed is read
+        self.track = np.concatenate(
+            [tracks.track + k for tracks, k in zip(every, before, strict=True)]
+        )
+        # a geom per track whose speed is read
+        first = np.searchsorted(self.track, np.arange(len(self.names)))
         self.leader, leading = self.geoms[first], self.direction[first]
         self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks in every for _ in tracks.names]
@@ -41,7 +45,11 @@ class _Map:
         self.slope = mass * max(tracks.preset.grip for tracks in every)
         self.radius = np.array([hull.wheels[:, 2].max() for hull in self.hulls])
         sensors = [model.sensor(model.body(body).name).id for body in self.bodies]
-        self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
+        # (T,) each
+        self.first, self.slots = (
+            model.sensor_adr[sensors],
+            model.sensor_dim[sensors] // SENSED_WIDTH,
+        )
 
     def motors(self, size: int, motor: NDArray[np.int_]) -> Motors:
         """Motors for `size` simulations; `motor` (T,) is the index of each track's motor."""
@@ -53,16 +61,23 @@ class _Map:
         return speeds[..., self.track, None] * self.direction
 
     def speeds(self, surface: Floats) -> Floats:
-        """Belt speeds (..., T) from surface velocities (..., ngeom, 6); the inverse of `surface`."""
+        """Belt speeds (..., T) from surface velocities (..., ngeom, 6); the inverse of
+        `surface`.
+        """
         speeds: Floats = (surface[..., self.leader, :] * self.lead).sum(axis=-1)
         return speeds
 
     def read(self, sensordata: Floats, xmat: Floats, speeds: Floats) -> Reading:
-        """Reading for sensor data (..., S), rotations (..., nbody, 9) of all bodies and belt speeds (..., T)."""
+        """Reading for sensor data (..., S), rotations (..., nbody, 9) of all bodies and belt speeds
+        (..., T).
+        """
         found = sensordata[..., self.first].astype(int)
         reported = np.minimum(found, self.slots)  # a sensor fills its slots from the first on
-        owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) index of each contact's track
-        slot = np.arange(len(owner)) - np.repeat(np.cumsum(reported) - reported.ravel(), reported.ravel())
+        # (C,) index of each contact's track
+        owner = np.repeat(np.arange(found.size), reported.ravel())
+        slot = np.arange(len(owner)) - np.repeat(
+            np.cumsum(reported) - reported.ravel(), reported.ravel()
+        )
         state, track = np.divmod(owner, len(self.names))
         start = state * sensordata.shape[-1] + self.first[track] + slot * SENSED_WIDTH
         sensed = np.take(sensordata, start + np.arange(SENSED_WIDTH)[:, None])
@@ -70,17 +85,21 @@ class _Map:
 
 
 class Belts:
-    """The belts of T tracks in a compiled model, whether it was built in Python or loaded from a file."""
+    """The belts of T tracks in a compiled model, whether it was built in Python or loaded from a
+    file.
+    """
 
     names: tuple[str, ...]
     """Name of each track (T,)."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Find the model's tracks, in the order in which they were added, and set their contact parameters.
+        """Find the model's tracks, in the order in which they were added, and set their contact
+        parameters.
 
         These parameters depend on the robot's total mass.
 
-        Raises InvalidValueError for a model without tracks, and for contacts that can't follow their recipe.
+        Raises InvalidValueError for a model without tracks, and for contacts that can't follow
+        their recipe.
         """
         self._model, self._map = model, _Map(model)
         self.names = self._map.names
@@ -89,21 +108,26 @@ class Belts:
         """Hull of each track."""
         self.bodies = self._map.bodies
         """Body of each track (T,), at its middle."""
-        model.flg_surfacevel = 1  # else the engine would ignore later speeds, as belts are compiled at rest
+        # else the engine would ignore later speeds, as belts are compiled at rest
+        model.flg_surfacevel = 1
 
-    def set(self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0) -> None:
+    def set(
+        self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0
+    ) -> None:
         """Set the belt speeds (T,) [m/s], positive forwards.
 
         With a torque limit, these speeds are set points, from which `step` finds the actual speeds.
 
         Args:
             speeds: belt speeds (T,) [m/s].
-            torque_limit: largest torque of each belt's motor at its sprocket (the largest wheel of the hull), a scalar
-                or (T,) [N m]; by default the belts reach their speeds at once.
-            inertia: moment of inertia of motor, gear and belt at the sprocket, a scalar or (T,) [kg m^2].
+            torque_limit: largest torque of each belt's motor at its sprocket (the largest wheel of
+                the hull), a scalar or (T,) [N m]; by default the belts reach their speeds at once.
+            inertia: moment of inertia of motor, gear and belt at the sprocket, a scalar or (T,) [kg
+                m^2].
 
         Raises:
-            InvalidValueError: for speeds that aren't finite, negative limits or inertias, and wrong shapes.
+            InvalidValueError: for speeds that aren't finite, negative limits or inertias, and wrong
+                shapes.
         """
         self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia)
         self._put(self._motors.speed[0])
@@ -111,7 +135,8 @@ class Belts:
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one physics step with the motors that `set` chose; replaces `mujoco.mj_step`.
 
-        The step is repeated from the same state until the belt speeds are in balance with the motors and the ground.
+        The step is repeated from the same state until the belt speeds are in balance with the
+        motors and the ground.
         """
         model = self._model
         state = np.empty(mujoco.mj_stateSize(model, _STATE))
@@ -143,10 +168,15 @@ class Belts:
     def bind_batch(self, batch: Any, motor: ArrayLike | None = None) -> BatchBelts:
         """Return the belts of the model in a `mujoco.batch.Batch` of simulations.
 
-        `motor` is the index of each belt's motor (T,), from 0; by default each belt has its own motor. Belts with the
-        same motor, such as those on one side of a robot with flippers, share speed and torque.
+        `motor` is the index of each belt's motor (T,), from 0; by default each belt has its own
+        motor. Belts with the same motor, such as those on one side of a robot with flippers, share
+        speed and torque.
         """
-        return BatchBelts(self._map, batch, np.arange(len(self.names)) if motor is None else np.asarray(motor, int))
+        return BatchBelts(
+            self._map,
+            batch,
+            np.arange(len(self.names)) if motor is None else np.asarray(motor, int),
+        )
 
 
 class BatchBelts:
@@ -159,8 +189,10 @@ class BatchBelts:
         """Use `Belts.bind_batch`, which explains the arguments."""
         self._map, self.names, self._batch, self._motor = where, where.names, batch, motor
         self._motors = where.motors(batch.nsim, motor)
-        self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")  # (N, ngeom, 6), a view of the batch
-        self._sensordata: NDArray[np.float64] = batch.bind("sensordata")  # (N, S), a view of the batch
+        # (N, ngeom, 6), a view of the batch
+        self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")
+        # (N, S), a view of the batch
+        self._sensordata: NDArray[np.float64] = batch.bind("sensordata")
         self._xmat: NDArray[np.float64] = batch.bind("xmat")  # (N, nbody, 9), a view of the batch
 
     def set(
@@ -170,7 +202,9 @@ class BatchBelts:
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
     ) -> None:
-        """Set the belt speeds (R, M) of M motors [m/s]; limits and inertias, (M,) or (R, M), as in `Belts.set`."""
+        """Set the belt speeds (R, M) of M motors [m/s]; limits and inertias, (M,) or (R, M), as in
+        `Belts.set`.
+        """
         where = np.arange(len(self._surface))[rows]
         self._motors.set(where, _speeds(speeds, self._motors.speed.shape[1]), torque_limit, inertia)
         self._put(where, self._motors.speed[where])
@@ -184,13 +218,16 @@ class BatchBelts:
         self._motors.set_state(state)
 
     def begin(self, rows: Any = slice(None)) -> None:
-        """Stop the belts in the simulations `rows` and remove the limits of their motors, before a new run."""
+        """Stop the belts in the simulations `rows` and remove the limits of their motors, before a
+        new run.
+        """
         where = np.arange(len(self._surface))[rows]
         self._motors.begin(where)
         self._put(where, self._motors.speed[where])
 
     def step(self, rows: Any = slice(None)) -> Reading:
-        """Advance the simulations `rows` (R,) by one physics step with the motors that `set` chose; see `Belts.step`.
+        """Advance the simulations `rows` (R,) by one physics step with the motors that `set` chose;
+        see `Belts.step`.
 
         Returns forces and motion (R, T), in which contacts may be missing: see `Reading.complete`.
         """
@@ -221,21 +258,31 @@ class BatchBelts:
 
     def _by_motor(self, traction: Floats) -> Floats:
         """Sum the belts' tractions (..., T) for each motor, to (..., M)."""
-        return np.stack([traction[..., self._motor == each].sum(axis=-1) for each in range(self._motor.max() + 1)], -1)
+        return np.stack(
+            [
+                traction[..., self._motor == each].sum(axis=-1)
+                for each in range(self._motor.max() + 1)
+            ],
+            -1,
+        )
 
     def speeds(self) -> Floats:
         """Belt speeds (N, T) [m/s]."""
         return self._map.speeds(self._surface)
 
     def read(self) -> Reading:
-        """Forces and motion (N, T) of the tracks in the last step, for the belts' current speeds."""
+        """Forces and motion (N, T) of the tracks in the last step, for the belts' current
+        speeds.
+        """
         return self._read(slice(None)).complete(self.names)
 
     def run(self, steps: int, rows: Any = slice(None)) -> Reading:
-        """Advance the simulations `rows` by several physics steps with the speeds or motors that `set` chose.
+        """Advance the simulations `rows` by several physics steps with the speeds or motors that
+        `set` chose.
 
-        Returns forces and motion (R, steps, T) in each step, in which contacts may be missing: see `Reading.complete`.
-        A simulation that diverges stops, and the reading of its last step is repeated.
+        Returns forces and motion (R, steps, T) in each step, in which contacts may be missing: see
+        `Reading.complete`. A simulation that diverges stops, and the reading of its last step is
+        repeated.
         """
         where = np.arange(len(self._surface))[rows]
         before, goal = self._batch.state[where], self._motors.goal(where)
@@ -261,5 +308,7 @@ def _speeds(speeds: ArrayLike, count: int) -> Floats:
     values = np.asarray(speeds, float)
     fits = values.ndim > 0 and values.shape[-1] == count
     require(fits, "shape of speeds", values.shape, f"(..., {count}), a belt each")
-    require(np.isfinite(values).all(), "speeds", values[~np.isfinite(values)][:1].tolist(), "finite")
+    require(
+        np.isfinite(values).all(), "speeds", values[~np.isfinite(values)][:1].tolist(), "finite"
+    )
     return values

@@ -20,31 +20,41 @@ from sim.tracks.track import WHEEL_WEIGHT, WHEELS, Track
 from trackslip.errors import InvalidValueError, require
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
-"""Bits of the data that a contact sensor reports per contact: found, force, dist, normal, tangent, linvel."""
+"""Bits of the data that a contact sensor reports per contact: found, force, dist, normal, tangent,
+linvel.
+"""
 _FINER = 10.0  # factor on the preset's impratio, as sliding is slower near a wide robot's pivot [-]
 _MAX_FORCE = 2  # a contact sensor's reduction mode: the largest forces first
-_MAX_PAIRS = 20_000  # they take about 0.3 ms per step, five times as long as the rest of a robot's step
+# they take about 0.3 ms per step, five times as long as the rest of a robot's step
+_MAX_PAIRS = 20_000
 _MOST = mujoco.mjMAXCONPAIR  # most contacts that the engine keeps between two geoms
-_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: per cell along it, plus a constant
+# most contacts of a capsule with a height field: per cell along it, plus a constant
+_PER_CELL, _ENDS = 4.2, 4.0
 _TWICE = 4  # sensor slots per contact with solids: the belt may touch two, and its cores as well
-_MARGIN = 1.5  # sensor slots per possible contact with a height field; a belt rarely has all of them [-]
+# sensor slots per possible contact with a height field; a belt rarely has all of them [-]
+_MARGIN = 1.5
 _CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
 
 
 def add_tracks(
-    spec: mujoco.MjSpec, body: str | mujoco.MjsBody, track: Track, terrain: Iterable[object] | None = None
+    spec: mujoco.MjSpec,
+    body: str | mujoco.MjsBody,
+    track: Track,
+    terrain: Iterable[object] | None = None,
 ) -> tuple[str, ...]:
     """Add a track, or a pair of tracks, to a body in a MuJoCo spec, and return the tracks' names.
 
     Args:
         spec: the model, not yet compiled.
-        body: the body, or its name, that carries the tracks; its x axis points forwards, y left, z up.
+        body: the body, or its name, that carries the tracks; its x axis points forwards, y left, z
+            up.
         track: the track or the pair to add.
-        terrain: geoms, or their names, to connect with the tracks immediately; if omitted, call `connect` later.
+        terrain: geoms, or their names, to connect with the tracks immediately; if omitted, call
+            `connect` later.
 
     Raises:
-        InvalidValueError: for a body that is not in the spec, a name that is already used, terrain that can't be
-            connected, or a time step at which the preset isn't stable.
+        InvalidValueError: for a body that is not in the spec, a name that is already used, terrain
+            that can't be connected, or a time step at which the preset isn't stable.
     """
     carrier = spec.body(body) if isinstance(body, str) else body
     if carrier is None:
@@ -56,7 +66,11 @@ def add_tracks(
     require(name, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (name, end))) for end, _ in track.sides)
     for each in names:
-        taken = spec.body(f"{each}_track") or spec.sensor(f"{each}_track") or spec.geom(f"{each}_track_wheel0")
+        taken = (
+            spec.body(f"{each}_track")
+            or spec.sensor(f"{each}_track")
+            or spec.geom(f"{each}_track_wheel0")
+        )
         require(not taken, "name", name, f"another: the spec has a {each}_track already")
     preset = load_preset(track.preset)
     shared_timestep(spec, [preset, *(each.preset for each in descriptions(spec).values())])
@@ -66,8 +80,11 @@ def add_tracks(
         frame = carrier.add_body(name=f"{each}_track", pos=[0.0, sign * track.half_gauge, 0.0])
         for part in parts:
             geoms.append(f"{each}_track_{part.name}")
-            geom = frame.add_geom(name=geoms[-1], mass=0, contype=0, conaffinity=0, group=3, **part.shape)
-            geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT  # not a default's, such as its euler angles
+            geom = frame.add_geom(
+                name=geoms[-1], mass=0, contype=0, conaffinity=0, group=3, **part.shape
+            )
+            # not a default's, such as its euler angles
+            geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         spec.add_sensor(
             name=f"{each}_track",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
@@ -96,17 +113,17 @@ def add_tracks(
 def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
     """Add the missing contact pairs between the terrain and all tracks in a spec.
 
-    This makes the spec's cone elliptic, raises its impratio to at least 10,000, and replaces MuJoCo's default time
-    step with the shortest one of the tracks' presets.
+    This makes the spec's cone elliptic, raises its impratio to at least 10,000, and replaces
+    MuJoCo's default time step with the shortest one of the tracks' presets.
 
     Args:
         spec: a spec with tracks, attached robots included.
-        terrain: geoms of the spec, or their names; by default all colliding geoms of the world and of bodies fixed
-            to it.
+        terrain: geoms of the spec, or their names; by default all colliding geoms of the world and
+            of bodies fixed to it.
 
     Raises:
-        InvalidValueError: for a geom that is not in the spec, a spec without tracks, and different friction along and
-            across the tracks if any terrain is not a plane.
+        InvalidValueError: for a geom that is not in the spec, a spec without tracks, and different
+            friction along and across the tracks if any terrain is not a plane.
     """
     tracks = descriptions(spec)
     require(tracks, "spec", spec.modelname, "one with tracks: add_tracks adds them")
@@ -114,11 +131,16 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
         connect_tracks(spec, name, description, find_grounds(spec, terrain, description.friction))
 
 
-def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, grounds: Sequence[mujoco.MjsGeom]) -> None:
+def connect_tracks(
+    spec: mujoco.MjSpec, name: str, description: Description, grounds: Sequence[mujoco.MjsGeom]
+) -> None:
     """Connect the tracks called `name` with the geoms `grounds`; see `connect`."""
     cored = sum(depth > 0 for depth in description.cores)
     pairs = (len(description.geoms) + cored) * len(grounds)
-    allowed = f"at most {_MAX_PAIRS:,}, each of which takes time in every step: name what is in reach, or fewer geoms"
+    allowed = (
+        f"at most {_MAX_PAIRS:,}, each of which takes time in every step: name what is in "
+        "reach, or fewer geoms"
+    )
     shown = f"{len(grounds):,} geoms, {pairs:,} contact pairs with {name}"
     require(pairs <= _MAX_PAIRS, "terrain", shown, allowed)
     _make_room(spec, description, min(_cells(spec, grounds)))
@@ -130,19 +152,38 @@ def connect_tracks(spec: mujoco.MjSpec, name: str, description: Description, gro
             continue
         for geom, depth in zip(description.geoms, description.cores, strict=True):
             friction = list(description.friction)
-            if geom.rpartition("_track_")[2].startswith("wheel") and spec.geom(geom).type == _CAPSULE:  # lateral
+            # lateral
+            if (
+                geom.rpartition("_track_")[2].startswith("wheel")
+                and spec.geom(geom).type == _CAPSULE
+            ):
                 friction.reverse()
             for suffix, margin in (("", 0.0), ("_core", -depth))[: 1 + (depth > 0)]:
-                pair = {"geomname1": ground.name, "geomname2": geom, "condim": 3, "friction": [*friction, 0, 0, 0]}
-                spec.add_pair(name=f"{ground.name}/{geom}{suffix}", margin=margin, gap=0.0, adhesion=0.0, **pair)
-    spec.option.timestep = shared_timestep(spec, [each.preset for each in descriptions(spec).values()])
+                pair = {
+                    "geomname1": ground.name,
+                    "geomname2": geom,
+                    "condim": 3,
+                    "friction": [*friction, 0, 0, 0],
+                }
+                spec.add_pair(
+                    name=f"{ground.name}/{geom}{suffix}",
+                    margin=margin,
+                    gap=0.0,
+                    adhesion=0.0,
+                    **pair,
+                )
+    spec.option.timestep = shared_timestep(
+        spec, [each.preset for each in descriptions(spec).values()]
+    )
     set_options(spec.option, description.preset)
 
 
 def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> None:
-    """Give the tracks' sensors enough slots for contacts; `cell` is the height fields' smallest cell, inf for none [m].
+    """Give the tracks' sensors enough slots for contacts; `cell` is the height fields' smallest
+    cell, inf for none [m].
 
-    Raises InvalidValueError for capsules that are so long that the engine might not keep all of their contacts.
+    Raises InvalidValueError for capsules that are so long that the engine might not keep all of
+    their contacts.
     """
     slots: dict[str, float] = {}
     for name, depth in zip(description.geoms, description.cores, strict=True):
@@ -164,7 +205,11 @@ def _make_room(spec: mujoco.MjSpec, description: Description, cell: float) -> No
 def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[float]:
     """Shorter side of each height field's cells, and inf for other geoms [m]."""
     fields = [geom for geom in grounds if geom.type == _HFIELD]
-    model = spec.copy().compile() if any(not spec.hfield(geom.hfieldname).nrow for geom in fields) else None
+    model = (
+        spec.copy().compile()
+        if any(not spec.hfield(geom.hfieldname).nrow for geom in fields)
+        else None
+    )
     for geom in grounds:
         if geom.type != _HFIELD:
             yield math.inf
@@ -181,14 +226,18 @@ def find_grounds(
 ) -> list[mujoco.MjsGeom]:
     """The geoms of the terrain; `terrain` and errors are those of `connect`."""
     if terrain is None:
-        grounds = [geom for geom in _static_geoms(spec.worldbody) if geom.contype or geom.conaffinity]
+        grounds = [
+            geom for geom in _static_geoms(spec.worldbody) if geom.contype or geom.conaffinity
+        ]
     else:
         listed = [terrain] if isinstance(terrain, str | mujoco.MjsGeom) else terrain
         grounds = [_geom(spec, each) for each in listed]
     require(grounds, "terrain", [], "at least one geom that collides, of a body that doesn't move")
     for geom in grounds:
         plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
-        allowed = f"equal along and across, except on planes; {geom.name or 'the terrain'} is no plane"
+        allowed = (
+            f"equal along and across, except on planes; {geom.name or 'the terrain'} is no plane"
+        )
         require(plane or friction[0] == friction[1], "friction", friction, allowed)
     return grounds
 
@@ -205,5 +254,7 @@ def _geom(spec: mujoco.MjSpec, geom: object) -> mujoco.MjsGeom:
     if not isinstance(chosen, mujoco.MjsGeom) or not any(each == chosen for each in spec.geoms):
         names = ", ".join(each.name for each in _static_geoms(spec.worldbody) if each.name)
         shown = geom.name if isinstance(geom, mujoco.MjsGeom) else geom
-        raise InvalidValueError("terrain", shown, f"a geom of the spec, such as {names or 'one of the world body'}")
+        raise InvalidValueError(
+            "terrain", shown, f"a geom of the spec, such as {names or 'one of the world body'}"
+        )
     return chosen

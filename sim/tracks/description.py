@@ -1,4 +1,5 @@
-"""Descriptions of tracks inside a model: a `<tuple>` of geoms and a `<numeric>` recipe, both called NAME_tracks.
+"""Descriptions of tracks inside a model: a `<tuple>` of geoms and a `<numeric>` recipe, both called
+NAME_tracks.
 
 Both remain in a model that is saved, loaded, or attached to another model with a prefix.
 """
@@ -44,7 +45,9 @@ class Description:
         head = (*astuple(self.preset), *self.friction, self.load, self.points, self.segment)
         spec.add_numeric(name=name + _ENDING, data=[*map(float, head), *self.cores])
         kinds = [mujoco.mjtObj.mjOBJ_GEOM] * len(self.geoms)
-        spec.add_tuple(name=name + _ENDING, objtype=kinds, objname=list(self.geoms), objprm=list(self.weights))
+        spec.add_tuple(
+            name=name + _ENDING, objtype=kinds, objname=list(self.geoms), objprm=list(self.weights)
+        )
 
 
 def descriptions(spec: mujoco.MjSpec) -> dict[str, Description]:
@@ -52,7 +55,10 @@ def descriptions(spec: mujoco.MjSpec) -> dict[str, Description]:
     numbers = {numeric.name: list(numeric.data) for numeric in spec.numerics}
     return {
         each.name.removesuffix(_ENDING): Description(
-            *_head(numbers[each.name]), tuple(each.objname), tuple(each.objprm), tuple(numbers[each.name][_HEAD:])
+            *_head(numbers[each.name]),
+            tuple(each.objname),
+            tuple(each.objprm),
+            tuple(numbers[each.name][_HEAD:]),
         )
         for each in spec.tuples
         if _ENDING in each.name and each.name in numbers
@@ -76,7 +82,8 @@ class TracksInModel:
         owner = model.geom_bodyid[self.geoms]
         self.bodies = owner[np.sort(np.unique(owner, return_index=True)[1])]  # (T,)
         self.names = tuple(model.body(body).name.removesuffix(_TRACK) for body in self.bodies)
-        self.track = (owner[:, None] == self.bodies).argmax(axis=1)  # (G,) index of each geom's track
+        # (G,) index of each geom's track
+        self.track = (owner[:, None] == self.bodies).argmax(axis=1)
         self.direction = _directions(model, self.geoms)
         """Surface velocities (G, 6) in the geoms' frames at a belt speed of 1 m/s."""
         round_ = self.direction[:, 3:].any(axis=1) & (owner == self.bodies[0])
@@ -87,7 +94,9 @@ class TracksInModel:
         beside = (place[:, [0, 2]] == place[0, [0, 2]]).all(axis=1)
         shares = self.weights[round_][beside]
         self.lines = np.column_stack([place[beside, 1], shares / shares.sum()])
-        """Lines of contact (L, 2): lateral distance from the belt's middle [m], and share of the load [-]."""
+        """Lines of contact (L, 2): lateral distance from the belt's middle [m], and share of the
+        load [-].
+        """
 
 
 def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
@@ -98,12 +107,17 @@ def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
 
 
 def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
-    """Surface velocities (G, 6): about y for spheres and lateral capsules, along their own z for other capsules."""
+    """Surface velocities (G, 6): about y for spheres and lateral capsules, along their own z for
+    other capsules.
+    """
     direction, axes = np.zeros((len(geoms), 6)), np.zeros((len(geoms), 9))
     for geom, into in zip(geoms, axes, strict=True):
         mujoco.mju_quat2Mat(into, model.geom_quat[geom])
     across, speed = axes.reshape(-1, 3, 3)[:, 1, 2], 1 / model.geom_size[geoms, 0]
-    sphere, lies_across = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE, np.abs(across) > 0.5
+    sphere, lies_across = (
+        model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE,
+        np.abs(across) > 0.5,
+    )
     direction[:, 2] = ~sphere & ~lies_across
     direction[:, 4] = np.where(sphere, speed, 0.0)
     direction[:, 5] = np.where(~sphere & lies_across, np.sign(across) * speed, 0.0)
@@ -111,48 +125,68 @@ def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
 
 
 def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
-    """Set the parameters of the tracks' contact pairs, and the engine options that these pairs need.
+    """Set the parameters of the tracks' contact pairs, and the engine options that these pairs
+    need.
 
-    Raises InvalidValueError for a time step at which the preset isn't stable, for a robot that can't move, and if there
-    are so many contact points that the engine would stiffen them.
+    Raises InvalidValueError for a time step at which the preset isn't stable, for a robot that
+    can't move, and if there are so many contact points that the engine would stiffen them.
     """
     preset = tracks.preset
     require_stable(model.opt.timestep, preset)
     set_options(model.opt, preset)
     body = int(tracks.bodies[0])
-    require(model.body_weldid[body] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
+    require(
+        model.body_weldid[body] != 0,
+        "body",
+        tracks.names[0],
+        "on a body that moves: give the robot a free joint",
+    )
     mass = float(moving_mass(model, body)) * tracks.load
-    model.tree_sleep_policy[model.body_treeid[body]] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER  # belts don't wake robots
+    # belts don't wake robots
+    model.tree_sleep_policy[model.body_treeid[body]] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    rocks = max(mobility(model, tracks, mass), 1.0)  # a robot held on a test rig, for example, has no mobility at all
+    # a robot held on a test rig, for example, has no mobility at all
+    rocks = max(mobility(model, tracks, mass), 1.0)
     grip = preset.grip * preset.regularisation / preset.regularise(gravity, rocks, np.inf)
     place = {int(geom): k for k, geom in enumerate(tracks.geoms)}
     ends = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
     pairs = np.flatnonzero(np.isin(ends, tracks.geoms).any(axis=1))
-    require(pairs.size, "terrain", tracks.names[0], "connected before the model is compiled: see connect")
+    require(
+        pairs.size,
+        "terrain",
+        tracks.names[0],
+        "connected before the model is compiled: see connect",
+    )
     ours = np.isin(ends[pairs], tracks.geoms)
     weight = tracks.weights[[place[geom] for geom in ends[pairs][ours].tolist()]]
     grounds = ends[pairs][~ours]
     softness = model.body_invweight0[body, 0] + model.body_invweight0[model.geom_bodyid[grounds], 0]
     share = mass * softness / tracks.points
     field = model.geom_type[grounds] == mujoco.mjtGeom.mjGEOM_HFIELD  # a geom may touch it anywhere
-    regularisation = preset.regularise(gravity, np.where(field, np.inf, rocks), share * tracks.weights.min())
+    regularisation = preset.regularise(
+        gravity, np.where(field, np.inf, rocks), share * tracks.weights.min()
+    )
     belts, core = preset.contact(gravity, share * weight, regularisation, grip), preset.core()
     hard = model.pair_margin[pairs, None] < 0
     for name in vars(core):
-        getattr(model, f"pair_{name}")[pairs] = np.where(hard, getattr(core, name), getattr(belts, name))
+        getattr(model, f"pair_{name}")[pairs] = np.where(
+            hard, getattr(core, name), getattr(belts, name)
+        )
 
 
 def moving_mass(model: mujoco.MjModel, bodies: NDArray[np.int_] | int) -> Any:
-    """Masses (...) of the robots to which `bodies` (...) belong, without fixed bodies that carry a robot [kg]."""
+    """Masses (...) of the robots to which `bodies` (...) belong, without fixed bodies that carry a
+    robot [kg].
+    """
     return model.body_subtreemass[model.tree_bodyadr[model.body_treeid[bodies]]]
 
 
 def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float:
-    """Largest ratio of a robot's squared natural frequencies on its tracks to its squared heave frequency [-].
+    """Largest ratio of a robot's squared natural frequencies on its tracks to its squared heave
+    frequency [-].
 
-    Each run rests on springs that together carry the robot's `mass` [kg]. The ratio is about 3 for a box that rolls on
-    two tracks, and larger for a light flipper on its hinge.
+    Each run rests on springs that together carry the robot's `mass` [kg]. The ratio is about 3 for
+    a box that rolls on two tracks, and larger for a light flipper on its hinge.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -162,7 +196,9 @@ def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float
     return max(_stiffest(model, data, tracks, mass, run) for run in range(len(tracks.hull.runs)))
 
 
-def _stiffest(model: mujoco.MjModel, data: mujoco.MjData, tracks: TracksInModel, mass: float, run: int) -> float:
+def _stiffest(
+    model: mujoco.MjModel, data: mujoco.MjData, tracks: TracksInModel, mass: float, run: int
+) -> float:
     shape = tracks.hull.runs[run]
     rows = []
     places = 2 if tracks.segment >= shape.length else 5

@@ -22,13 +22,16 @@ _THICKNESS = 0.2  # thickness of a belt, relative to the smallest wheel's radius
 _PITCH = 0.034  # approximate distance between shoes [m]
 _MARKED = 9  # every ninth shoe is painted to make the belt's motion visible
 _BOLTS = 5
-_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # of road wheels, radius / end wheels' radius and distance / own radius
+# of road wheels, radius / end wheels' radius and distance / own radius
+_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6
 _TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # turns a cylinder's axis from z to -y
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """P boxes and lateral cylinders in a body's frame, all of them turned about the body's y axis only."""
+    """P boxes and lateral cylinders in a body's frame, all of them turned about the body's y axis
+    only.
+    """
 
     kind: NDArray[np.int64]  # (P,) BOX or CYLINDER
     size: Array  # (P, 3) half sizes of a box; radius, half width and 0 of a cylinder [m]
@@ -60,7 +63,9 @@ class TrackLook:
         travel = np.asarray(travel, float)
         if not self.belted:
             return _joined([self._wheel(wheel, travel, _TYRE) for wheel in self.hull])
-        return _joined([self._shoes(travel), *(self._wheel(wheel, travel, _WHEEL) for wheel in self._wheels())])
+        return _joined(
+            [self._shoes(travel), *(self._wheel(wheel, travel, _WHEEL) for wheel in self._wheels())]
+        )
 
     @property
     def _thickness(self) -> float:
@@ -71,10 +76,16 @@ class TrackLook:
         return Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist())
 
     def _wheels(self) -> Array:
-        """Wheels to draw (W', 3): those of the hull, shrunk to fit the belt, and road wheels along the lower run."""
+        """Wheels to draw (W', 3): those of the hull, shrunk to fit the belt, and road wheels along
+        the lower run.
+        """
         hull = self._inside(self._thickness)
         k = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])  # the most backward run
-        low, first, last = hull.runs[k], hull.wheels[k, 2], hull.wheels[(k + 1) % len(hull.wheels), 2]
+        low, first, last = (
+            hull.runs[k],
+            hull.wheels[k, 2],
+            hull.wheels[(k + 1) % len(hull.wheels), 2],
+        )
         radius = _ROAD_WHEEL * min(first, last)
         room = low.length - first - last
         count = max(0, int(room // (_ROAD_GAP * radius)))
@@ -107,17 +118,25 @@ class TrackLook:
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
-    kind, size, rgba = (np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba"))
+    kind, size, rgba = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba")
+    )
     position = np.concatenate([part.position for part in parts], axis=-2)
-    return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))
+    return Pieces(
+        kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1)
+    )
 
 
 def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Array) -> None:
-    """Append the pieces on a body at `position` (3,) with `rotation` (3, 3) to a scene, until the scene is full."""
+    """Append the pieces on a body at `position` (3,) with `rotation` (3, 3) to a scene, until the
+    scene is full.
+    """
     where = position + pieces.position @ rotation.T
     turn = (rotation @ pieces.rotation).reshape(-1, 9)
     colour = pieces.rgba.astype(np.float32)
-    for kind, size, at, matrix, rgba in zip(pieces.kind, pieces.size, where, turn, colour, strict=True):
+    for kind, size, at, matrix, rgba in zip(
+        pieces.kind, pieces.size, where, turn, colour, strict=True
+    ):
         if scene.ngeom == scene.maxgeom:
             return
         geom = scene.geoms[scene.ngeom]
@@ -127,7 +146,8 @@ def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Arra
 
 
 class DrawnTracks:
-    """Drawing of a compiled model's tracks with moving belts and wheels; the colliding geoms are hidden in group 3.
+    """Drawing of a compiled model's tracks with moving belts and wheels; the colliding geoms are
+    hidden in group 3.
 
     In a loop with MuJoCo's viewer, after each step:
 
@@ -137,13 +157,20 @@ class DrawnTracks:
     """
 
     def __init__(self, belts: Belts, width: float = 0.08) -> None:
-        """Prepare to draw belts with a `width` [m]; raises InvalidValueError unless the width is positive."""
+        """Prepare to draw belts with a `width` [m]; raises InvalidValueError unless the width is
+        positive.
+        """
         require_positive("width", width)
-        self._belts, self._looks = belts, [TrackLook(hull.wheels, 0.0, width) for hull in belts.hulls]
+        self._belts, self._looks = (
+            belts,
+            [TrackLook(hull.wheels, 0.0, width) for hull in belts.hulls],
+        )
         self._travel, self._time = np.zeros(len(belts.names)), 0.0
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
-        """Append the tracks to a scene; the belts are assumed to have kept their current speeds since the last call."""
+        """Append the tracks to a scene; the belts are assumed to have kept their current speeds
+        since the last call.
+        """
         passed = data.time - self._time
         if passed < 0:  # the simulation was reset
             self._travel[:] = passed = 0.0

@@ -1,7 +1,7 @@
 """Hulls of tracks, seen from the right: wheels in a convex chain, and the belt around them.
 
-Coordinates are (x, z), forwards and up. When the robot drives forwards, the belt circulates clockwise: backwards below,
-forwards above.
+Coordinates are (x, z), forwards and up. When the robot drives forwards, the belt circulates
+clockwise: backwards below, forwards above.
 """
 
 from __future__ import annotations
@@ -47,14 +47,18 @@ class BeltSpan:
 
 @dataclass(frozen=True)
 class Hull:
-    """Wheels that bend the belt, in clockwise order, and the runs between them; run i starts at wheel i."""
+    """Wheels that bend the belt, in clockwise order, and the runs between them; run i starts at
+    wheel i.
+    """
 
     wheels: Array  # (W, 3) x, z, radius [m]
     runs: tuple[BeltSpan, ...]
 
     @property
     def longest_below(self) -> float:
-        """Length of the longest run that faces the ground, or of the longest run if none faces it [m]."""
+        """Length of the longest run that faces the ground, or of the longest run if none faces it
+        [m].
+        """
         return max((run.outwards[1] < 0, run.length) for run in self.runs)[1]
 
     @property
@@ -65,12 +69,15 @@ class Hull:
     @property
     def ends(self) -> Array:
         """Distances (2 W,) along the belt to the end of each run and of the arc after it [m]."""
-        bend = np.mod(self.headings - np.roll(self.headings, -1), 2 * np.pi)  # clockwise, on the next wheel
+        # clockwise, on the next wheel
+        bend = np.mod(self.headings - np.roll(self.headings, -1), 2 * np.pi)
         arc = bend * np.roll(self.wheels[:, 2], -1)
         return np.cumsum(np.column_stack([[run.length for run in self.runs], arc]).ravel())
 
     def place(self, distance: Array) -> tuple[Array, Array]:
-        """Points (..., 2) [m] and directions (...) [rad] of the belt at a `distance` (...) along the belt [m]."""
+        """Points (..., 2) [m] and directions (...) [rad] of the belt at a `distance` (...) along
+        the belt [m].
+        """
         ends = self.ends
         s = np.mod(distance, ends[-1])
         piece = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
@@ -91,18 +98,32 @@ class Hull:
         Wheels that don't bend the belt are omitted.
 
         Raises:
-                InvalidValueError: for fewer than two wheels, numbers out of range, and wheels that all lie inside one.
+                InvalidValueError: for fewer than two wheels, numbers out of range, and wheels that
+                    all lie inside one.
         """
         chain = _numbers(wheels)
-        allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
-        fits = np.isfinite(chain).all() and np.abs(chain).max() <= _MAX_SIZE and chain[:, 2].min() >= _MIN_RADIUS
+        allowed = (
+            f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
+        )
+        fits = (
+            np.isfinite(chain).all()
+            and np.abs(chain).max() <= _MAX_SIZE
+            and chain[:, 2].min() >= _MIN_RADIUS
+        )
         require(fits, "hull", chain.tolist(), allowed)
         outer = _outermost(chain)
-        require(len(outer) > 1, "hull", chain.tolist(), "two wheels or more that don't lie inside one another")
+        require(
+            len(outer) > 1,
+            "hull",
+            chain.tolist(),
+            "two wheels or more that don't lie inside one another",
+        )
         normals, following = _tangents(outer), np.roll(outer, -1, axis=0)
         starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (outer, following))
         radii = np.minimum(outer[:, 2], following[:, 2])
-        return cls(outer, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
+        return cls(
+            outer, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True))
+        )
 
 
 def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
@@ -118,19 +139,25 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
 
 
 def _outermost(wheels: Array) -> Array:
-    """The wheels (W', 3) that a belt around all `wheels` touches, clockwise from the first of them in `wheels`.
+    """The wheels (W', 3) that a belt around all `wheels` touches, clockwise from the first of them
+    in `wheels`.
 
     Wheels that bend the belt by less than 0.1° may be missing.
     """
-    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # the offset avoids ties between wheels in a row
-    reach = np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
+    # the offset avoids ties between wheels in a row
+    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4
+    reach = (
+        np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
+    )
     touching = reach.argmax(axis=1)
     order = touching[touching != np.roll(touching, 1)]
     return wheels[np.roll(order, -order.argmin())] if order.size else wheels[touching[:1]]
 
 
 def _tangents(chain: Array) -> Array:
-    """Outward normals (W, 2) of the outer tangents from each wheel to the next one, with the hull on their right."""
+    """Outward normals (W, 2) of the outer tangents from each wheel to the next one, with the hull
+    on their right.
+    """
     step = np.roll(chain, -1, axis=0) - chain
     distance = np.hypot(step[:, 0], step[:, 1])
     ahead = step[:, :2] / distance[:, None]

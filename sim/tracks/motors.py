@@ -1,11 +1,13 @@
-"""Belt motors: the belt speeds after a physics step for which motors, belts and ground are in balance.
+"""Belt motors: the belt speeds after a physics step for which motors, belts and ground are in
+balance.
 
-A belt with the inertia J and the sprocket radius r obeys J dw/dt = T - r F for the motor torque T and the traction F.
-The ground responds within a step: where it holds a robot, the traction rises by some 200 robot weights per m/s, so an
-explicit step diverges whatever the belt inertia. A step is therefore implicit: it is repeated until each motor can
-exert the force that its belt needs at the new speed. That force may have any value within the motor's limits at the set
-point, and is equal to a limit at other speeds. In the engine's contacts, the traction is the gradient of a convex
-function of the speeds, so the solution is unique; quasi-Newton steps find it.
+A belt with the inertia J and the sprocket radius r obeys J dw/dt = T - r F for the motor torque T
+and the traction F. The ground responds within a step: where it holds a robot, the traction rises by
+some 200 robot weights per m/s, so an explicit step diverges whatever the belt inertia. A step is
+therefore implicit: it is repeated until each motor can exert the force that its belt needs at the
+new speed. That force may have any value within the motor's limits at the set point, and is equal to
+a limit at other speeds. In the engine's contacts, the traction is the gradient of a convex function
+of the speeds, so the solution is unique; quasi-Newton steps find it.
 """
 
 from __future__ import annotations
@@ -20,8 +22,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import RobotWarning, counted, require
 
-_TOLERANCE = 0.005  # tolerance on a motor's force, relative to its limit; the next step corrects the error
-_ROUGHNESS = 2e-4  # numerical noise in the ground's forces, which the engine iterates, relative to the robot's weight
+# tolerance on a motor's force, relative to its limit; the next step corrects the error
+_TOLERANCE = 0.005
+# numerical noise in the ground's forces, which the engine iterates, relative to the robot's weight
+_ROUGHNESS = 2e-4
 
 Floats = NDArray[Any]
 Rows = NDArray[Any]
@@ -58,7 +62,8 @@ class Motors:
         shape = size, len(radius)
         self._radius, self._noise = radius, _ROUGHNESS * weight / len(radius)
         self._least = np.eye(len(radius)) * slope / len(radius)  # (T, T)
-        self._slope = np.zeros((*shape, len(radius)))  # (N, T, T) slopes of the traction over belt speed
+        # (N, T, T) slopes of the traction over belt speed
+        self._slope = np.zeros((*shape, len(radius)))
         self._state = np.zeros((9, *shape))
         self._goal, self._change, self._late, self._inertia, self._limit = self._state[:5]
         self.speed, self._torque, self._power, self._energy = self._state[5:]
@@ -76,8 +81,16 @@ class Motors:
         """Restore a state from `get_state`."""
         self._state[:], self._slope[:] = state
 
-    def set(self, rows: NDArray[np.int_], speeds: Floats, torque_limit: ArrayLike | None, inertia: ArrayLike) -> None:
-        """Change set points (R, T) in the simulations `rows`; belts without a limit reach these speeds at once."""
+    def set(
+        self,
+        rows: NDArray[np.int_],
+        speeds: Floats,
+        torque_limit: ArrayLike | None,
+        inertia: ArrayLike,
+    ) -> None:
+        """Change set points (R, T) in the simulations `rows`; belts without a limit reach these
+        speeds at once.
+        """
         shape = len(rows), self.speed.shape[1]
         limit: ArrayLike = np.inf
         if torque_limit is not None:
@@ -98,14 +111,19 @@ class Motors:
         return bool(np.isfinite(self._limit[rows]).any())
 
     def hold(self, rows: NDArray[np.int_], step: float, traction: Floats) -> NDArray[np.bool_]:
-        """Advance the simulations with motors that are strong enough for their set points; return their mask (R,).
+        """Advance the simulations with motors that are strong enough for their set points; return
+        their mask (R,).
 
         `traction` (R, S, T) has the tractions at the set points in S physics steps [N].
         """
         goal, start, limit = self._goal[rows], self.speed[rows], self._limit[rows] / self._radius
         force = traction.copy()
-        force[:, 0] += (self._inertia[rows] / self._radius**2 * (goal - start) - self._late[rows]) / step
-        held: NDArray[np.bool_] = np.logical_and.reduce(np.abs(force) <= limit[:, None], axis=(1, 2))
+        force[:, 0] += (
+            self._inertia[rows] / self._radius**2 * (goal - start) - self._late[rows]
+        ) / step
+        held: NDArray[np.bool_] = np.logical_and.reduce(
+            np.abs(force) <= limit[:, None], axis=(1, 2)
+        )
         power = force * goal[:, None]
         power[:, 0] = force[:, 0] * (start + goal) / 2
         kept = rows[held]
@@ -116,18 +134,24 @@ class Motors:
 
     def read(self, rows: int | slice = slice(None)) -> MotorReading:
         """Motor readings (N, T), or (T,) for a single simulation."""
-        return MotorReading(*(each[rows].copy() for each in (self._torque, self.speed, self._power, self._energy)))
+        return MotorReading(
+            *(each[rows].copy() for each in (self._torque, self.speed, self._power, self._energy))
+        )
 
     def advance(
-        self, rows: NDArray[np.int_], step: float, attempt: Callable[[NDArray[np.int_], Floats], Floats]
+        self,
+        rows: NDArray[np.int_],
+        step: float,
+        attempt: Callable[[NDArray[np.int_], Floats], Floats],
     ) -> None:
         """Advance the simulations `rows` by one physics step.
 
         Args:
             rows: the simulations (R,).
             step: the physics step [s].
-            attempt: steps the simulations (A,) from their state before the step at belt speeds (A, T) [m/s], and
-                returns the tractions (A, T) [N]. Each simulation keeps the result of its last attempt.
+            attempt: steps the simulations (A,) from their state before the step at belt speeds (A,
+                T) [m/s], and returns the tractions (A, T) [N]. Each simulation keeps the result of
+                its last attempt.
         """
         radius, start, goal = self._radius, self.speed[rows], self._goal[rows]
         mass, limit = self._inertia[rows] / radius**2, self._limit[rows] / radius
@@ -139,7 +163,9 @@ class Motors:
             speed=np.where(short, guess, goal),
             slope=self._slope[rows],
             tolerance=_TOLERANCE * np.where(np.isinf(limit), 0.0, limit) + self._noise,
-            required=lambda going, speed, traction: mass[going] / step * speed - offset[going] + traction,
+            required=lambda going, speed, traction: (
+                mass[going] / step * speed - offset[going] + traction
+            ),
             limits=lambda going, _: (-limit[going], limit[going]),
             stiffness=lambda going, _: mass[going] / step,
         )
@@ -165,49 +191,72 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float =
 
 @dataclass
 class Balance:
-    """Balance of T belt motors on each of R robots in a step, in consistent units of force (or torque) and speed."""
+    """Balance of T belt motors on each of R robots in a step, in consistent units of force (or
+    torque) and speed.
+    """
 
     goal: Floats  # (R, T) set points of the speeds
     speed: Floats  # (R, T) speeds to try first
-    slope: Floats  # (R, T, T) approximate slopes of the traction over the speeds, which `solve` improves
+    # (R, T, T) approximate slopes of the traction over the speeds, which `solve` improves
+    slope: Floats
     tolerance: Floats  # (R, T) tolerance on the motors' forces
     required: Callable[[Rows, Floats, Floats], Floats]
-    """Forces (A, T) that the belts of robots (A,) need at speeds and tractions (A, T); they rise with the speed."""
+    """Forces (A, T) that the belts of robots (A,) need at speeds and tractions (A, T); they rise
+    with the speed.
+    """
     limits: Callable[[Rows, Floats], tuple[Floats, Floats]]
     """Smallest and largest forces (A, T) of the motors on robots (A,) at speeds (A, T)."""
     stiffness: Callable[[Rows, Floats], Floats]
-    """Slopes (A, T) at speeds (A, T) of `required` minus those of `limits`, for a constant traction."""
+    """Slopes (A, T) at speeds (A, T) of `required` minus those of `limits`, for a constant
+    traction.
+    """
 
     def solve(self, attempt: Callable[[Rows, Floats], Floats]) -> tuple[Floats, Floats]:
-        """Find the speeds, store them in `speed`, and return tractions and motor forces (R, T) at these speeds.
+        """Find the speeds, store them in `speed`, and return tractions and motor forces (R, T) at
+        these speeds.
 
-        `attempt` steps robots (A,) from their state before the step, at speeds (A, T), and returns tractions (A, T).
-        Each robot keeps the result of its last attempt; a RobotWarning reports robots that haven't converged after 40
-        attempts.
+        `attempt` steps robots (A,) from their state before the step, at speeds (A, T), and returns
+        tractions (A, T). Each robot keeps the result of its last attempt; a RobotWarning reports
+        robots that haven't converged after 40 attempts.
         """
         going = np.arange(len(self.goal))
         tried, traction, force = self.speed.copy(), *np.zeros((2, *self.goal.shape))
-        base = tried.copy(), *np.zeros((2, *self.goal.shape))  # speed, traction and excess, from which a search begins
+        # speed, traction and excess, from which a search begins
+        base = tried.copy(), *np.zeros((2, *self.goal.shape))
         for _ in range(_ATTEMPTS):
             tried[going] = self.speed[going]
             traction[going] = attempt(going, tried[going])
             force[going], excess = self._force(going, tried[going], traction[going])
             further: Rows = np.logical_or.reduce(np.abs(excess) > self.tolerance[going], axis=1)
             with np.errstate(all="ignore"):  # in case a simulation diverges
-                self._next(going, tried[going], traction[going], force[going], excess, base, further)
+                self._next(
+                    going, tried[going], traction[going], force[going], excess, base, further
+                )
             going = going[further]
             if not going.size:
                 break
         else:
-            what = f"after {_ATTEMPTS} attempts in a step, motors are not in balance with the ground"
-            warnings.warn(f"{what}: those of {counted(len(going), 'robot')}", RobotWarning, stacklevel=4)
+            what = (
+                f"after {_ATTEMPTS} attempts in a step, motors are not in balance with the ground"
+            )
+            warnings.warn(
+                f"{what}: those of {counted(len(going), 'robot')}", RobotWarning, stacklevel=4
+            )
         self.speed = tried
         return traction, force
 
     def _force(self, rows: Rows, speed: Floats, traction: Floats) -> tuple[Floats, Floats]:
-        """Motor forces (A, T), and the excess (A, T) of the required forces over the motor forces."""
-        needed, (least, most), goal = self.required(rows, speed, traction), self.limits(rows, speed), self.goal[rows]
-        force = np.where(speed == goal, np.clip(needed, least, most), np.where(speed < goal, most, least))
+        """Motor forces (A, T), and the excess (A, T) of the required forces over the motor
+        forces.
+        """
+        needed, (least, most), goal = (
+            self.required(rows, speed, traction),
+            self.limits(rows, speed),
+            self.goal[rows],
+        )
+        force = np.where(
+            speed == goal, np.clip(needed, least, most), np.where(speed < goal, most, least)
+        )
         return force, needed - force
 
     def _next(
@@ -220,28 +269,42 @@ class Balance:
         base: tuple[Floats, ...],
         further: Rows,
     ) -> None:
-        """Update the slopes, and choose the next speeds to try for the robots in the mask `further` (A,)."""
+        """Update the slopes, and choose the next speeds to try for the robots in the mask `further`
+        (A,).
+        """
         moved = speed - base[0][rows]
-        self.slope[rows] = _updated(self.slope[rows], moved, traction - base[1][rows], self.tolerance[rows])
+        self.slope[rows] = _updated(
+            self.slope[rows], moved, traction - base[1][rows], self.tolerance[rows]
+        )
         if not further.any():
             return
         parts = rows, speed, traction, force, excess, moved
         rows, speed, traction, force, excess, moved = (each[further] for each in parts)
-        goal, slope, from_speed, from_excess = self.goal[rows], self.slope[rows], base[0][rows], base[2][rows]
-        short, over = -(from_excess * moved).sum(axis=1), (excess * moved).sum(axis=1)  # the excess rises along a line
+        goal, slope, from_speed, from_excess = (
+            self.goal[rows],
+            self.slope[rows],
+            base[0][rows],
+            base[2][rows],
+        )
+        # the excess rises along a line
+        short, over = -(from_excess * moved).sum(axis=1), (excess * moved).sum(axis=1)
 
         whole = slope + self.stiffness(rows, speed)[..., None] * np.eye(speed.shape[1])
         to = _newton(whole, excess, speed, goal, force)
 
-        back = ((over > 0.7 * short) & (short > 0))[:, None]  # far past zero excess: try a speed in between
-        part = np.maximum(short / np.where(back[:, 0], short + over, 1.0), 0.3)[:, None]  # at most 1 / 1.7
+        # far past zero excess: try a speed in between
+        back = ((over > 0.7 * short) & (short > 0))[:, None]
+        # at most 1 / 1.7
+        part = np.maximum(short / np.where(back[:, 0], short + over, 1.0), 0.3)[:, None]
         self.speed[rows] = np.where(back, from_speed + part * moved, to)
         for began, now in zip(base, (speed, traction, excess), strict=True):
             began[rows] = np.where(back, began[rows], now)
 
 
 def _newton(slope: Floats, excess: Floats, speed: Floats, goal: Floats, force: Floats) -> Floats:
-    """Speeds (A, T) without excess force, given slopes (A, T, T); no belt moves past its set point."""
+    """Speeds (A, T) without excess force, given slopes (A, T, T); no belt moves past its set
+    point.
+    """
     each = np.eye(speed.shape[1])
     moving, to = (speed != goal) | (excess != 0), speed
     for _ in each:
@@ -251,13 +314,15 @@ def _newton(slope: Floats, excess: Floats, speed: Floats, goal: Floats, force: F
         to = np.where(moving, speed - np.linalg.solve(alone, left[..., None])[..., 0], to)
         passes = moving & (force * (to - goal) > 0)
         part = np.where(passes, (goal - speed) / np.where(passes, to - speed, 1.0), np.inf)
-        first = passes & (part == part.min(axis=1, keepdims=True))  # stays at its set point; next, solve for the others
+        # stays at its set point; next, solve for the others
+        first = passes & (part == part.min(axis=1, keepdims=True))
         to, moving = np.where(first, goal, to), moving & ~first
     return to
 
 
 def _updated(slope: Floats, moved: Floats, risen: Floats, noise: Floats) -> Floats:
-    """Slopes (A, T, T) that explain the rise in tractions (A, T) after a change in speeds `moved` (A, T).
+    """Slopes (A, T, T) that explain the rise in tractions (A, T) after a change in speeds `moved`
+    (A, T).
 
     The update is that of Broyden, Fletcher, Goldfarb and Shanno with Powell's damping.
     """
@@ -265,10 +330,13 @@ def _updated(slope: Floats, moved: Floats, risen: Floats, noise: Floats) -> Floa
     expected = (moved * along).sum(axis=1)[:, None, None]
     clear = (np.maximum(np.abs(along), np.abs(risen)) > noise).any(axis=1)[:, None, None]
     moves = (expected > 0) & clear
-    # if the traction rises by less than _FLATTEST of the expected rise, mix both rises to keep the slope positive
+    # if the traction rises by less than _FLATTEST of the expected rise, mix both rises to keep the
+    # slope positive
     rise = (moved * risen).sum(axis=1)[:, None, None]
     flat = rise < _FLATTEST * expected
-    part = np.where(flat, (1 - _FLATTEST) * expected / np.where(flat, expected - rise, 1.0), 1.0)[..., 0]
+    part = np.where(flat, (1 - _FLATTEST) * expected / np.where(flat, expected - rise, 1.0), 1.0)[
+        ..., 0
+    ]
     risen = part * risen + (1 - part) * along
     rise = np.maximum(rise, _FLATTEST * expected)
     before = along[:, :, None] * along[:, None] / np.where(moves, expected, 1.0)

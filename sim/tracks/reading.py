@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from trackslip.errors import TrackslipError
 
 SENSED_WIDTH = 14
-"""Number of values per contact that a sensor reports: found, force 3, distance, normal 3, tangent 3, velocity 3."""
+"""Number of values per contact that a sensor reports: found, force 3, distance, normal 3, tangent
+3, velocity 3.
+"""
 _STILL = 1e-9  # a belt slower than this stands still [m/s]
 _CRAWLING = 1e-3  # mean belt speed below which the slip over a period is undefined [m/s]
 _COMPLETE = 0.005  # largest share of the load that contacts left out by a sensor may carry [-]
@@ -22,24 +24,34 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reading:
-    """Forces and motion of T tracks in the last physics step; for a batch with a leading axis (N, T)."""
+    """Forces and motion of T tracks in the last physics step; for a batch with a leading axis (N,
+    T).
+    """
 
     traction: Floats
-    """Force of the ground along the belt, positive forwards (..., T) [N]; times belt speed, it is the belt's power."""
+    """Force of the ground along the belt, positive forwards (..., T) [N]; times belt speed, it is
+    the belt's power.
+    """
     load: Floats
     """Sum of the normal forces (..., T) [N]."""
     sliding: Floats
-    """Belt speed minus the track's speed over the ground, weighted by load (..., T) [m/s]; NaN in the air."""
+    """Belt speed minus the track's speed over the ground, weighted by load (..., T) [m/s]; NaN in
+    the air.
+    """
     belt: Floats
     """Speed of the belt (..., T) [m/s]."""
     slip: Floats
-    """1 - speed over ground / belt speed (..., T) [-]; NaN in the air or when the belt stands still."""
+    """1 - speed over ground / belt speed (..., T) [-]; NaN in the air or when the belt stands
+    still.
+    """
     touching: NDArray[np.bool_]
     """Mask (..., T) of the tracks that touch anything."""
     depth: Floats
     """Largest penetration depth (..., T) [m]."""
     missing: Floats
-    """Largest possible share of the load (..., T) on contacts for which the sensor had no slot [-]."""
+    """Largest possible share of the load (..., T) on contacts for which the sensor had no slot
+    [-].
+    """
 
     @classmethod
     def none(cls, *shape: int) -> Reading:
@@ -52,20 +64,37 @@ class Reading:
     def joined(cls, readings: Sequence[Reading]) -> Reading:
         """Join consecutive readings (N, steps, T) along the axis of steps."""
         names = vars(readings[0])
-        return cls(*(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names))
+        return cls(
+            *(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names)
+        )
 
     def mean(self) -> Reading:
-        """Means (N, T) over the steps of a reading (N, steps, T), except maxima for depth and missing share.
+        """Means (N, T) over the steps of a reading (N, steps, T), except maxima for depth and
+        missing share.
 
-        Mean slip is the sum of the belts' sliding over the sum of their travel in contact; NaN if they hardly moved.
+        Mean slip is the sum of the belts' sliding over the sum of their travel in contact; NaN if
+        they hardly moved.
         """
         steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
-        slid, driven = (np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt))
+        slid, driven = (
+            np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt)
+        )
         sliding, slip = np.full((2, *slid.shape), np.nan)
         np.divide(slid, self.touching.sum(axis=1), out=sliding, where=touched)
         np.divide(slid, driven, out=slip, where=touched & (np.abs(driven) > _CRAWLING * steps))
-        traction, load, belt = (values.mean(axis=1) for values in (self.traction, self.load, self.belt))
-        return Reading(traction, load, sliding, belt, slip, touched, self.depth.max(axis=1), self.missing.max(axis=1))
+        traction, load, belt = (
+            values.mean(axis=1) for values in (self.traction, self.load, self.belt)
+        )
+        return Reading(
+            traction,
+            load,
+            sliding,
+            belt,
+            slip,
+            touched,
+            self.depth.max(axis=1),
+            self.missing.max(axis=1),
+        )
 
     def __getitem__(self, rows: Any) -> Reading:
         """The reading for the simulations `rows`."""
@@ -77,7 +106,9 @@ class Reading:
             getattr(self, name)[rows] = values
 
     def complete(self, names: Sequence[str]) -> Reading:
-        """Return this reading for tracks `names` (T,); raises TrackslipError if contacts with much load are missing."""
+        """Return this reading for tracks `names` (T,); raises TrackslipError if contacts with much
+        load are missing.
+        """
         if (self.missing > _COMPLETE).any():
             track = names[int(np.argmax(self.missing)) % len(names)]
             what = f"track {track} touches the terrain at more points than its sensor reports"
@@ -91,7 +122,8 @@ def read_contacts(
     """Reading (..., T) of tracks from all of their contacts.
 
     Args:
-        sensed: reports of the contact sensors (SENSED_WIDTH, C), those of each track with the largest forces first.
+        sensed: reports of the contact sensors (SENSED_WIDTH, C), those of each track with the
+            largest forces first.
         owner: index of each contact's track (C,) in the flattened (..., T), in ascending order.
         lost: number (..., T) of contacts with smaller forces, which the sensors don't report.
         lateral: leftward axes of the tracks (..., T, 3), in the world's frame.
@@ -101,11 +133,14 @@ def read_contacts(
     normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
 
     def total(values: Floats) -> Floats:
-        """Sums (..., T) over contacts in their order, so that a track's sum is bitwise independent of other tracks."""
+        """Sums (..., T) over contacts in their order, so that a track's sum is bitwise independent
+        of other tracks.
+        """
         sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
         return sums.reshape(speeds.shape)
 
-    # direction of the belt's motion in the contact's frame: perpendicular to the normal and the wheels' axes
+    # direction of the belt's motion in the contact's frame: perpendicular to the normal and the
+    # wheels' axes
     left = lateral.reshape(-1, 3)[owner].T
     first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)
@@ -121,12 +156,18 @@ def read_contacts(
     smallest[owner] = weight  # each track's last contact has its smallest force
     left_out = lost * smallest.reshape(speeds.shape)
     missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
-    slip = np.divide(sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL)
-    return Reading(traction, load, sliding, speeds, slip, touching, depth.reshape(speeds.shape), missing)
+    slip = np.divide(
+        sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL
+    )
+    return Reading(
+        traction, load, sliding, speeds, slip, touching, depth.reshape(speeds.shape), missing
+    )
 
 
 def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
     product: Floats = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
     )
     return product

@@ -24,7 +24,9 @@ from trackslip.errors import (
 )
 
 Lines = tuple[tuple[float, float], ...]
-"""Lines of contact: lateral distance from the belt's middle [m], and share of the belt's load [-]."""
+"""Lines of contact: lateral distance from the belt's middle [m], and share of the belt's load
+[-].
+"""
 WHEEL_WEIGHT = 0.5
 """Load on a wheel that stands on a plane, relative to the load on a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
@@ -42,16 +44,20 @@ class Part:
 
     name: str  # added to the body's name
     shape: dict[str, Any]
-    """Type, position and size in the track's frame; the z axis of a capsule along a run is the belt's direction."""
+    """Type, position and size in the track's frame; the z axis of a capsule along a run is the
+    belt's direction.
+    """
     weight: float  # stiffness relative to a capsule's end [-]
     cored: bool  # whether it has a core, because it may land alone; see `sim.tracks.connect`
     edge: bool = False  # whether it is on an edge of a belt with several lines of contact
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> tuple[Part, ...]:
-    """Geoms of a track in its frame, with `segments` capsules per line along the longest run that faces the ground.
+    """Geoms of a track in its frame, with `segments` capsules per line along the longest run that
+    faces the ground.
 
-    Each run that faces up, and only touches the ground under an overturned robot, is a single capsule.
+    Each run that faces up, and only touches the ground under an overturned robot, is a single
+    capsule.
     """
     parts = []
     for k, (y, share) in enumerate(lines):
@@ -59,21 +65,31 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> t
         for part in _line(hull, segments, anisotropic):
             x, _, z = part.shape["pos"]
             name, shape = f"{part.name}_{k}" if k else part.name, part.shape | {"pos": [x, y, z]}
-            parts.append(replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge))
+            parts.append(
+                replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge)
+            )
     return tuple(parts)
 
 
-def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool) -> tuple[Part, ...]:
-    """Geoms of wheels without a belt, two per wheel, with the spread of an even pressure over a `patch` [m]."""
-    places = [(x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)]
+def wheel_parts(
+    wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool
+) -> tuple[Part, ...]:
+    """Geoms of wheels without a belt, two per wheel, with the spread of an even pressure over a
+    `patch` [m].
+    """
+    places = [
+        (x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)
+    ]
     parts = [_wheel(i, x, z, radius, anisotropic) for i, (x, z, radius) in enumerate(places)]
     return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
 
 
 def lines_across(width: float) -> Lines:
-    """Lines of contact across a belt of this width [m]: in its middle and, unless the width is 0, at its edges.
+    """Lines of contact across a belt of this width [m]: in its middle and, unless the width is 0,
+    at its edges.
 
-    Their shares of the load have the second moment of an even pressure, through which the width affects turning.
+    Their shares of the load have the second moment of an even pressure, through which the width
+    affects turning.
     """
     return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else ((0.0, 1.0),)
 
@@ -84,9 +100,11 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
     for i, run in enumerate(hull.runs):
         below = bool(run.outwards[1] < 0)
         count = max(1, round(segments * run.length / longest)) if below else 1
-        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # small enough for opposite runs not to overlap
+        # small enough for opposite runs not to overlap
+        radius = min(run.radius / 2, _MAX_RUN_RADIUS)
         middle = (run.start + run.end) / 2 - radius * run.outwards
-        turn = np.arctan2(run.along[0], run.along[1])  # angle about y, from z to the belt's direction
+        # angle about y, from z to the belt's direction
+        turn = np.arctan2(run.along[0], run.along[1])
         for j, (start, end) in enumerate(_chain(run.length, count)):
             x, z = middle + (start + end) / 2 * run.along
             shape = {
@@ -104,10 +122,10 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
 def _chain(length: float, count: int) -> NDArray[np.float64]:
     """Ends (count, 2) of the capsules along a run, measured from the run's middle [m].
 
-    Together with the wheels at the run's ends, each of which carries half a point's load, the ends are spread like an
-    even load: their steps are equal, on a chain shorter than the run, with a mean distance of length / 4 from the
-    middle. Each capsule reaches past the beginning of the next one, which leaves no gap for an edge. A single capsule
-    is as long as the run.
+    Together with the wheels at the run's ends, each of which carries half a point's load, the ends
+    are spread like an even load: their steps are equal, on a chain shorter than the run, with a
+    mean distance of length / 4 from the middle. Each capsule reaches past the beginning of the next
+    one, which leaves no gap for an edge. A single capsule is as long as the run.
     """
     if count == 1:
         return np.array([[-length / 2, length / 2]])
@@ -118,9 +136,14 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
 
 def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
     if not anisotropic:
-        sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
+        sphere = {
+            "type": mujoco.mjtGeom.mjGEOM_SPHERE,
+            "pos": [x, 0.0, z],
+            "size": [radius, 0.0, 0.0],
+        }
         return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, True)
-    # on a plane, only a capsule's contact frame turns with the robot; a capsule touches at both ends
+    # on a plane, only a capsule's contact frame turns with the robot; a capsule touches at both
+    # ends
     across = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
         "pos": [x, 0.0, z],
@@ -135,8 +158,9 @@ class Track(Checked):
     """A track, or a pair of tracks."""
 
     half_gauge: float
-    """Half the distance between the middles of a pair of tracks; for a single track, its distance to the left or right
-    of the body's frame, which may be 0 [m]."""
+    """Half the distance between the middles of a pair of tracks; for a single track, its distance
+    to the left or right of the body's frame, which may be 0 [m].
+    """
     hull: Sequence[Sequence[float]]
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     preset: str | Preset = "accurate"
@@ -150,12 +174,18 @@ class Track(Checked):
     load: float = checked(1.0, require_positive, 1.0)
     """Share of the robot's weight on these tracks when the robot stands on them [-]."""
     segments: int | None = None
-    """Number of capsules along the longest lower run. By default it is the preset's, or larger for a robot so wide for
-    its length that exact turns need it; for a single track, such as a flipper's, it is two."""
+    """Number of capsules along the longest lower run. By default it is the preset's, or larger for
+    a robot so wide for its length that exact turns need it; for a single track, such as a
+    flipper's, it is two.
+    """
     width: float = checked(0.0, require_non_negative)
-    """Width of the belts on the ground, with three lines of contact; 0 for a single line in the middle [m]."""
+    """Width of the belts on the ground, with three lines of contact; 0 for a single line in the
+    middle [m].
+    """
     contact: str = TRACKS
-    """Kind of contact: "tracks", or "wheels" for the hull's wheels without a belt, with one speed per side."""
+    """Kind of contact: "tracks", or "wheels" for the hull's wheels without a belt, with one speed
+    per side.
+    """
     patch_length: float = 0.1
     """Length of a wheel's contact with a plane [m]."""
 
@@ -165,7 +195,12 @@ class Track(Checked):
         most = f"at most {_MAX_HALF_GAUGE:g} m"
         require(abs(self.half_gauge) <= _MAX_HALF_GAUGE, "half_gauge", self.half_gauge, most)
         super().__post_init__()
-        require(np.shape(self.friction) == (2,), "friction", self.friction, "two coefficients, along and across")
+        require(
+            np.shape(self.friction) == (2,),
+            "friction",
+            self.friction,
+            "two coefficients, along and across",
+        )
         for value in self.friction:
             require_positive("friction", value, _MAX_FRICTION)
         load_preset(self.preset)
@@ -178,7 +213,12 @@ class Track(Checked):
         if self.contact == WHEELS:
             require_positive("patch_length", self.patch_length)
             smallest, patch = 2 * min(radius for _, _, radius in self.hull), self.patch_length
-            require(patch < smallest, "patch_length", patch, f"less than the wheels' diameter, {smallest:g} m")
+            require(
+                patch < smallest,
+                "patch_length",
+                patch,
+                f"less than the wheels' diameter, {smallest:g} m",
+            )
 
     @property
     def sides(self) -> tuple[tuple[str, float], ...]:
@@ -187,12 +227,16 @@ class Track(Checked):
 
     @property
     def segment_count(self) -> int:
-        """Number of capsules along the longest lower run; even for a pair unless `segments` states it."""
+        """Number of capsules along the longest lower run; even for a pair unless `segments` states
+        it.
+        """
         if self.segments is not None:
             return self.segments
         if self.side != "both":
             return 2
-        points = track_points(self.half_gauge, Hull.from_wheels(self.hull).longest_below, load_preset(self.preset))
+        points = track_points(
+            self.half_gauge, Hull.from_wheels(self.hull).longest_below, load_preset(self.preset)
+        )
         return 2 * math.ceil(points / 4)
 
     def parts(self) -> tuple[Part, ...]:

@@ -1,8 +1,10 @@
-"""Options and observations of the environment trackslip/Traverse-v0; with F flippers, float32 (10 + 2 F + 45,).
+"""Options and observations of the environment trackslip/Traverse-v0; with F flippers, float32 (10 +
+2 F + 45,).
 
-Observations consist of attitude, rates, position on the course, belts, flippers (tips up) and a map of ground heights
-above the lowest point of the level robot. The map is aligned with the robot's heading, with columns at the distances
-`AHEAD` in front of the robot and rows at `ASIDE` to its left; it is flattened row by row.
+Observations consist of attitude, rates, position on the course, belts, flippers (tips up) and a map
+of ground heights above the lowest point of the level robot. The map is aligned with the robot's
+heading, with columns at the distances `AHEAD` in front of the robot and rows at `ASIDE` to its
+left; it is flattened row by row.
 """
 
 from __future__ import annotations
@@ -42,7 +44,9 @@ class SensorNoise(Checked):
     """Standard deviations of Gaussian noise in the observations, independent between steps."""
 
     attitude: float = checked(0.0, require_non_negative, 10.0)
-    """Noise in each component of the vertical in the robot's frame [-]; its errors are small angles [rad]."""
+    """Noise in each component of the vertical in the robot's frame [-]; its errors are small angles
+    [rad].
+    """
     rate: float = checked(0.0, require_non_negative, 10.0)
     """Noise in the roll, pitch and yaw rates [rad/s]."""
     position: float = checked(0.0, require_non_negative, 10.0)
@@ -65,14 +69,23 @@ class CrossingLayout:
         flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
         observed = (
             *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
-            *((Element(f"{rate} rate", "rad/s", 2.0, 2.0), noise.rate) for rate in ("roll", "pitch", "yaw")),
+            *(
+                (Element(f"{rate} rate", "rad/s", 2.0, 2.0), noise.rate)
+                for rate in ("roll", "pitch", "yaw")
+            ),
             (Element("distance from the middle, to the left", "m", 1.0, 2.0), noise.position),
             (Element("heading on the course", "rad", np.pi), noise.heading),
-            *((Element(f"{side} belt speed", "m/s", world.top_speed), noise.speed) for side in ("left", "right")),
+            *(
+                (Element(f"{side} belt speed", "m/s", world.top_speed), noise.speed)
+                for side in ("left", "right")
+            ),
             *((Element(f"{name} angle", "rad", quarter, 2.0), noise.flipper) for name in flippers),
             *((Element(f"{name} set point", "rad", quarter, 2.0), 0.0) for name in flippers),
             *(
-                (Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0), noise.height)
+                (
+                    Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0),
+                    noise.height,
+                )
                 for y in ASIDE
                 for x in AHEAD
             ),
@@ -87,7 +100,9 @@ class CrossingLayout:
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
 
     def observation(self, world: Traverse, seeds: Sequence[int]) -> Floats:
-        """Observations (N, n) of all robots; the noise depends on `seeds` (N,) and on the time since each run began."""
+        """Observations (N, n) of all robots; the noise depends on `seeds` (N,) and on the time
+        since each run began.
+        """
         state = world.state
         heading, position = state.heading, state.position
         around = position[:, None, :2] + se2.rotate(heading[:, None], self._around)
@@ -95,14 +110,21 @@ class CrossingLayout:
         whole = np.concatenate(
             [
                 *(state.rotation[:, 2], state.rate, position[:, 1:2], heading[:, None]),
-                *(world.servo.speed, world.tracked.flipper_angles(state.qpos), world.servo.angle, heights),
+                *(
+                    world.servo.speed,
+                    world.tracked.flipper_angles(state.qpos),
+                    world.servo.angle,
+                    heights,
+                ),
             ],
             axis=1,
         )
         if self._noise.any():
             steps = np.rint(world.time / world.period).astype(int)
             generators = map(np.random.default_rng, zip(seeds, steps, strict=True))
-            whole += self._noise * [generator.standard_normal(len(self._noise)) for generator in generators]
+            whole += self._noise * [
+                generator.standard_normal(len(self._noise)) for generator in generators
+            ]
         return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)
 
 
@@ -110,15 +132,16 @@ class CrossingLayout:
 class CrossingReward(Checked):
     """Reward for a step: a sum of terms, which `info` lists by name.
 
-    progress            weight_progress times the distance gained towards the goal [m]
-    energy              -weight_energy times the belts' work on the ground over the robot's weight [m]
-    time                -weight_time times the control period
-    change              -weight_change times the mean square of the change in the action
-    end                 weight_reached if the robot has crossed the course; -weight_failed if it tips over, falls,
+    progress            weight_progress times the distance gained towards the goal [m] energy
+    -weight_energy times the belts' work on the ground over the robot's weight [m] time
+    -weight_time times the control period change              -weight_change times the mean square
+    of the change in the action end                 weight_reached if the robot has crossed the
+    course; -weight_failed if it tips over, falls,
                         explodes or is stuck; 0 if time runs out, which truncates the episode
 
-    A failure costs less than standing still for the rest of the episode, even if rewards are discounted by a factor of
-    0.97 per step: a robot that tries and fails earns more than a robot that waits.
+    A failure costs less than standing still for the rest of the episode, even if rewards are
+    discounted by a factor of 0.97 per step: a robot that tries and fails earns more than a robot
+    that waits.
     """
 
     TERMS: ClassVar = ("progress", "energy", "time", "change", "end")
@@ -136,13 +159,18 @@ class CrossingReward(Checked):
     weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """One-time penalty for failing [-]."""
 
-    def terms(self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes) -> tuple[Array, ...]:
+    def terms(
+        self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
+    ) -> tuple[Array, ...]:
         """Terms (N,) of the reward, in the order of `TERMS`.
 
-        The terms depend on the distance gained (N,) [m], the belts' work over the robot's weight (N,) [m], the time
-        passed (N,) [s], the changes in the actions (N, A) and the outcomes of this step (N,).
+        The terms depend on the distance gained (N,) [m], the belts' work over the robot's weight
+        (N,) [m], the time passed (N,) [s], the changes in the actions (N, A) and the outcomes of
+        this step (N,).
         """
-        failed = (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
+        failed = (
+            (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
+        )
         return (
             *(self.weight_progress * gain, -self.weight_energy * work, -self.weight_time * took),
             -self.weight_change * one_by_one(change**2) / change.shape[1],
@@ -162,25 +190,34 @@ class TraverseConfig(OwnTerms):
     robot: RobotSource = "rescue"
     """Name of a robot, its .toml file, or the robot itself."""
     course: str | Course | tuple[str | Course, ...] = RANDOM
-    """Course or courses to draw from in each episode: a course or its name, "random", a name in `FTR_COURSES`, or a
-    .toml file."""
+    """Course or courses to draw from in each episode: a course or its name, "random", a name in
+    `FTR_COURSES`, or a .toml file.
+    """
     difficulty: tuple[float, float] = checked((0.0, 1.0), require_range, 0.0, 1.0)
-    """Range, within 0 to 1, for the difficulty of courses that are drawn anew in each episode [-]."""
+    """Range, within 0 to 1, for the difficulty of courses that are drawn anew in each episode
+    [-].
+    """
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
     kinds: tuple[str, ...] = OBSTACLES
     """Kinds of obstacles from which random courses draw."""
     action: str = "direct"
-    """Meaning of the actions in [-1, 1]: "direct" for set points in units of the top speed and of pi / 2, "correction"
-    for corrections to the scripted controller's set points, in units of 0.3 m/s and 0.8 rad."""
+    """Meaning of the actions in [-1, 1]: "direct" for set points in units of the top speed and of
+    pi / 2, "correction" for corrections to the scripted controller's set points, in units of 0.3
+    m/s and 0.8 rad.
+    """
     flippers: str = "each"
-    """Actions for the flippers: one per flipper ("each"), or one for the front and one for the rear ones ("pairs")."""
+    """Actions for the flippers: one per flipper ("each"), or one for the front and one for the rear
+    ones ("pairs").
+    """
     start_offset: float = checked(0.1, require_non_negative)
     """Largest lateral offset of the start, drawn uniformly to either side [m]."""
     start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
     """Largest heading at the start, drawn uniformly in either direction [rad]."""
     mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
-    """Range of a random factor on the mass and inertia of the chassis, which may represent a payload [-]."""
+    """Range of a random factor on the mass and inertia of the chassis, which may represent a
+    payload [-].
+    """
     period: float = 0.1
     """Control period, the time between actions; a multiple of 0.02 s [s]."""
     reward: CrossingReward = field(default_factory=CrossingReward)
@@ -193,7 +230,12 @@ class TraverseConfig(OwnTerms):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, choices in (("action", _ACTIONS), ("flippers", _FLIPPERS)):
-            require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
+            require(
+                getattr(self, name) in choices,
+                name,
+                getattr(self, name),
+                f"one of {', '.join(choices)}",
+            )
         valid = self.courses and all(isinstance(course, str | Course) for course in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
@@ -205,7 +247,12 @@ class TraverseConfig(OwnTerms):
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
         allowed = f"a multiple of {SAMPLE} s, up to 1 s"
         require(0 < self.period <= 1, "period", self.period, allowed)
-        require(abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9, "period", self.period, allowed)
+        require(
+            abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9,
+            "period",
+            self.period,
+            allowed,
+        )
 
     @property
     def courses(self) -> tuple[str | Course, ...]:

@@ -1,8 +1,9 @@
 """Short random courses that consist only of boxes, so that each robot in a batch can have its own.
 
-Some courses have one or two obstacles that robots often meet; the others are of the ten kinds in FTR-Bench
-(github.com/nubot-nudt/FTR-Benchmark). FTR-Bench courses are scaled by the ratio of the robot's largest wheel to that of
-the FTR-Bench robot, except those whose names end in `_published`, which have the published sizes; waves are ridges.
+Some courses have one or two obstacles that robots often meet; the others are of the ten kinds in
+FTR-Bench (github.com/nubot-nudt/FTR-Benchmark). FTR-Bench courses are scaled by the ratio of the
+robot's largest wheel to that of the FTR-Bench robot, except those whose names end in `_published`,
+which have the published sizes; waves are ridges.
 """
 
 from __future__ import annotations
@@ -40,8 +41,11 @@ DRAWN = (RANDOM, *FTR_COURSES)
 FTR_BOXES = 18
 """Largest number of boxes on an FTR-Bench course."""
 _RADIUS = 0.1  # radius of the FTR-Bench robot's track wheels [m]
-_PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers of obstacle parts, and a rail's thickness [m]
-_GRIP = 1.15  # smallest ratio of the friction coefficient to the steepest slope's tangent at which robots can climb [-]
+# numbers of obstacle parts, and a rail's thickness [m]
+_PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1
+# smallest ratio of the friction coefficient to the steepest slope's tangent at which robots can
+# climb [-]
+_GRIP = 1.15
 
 
 def draw_course(
@@ -52,22 +56,29 @@ def draw_course(
     obstacles: int = 2,
     kinds: Sequence[str] = OBSTACLES,
 ) -> Course:
-    """Draw a course by its name in `DRAWN` for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
+    """Draw a course by its name in `DRAWN` for a robot whose tracks have the wheels `hull` (x, z,
+    radius) [m].
 
-    A random course has one or two `obstacles` of these `kinds`, from tiny (`difficulty` 0) up to the rescue robot's
-    limits (1). FTR-Bench courses have heights and angles between the smallest (0) and the largest published (1); their
-    other sizes are drawn uniformly. Raises InvalidValueError for any other name or difficulty.
+    A random course has one or two `obstacles` of these `kinds`, from tiny (`difficulty` 0) up to
+    the rescue robot's limits (1). FTR-Bench courses have heights and angles between the smallest
+    (0) and the largest published (1); their other sizes are drawn uniformly. Raises
+    InvalidValueError for any other name or difficulty.
     """
     require(name in DRAWN, "course", name, f"one of {', '.join(DRAWN)}")
     require_within("difficulty", difficulty, 0.0, 1.0)
     if name == RANDOM:
-        drawn = [_obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng) for _ in range(obstacles)]
+        drawn = [
+            _obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng)
+            for _ in range(obstacles)
+        ]
     else:
         kind = name.removesuffix(PUBLISHED)
         scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
         parts = [kind]
         if kind == "mixed":
-            parts = rng.choice([each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False).tolist()
+            parts = rng.choice(
+                [each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False
+            ).tolist()
         drawn = [_ftr_obstacle(each, difficulty, scale, rng) for each in parts]
     pieces = [piece for obstacle in drawn for piece in (Flat(APART), *obstacle)][1:]
     slopes = [abs(math.tan(piece.angle)) for piece in pieces if isinstance(piece, Ramp)]
@@ -78,7 +89,9 @@ def draw_course(
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
-    """An obstacle whose `kind` is in `OBSTACLES`, with 50 to 100 % of the size that the difficulty allows."""
+    """An obstacle whose `kind` is in `OBSTACLES`, with 50 to 100 % of the size that the difficulty
+    allows.
+    """
     size = difficulty * rng.uniform(0.5, 1.0)
 
     def between(easiest: float, hardest: float) -> float:
@@ -99,12 +112,18 @@ def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Pi
         case "stairs down":
             return [Stairs(-rise, run, number)]
         case "beams":
-            return [Beams(between(0.02, 0.2), float(rng.uniform(0.45, 0.7)), number, yaw=between(0.0, 0.5))]
+            return [
+                Beams(
+                    between(0.02, 0.2), float(rng.uniform(0.45, 0.7)), number, yaw=between(0.0, 0.5)
+                )
+            ]
         case _:
             return [Gap(between(0.05, 0.5))]
 
 
-def _ftr_obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generator) -> list[Piece]:
+def _ftr_obstacle(
+    kind: str, difficulty: float, scale: float, rng: np.random.Generator
+) -> list[Piece]:
     def harder(easiest: float, hardest: float) -> float:
         return scale * (easiest + difficulty * (hardest - easiest))
 

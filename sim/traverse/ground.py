@@ -1,8 +1,10 @@
-"""A compiled model with a different course for each robot and episode, and the ground that a robot covers.
+"""A compiled model with a different course for each robot and episode, and the ground that a robot
+covers.
 
-The model has slots: boxes, height fields and a floor without fixed positions. A course uses as many slots as it needs;
-unused slots lie far below. Slot positions are expanded fields of the batch, which the engine uses as if they had been
-compiled. MuJoCo's tree of bounding boxes can't be expanded, so the model doesn't use it.
+The model has slots: boxes, height fields and a floor without fixed positions. A course uses as many
+slots as it needs; unused slots lie far below. Slot positions are expanded fields of the batch,
+which the engine uses as if they had been compiled. MuJoCo's tree of bounding boxes can't be
+expanded, so the model doesn't use it.
 """
 
 from __future__ import annotations
@@ -26,10 +28,15 @@ _FIELDS = (
     *("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb"),
     *("geom_sameframe", "geom_dataid", "geom_friction"),
 )
-_BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
+_BOX, _FIELD, _PLANE = (
+    mujoco.mjtGeom.mjGEOM_BOX,
+    mujoco.mjtGeom.mjGEOM_HFIELD,
+    mujoco.mjtGeom.mjGEOM_PLANE,
+)
 _AWAY = -1000.0  # height of unused slots [m]
 _TINY = 0.01  # half size of unused slots [m]
-_BEFORE = 0.05  # distance of a robot from the first piece; heights are looked up in cells of 2 cm [m]
+# distance of a robot from the first piece; heights are looked up in cells of 2 cm [m]
+_BEFORE = 0.05
 _BESIDE = 1.5  # least ratio of a course's width to the robot's [-]
 
 
@@ -37,7 +44,9 @@ class Slots:
     """Slots for courses, added to a model as its terrain: boxes, height fields and a floor."""
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
-        """Provide slots for each of `courses`, and for any course of at most `boxes` boxes without height fields."""
+        """Provide slots for each of `courses`, and for any course of at most `boxes` boxes without
+        height fields.
+        """
         self._listed = list(courses)
         self._boxes = max([boxes, *(_count(course.model, _BOX) for course in courses)])
         self._fields = max((_count(course.model, _FIELD) for course in courses), default=0)
@@ -53,18 +62,28 @@ class Slots:
 
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body in `spec`; return the names of their geoms."""
-        for model, first in zip((course.model for course in self._listed), self._first_field, strict=False):
+        for model, first in zip(
+            (course.model for course in self._listed), self._first_field, strict=False
+        ):
             for k in range(model.nhfield):
                 adr, rows, columns = model.hfield_adr[k], model.hfield_nrow[k], model.hfield_ncol[k]
                 data = model.hfield_data[adr : adr + rows * columns]
                 size = list(model.hfield_size[k])
-                spec.add_hfield(name=f"field{first + k}", nrow=rows, ncol=columns, size=size, userdata=data)
+                spec.add_hfield(
+                    name=f"field{first + k}", nrow=rows, ncol=columns, size=size, userdata=data
+                )
         add_lines(spec)
         kinds = [{"type": _BOX, "size": [_TINY] * 3}] * self._boxes
         kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
         kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
         for name, kind in zip(self._names, kinds, strict=True):
-            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1, "material": LINES}
+            place = {
+                "pos": [0.0, 0.0, _AWAY],
+                "condim": 3,
+                "contype": 1,
+                "conaffinity": 1,
+                "material": LINES,
+            }
             spec.worldbody.add_geom(name=name, **place, **kind)
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
@@ -72,19 +91,26 @@ class Slots:
     def bind_batch(self, batch: Any) -> None:
         """Let the slots move the geoms in `batch`, a batch of the model."""
         self._ids = np.array([batch.model.geom(name).id for name in self._names])
-        self._batch = {name: batch.expand(name) for name in _FIELDS}  # (N, ngeom, ...) each, views of the batch
+        # (N, ngeom, ...) each, views of the batch
+        self._batch = {name: batch.expand(name) for name in _FIELDS}
         self._empty = {name: getattr(batch.model, name)[self._ids].copy() for name in _FIELDS}
 
     def lay(self, row: int, course: Course) -> None:
         """Move slots so that they form a course for the robot `row` in the batch.
 
-        Raises InvalidValueError for a course with more boxes than slots, and for other height fields than the slots'.
+        Raises InvalidValueError for a course with more boxes than slots, and for other height
+        fields than the slots'.
         """
         listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model
         boxes, fields = _count(model, _BOX), _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
-        require(listed is not None or not fields, "course", f"{fields} height fields", "without, unless it is listed")
+        require(
+            listed is not None or not fields,
+            "course",
+            f"{fields} height fields",
+            "without, unless it is listed",
+        )
         where = self._slots_of(model)
         for name in _FIELDS:
             values = self._empty[name].copy()
@@ -94,7 +120,9 @@ class Slots:
             self._batch[name][row, self._ids] = values
 
     def show(self, row: int, course: Course, model: mujoco.MjModel) -> None:
-        """Show the `course` of the robot `row` in another model with these slots, in the course's own colours."""
+        """Show the `course` of the robot `row` in another model with these slots, in the course's
+        own colours.
+        """
         ids = np.array([model.geom(name).id for name in self._names])
         for name in _FIELDS:
             getattr(model, name)[ids] = self._batch[name][row, self._ids]
@@ -123,15 +151,24 @@ class Footprint:
 
     @classmethod
     def of(cls, robot: TrackedRobot, flippers: FlipperGeometry | None = None) -> Footprint:
-        """The footprint of a robot; the robot is compiled to obtain its `flippers` unless these are given."""
+        """The footprint of a robot; the robot is compiled to obtain its `flippers` unless these are
+        given.
+        """
         x, _, radius = np.array(robot.hull).T
-        ahead, behind, aside = [(x + radius).max()], [(radius - x).max()], [robot.half_gauge + robot.width / 2]
+        ahead, behind, aside = (
+            [(x + radius).max()],
+            [(radius - x).max()],
+            [robot.half_gauge + robot.width / 2],
+        )
         if robot.flippers:
             flippers = flippers or build_tracked(robot).flippers
             reach = flippers.length + flippers.radius
             ahead += list(flippers.hinge[:, 0] + np.where(flippers.front, reach, 0.0))
             behind += list(np.where(flippers.front, 0.0, reach) - flippers.hinge[:, 0])
-            aside += [abs(y) + each.width / 2 for y, each in zip(flippers.hinge[:, 1], robot.flippers, strict=True)]
+            aside += [
+                abs(y) + each.width / 2
+                for y, each in zip(flippers.hinge[:, 1], robot.flippers, strict=True)
+            ]
         return cls(float(max(ahead)), float(max(behind)), float(max(aside)))
 
     @property
@@ -140,11 +177,14 @@ class Footprint:
         return math.hypot(self.ahead, self.aside) + math.hypot(self.behind, self.aside) + _BEFORE
 
     def start(self, course: Course, heading: float = 0.0) -> float:
-        """Start position x of a robot on a course: `Course.start`, or further back if the robot is long [m].
+        """Start position x of a robot on a course: `Course.start`, or further back if the robot is
+        long [m].
 
         Raises InvalidValueError for a course whose start platform is too small for the robot.
         """
-        ahead, behind = (self.ahead, self.behind) if math.cos(heading) >= 0 else (self.behind, self.ahead)
+        ahead, behind = (
+            (self.ahead, self.behind) if math.cos(heading) >= 0 else (self.behind, self.ahead)
+        )
         cos, corner = abs(math.cos(heading)), self.aside * abs(math.sin(heading))
         front, rear = ahead * cos + corner + _BEFORE, behind * cos + corner
         for name, least in (("start_length", front + rear), ("width", 2 * self.aside)):
@@ -153,12 +193,17 @@ class Footprint:
         return max(min(course.start[0], -front), rear - course.start_length)
 
     def goal(self, course: Course) -> float:
-        """Position x at which a robot has crossed a course: `Course.goal`, or further on if the robot is long [m]."""
+        """Position x at which a robot has crossed a course: `Course.goal`, or further on if the
+        robot is long [m].
+        """
         return max(course.goal, course.placed[-2].x + self.behind)
 
     def fit(self, course: Course) -> Course:
         """The course, or a wider copy with longer ends if the robot needs it."""
-        start, goal = max(course.start_length, self.turning), max(course.goal_length, self.ahead + self.behind)
+        start, goal = (
+            max(course.start_length, self.turning),
+            max(course.goal_length, self.ahead + self.behind),
+        )
         width = max(course.width, 2 * _BESIDE * self.aside)
         if (start, goal, width) == (course.start_length, course.goal_length, course.width):
             return course

@@ -65,8 +65,10 @@ class StuckWatch(Restorable):
         self._period = period
         self._history = max(1, round(limits.stuck_time / period))
         self._position: deque[Array] = deque(maxlen=self._history + 1)  # (N, 3) each [m]
-        self._travel: deque[Array] = deque(maxlen=self._history + 1)  # (N,) each, since the first observation [m]
-        self._age: NDArray[np.int_] = np.zeros(size, int)  # control periods since the start of each run
+        # (N,) each, since the first observation [m]
+        self._travel: deque[Array] = deque(maxlen=self._history + 1)
+        # control periods since the start of each run
+        self._age: NDArray[np.int_] = np.zeros(size, int)
         self._travelled: Array = np.zeros(size)
 
     def begin(self, rows: NDArray[np.int_]) -> None:
@@ -74,7 +76,9 @@ class StuckWatch(Restorable):
         self._age[rows] = 0
 
     def observe(self, position: Array, belts: Array) -> NDArray[np.bool_]:
-        """Mask (N,) of stuck robots, given positions (N, 3) [m] and belt speeds (N, 2) in the last period [m/s]."""
+        """Mask (N,) of stuck robots, given positions (N, 3) [m] and belt speeds (N, 2) in the last
+        period [m/s].
+        """
         self._travelled = self._travelled + (belts[:, 0] + belts[:, 1]) * (self._period / 2)
         self._position.append(position.copy())
         self._travel.append(self._travelled)
@@ -94,10 +98,11 @@ class ContactPoints:
         self._belts = world.belts
 
     def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
-        """Contact points (n, 3) [m] and forces (n, 3) [N] from the ground on the robot, in the world frame.
+        """Contact points (n, 3) [m] and forces (n, 3) [N] from the ground on the robot, in the
+        world frame.
 
-        The state consists of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and the flippers' set
-        points (F,), tips up [rad].
+        The state consists of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and
+        the flippers' set points (F,), tips up [rad].
         """
         model, data = self._world.model, self._data
         data.qpos[:], data.qvel[:] = qpos, qvel
@@ -105,11 +110,13 @@ class ContactPoints:
         self._belts.set(belt)
         mujoco.mj_forward(model, data)
         contact = data.contact
-        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0  # (n, 2), whether each geom belongs to the world
+        # (n, 2), whether each geom belongs to the world
+        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0
         chosen = np.flatnonzero(fixed.any(axis=1) & (contact.efc_address >= 0))
         force, points = np.zeros((len(chosen), 3)), contact.pos[chosen].copy()
         wrench = np.zeros(6)
         for k, which in enumerate(chosen):
             mujoco.mj_contactForce(model, data, which, wrench)
             force[k] = wrench[:3] @ contact.frame[which].reshape(3, 3)
-        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine reports the force on the second geom
+        # the engine reports the force on the second geom
+        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force

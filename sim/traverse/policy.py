@@ -18,16 +18,21 @@ OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period"
 REACH = 1.3
 """Largest angle of front flippers above the chassis' plane, and of rear flippers below it [rad]."""
 PUSH = 2.0
-"""Angle by which rear flippers push down, per pitch beyond the ground's slope plus `TOLERATED` [-]."""
+"""Angle by which rear flippers push down, per pitch beyond the ground's slope plus `TOLERATED`
+[-].
+"""
 TOLERATED = 0.12
 """Pitch beyond the ground's slope at which rear flippers begin to push [rad]."""
 _SPEED = 0.4  # belt speed forwards [m/s]
-_POSITION_GAIN, _HEADING_GAIN = 0.3, 0.45  # belt speed per distance from the centre line [1/s], and per heading [m/s]
+# belt speed per distance from the centre line [1/s], and per heading [m/s]
+_POSITION_GAIN, _HEADING_GAIN = 0.3, 0.45
 _TURN = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
 
 
 def scripted(world: Traverse) -> Command:
-    """Set points for all robots in `world`, which drive along y = 0 with reflexes for their flippers."""
+    """Set points for all robots in `world`, which drive along y = 0 with reflexes for their
+    flippers.
+    """
     state = world.state
     aside = -_POSITION_GAIN * state.position[:, 1] - _HEADING_GAIN * state.heading
     turn = np.clip(aside, -_TURN, _TURN)
@@ -35,24 +40,31 @@ def scripted(world: Traverse) -> Command:
 
 
 def reflex(world: Traverse) -> Array:
-    """Set points (N, F) for the flipper angles of all robots in `world`, tips up [rad]; see `reflex_angles`."""
+    """Set points (N, F) for the flipper angles of all robots in `world`, tips up [rad]; see
+    `reflex_angles`.
+    """
     geometry, state = world.flippers, world.state
     hinge = state.position[:, None] + np.einsum("nij,fj->nfi", state.rotation, geometry.hinge)
-    away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
+    # (F, S)
+    away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]
     points = hinge[:, :, None, :2] + away[..., None] * se2.direction(state.heading)[:, None, None]
     ground = world.elevation(points.reshape(world.size, -1, 2)).reshape(world.size, *away.shape)
     return reflex_angles(ground, state.pitch, hinge[..., 2], geometry)
 
 
-def reflex_angles(ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry) -> Array:
+def reflex_angles(
+    ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry
+) -> Array:
     """Set points (N, F) for the flipper angles, tips up [rad].
 
-    Front flippers rise as far as the ground ahead requires. Rear flippers stay in line with the chassis, which keeps
-    the robot from tipping backwards, and reach down to the ground behind when the robot crosses an edge. If the chassis
-    pitches up more than the ground rises from rear to front, as on a step, rear flippers push the chassis level.
+    Front flippers rise as far as the ground ahead requires. Rear flippers stay in line with the
+    chassis, which keeps the robot from tipping backwards, and reach down to the ground behind when
+    the robot crosses an edge. If the chassis pitches up more than the ground rises from rear to
+    front, as on a step, rear flippers push the chassis level.
 
     Args:
-        ground: heights (N, F, S) of the ground at `SAMPLES` from the hinges, along the flippers' directions [m].
+        ground: heights (N, F, S) of the ground at `SAMPLES` from the hinges, along the flippers'
+            directions [m].
         pitch: angles (N,) by which the chassis points upwards [rad].
         hinge_height: heights (N, F) of the hinges [m].
         geometry: shape of the F flippers.
@@ -60,7 +72,8 @@ def reflex_angles(ground: Array, pitch: Array, hinge_height: Array, geometry: Fl
     away = SAMPLES * geometry.length[:, None]  # (F, S)
     rise = ground - hinge_height[..., None]
     distance = np.hypot(away, rise)
-    # angle, up from the hinge, of a flipper whose underside, `radius` below its centre line, touches this ground
+    # angle, up from the hinge, of a flipper whose underside, `radius` below its centre line,
+    # touches this ground
     above = np.arcsin(np.minimum(geometry.radius[:, None] / distance, 1.0))
     slope = (np.arctan2(rise, away) + above).max(axis=-1)
     lift = slope - np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
@@ -71,7 +84,9 @@ def reflex_angles(ground: Array, pitch: Array, hinge_height: Array, geometry: Fl
 
 
 def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
-    """Slopes (N,) from the ground behind the rear flippers to the ground ahead of the front ones [rad]."""
+    """Slopes (N,) from the ground behind the rear flippers to the ground ahead of the front ones
+    [rad].
+    """
     front, height = geometry.front, ground.mean(axis=-1)
     if front.all() or not front.any():
         return np.zeros(len(ground))

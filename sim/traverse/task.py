@@ -1,4 +1,6 @@
-"""Course crossing as a learning task for N robots, one row each: actions in, observations and rewards out."""
+"""Course crossing as a learning task for N robots, one row each: actions in, observations and
+rewards out.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,13 @@ from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_range, require_within
 from trackslip.kinematics import Array
 
-_OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float, "mass": float}
+_OPTIONS = {
+    "course": str | Course,
+    "difficulty": float,
+    "start_offset": float,
+    "start_heading": float,
+    "mass": float,
+}
 _QUARTER = np.pi / 2  # flipper angle for an action of 1 [rad]
 _NOT_DRAWN = -1.0  # difficulty that is stored for courses that were not drawn
 _CORRECTION = 0.3, 0.8  # largest corrections to belt speeds [m/s] and to flipper angles [rad]
@@ -48,7 +56,8 @@ class Actions:
         if config.flippers == "pairs":
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
-        self._member = np.array([each.index(name) for name in names], int)  # index of the action for each flipper
+        # index of the action for each flipper
+        self._member = np.array([each.index(name) for name in names], int)
         self._scale, kind = (world.top_speed, _QUARTER), "set point"
         if config.action == "correction":
             self._scale, kind = _CORRECTION, "correction"
@@ -72,34 +81,53 @@ class Actions:
 class Crossing(Task):
     """The task in which robots cross courses."""
 
-    STATE = ("world", "difficulty", "_difficulty", "_seed", "_length", "_penetration", "_work", *Task.STATE)
+    STATE = (
+        "world",
+        "difficulty",
+        "_difficulty",
+        "_seed",
+        "_length",
+        "_penetration",
+        "_work",
+        *Task.STATE,
+    )
 
     def __init__(self, config: TraverseConfig, size: int, threads: int = 0) -> None:
-        """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
+        """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts
+        their episodes.
+        """
         self._drawn = [course for course in config.courses if course in DRAWN]
         robot = load_tracked(config.robot)
         self._hull, self._footprint = robot.hull, Footprint.of(robot)
         listed = [course for course in config.courses if course not in DRAWN]
         self._listed = {
-            course: self._footprint.fit(load_course(course) if isinstance(course, str) else course) for course in listed
+            course: self._footprint.fit(load_course(course) if isinstance(course, str) else course)
+            for course in listed
         }  # by name, or by the course itself
         drawn = (
-            [self._footprint.fit(draw_course(RANDOM, 0.0, np.random.default_rng(0), self._hull))] if self._drawn else []
+            [self._footprint.fit(draw_course(RANDOM, 0.0, np.random.default_rng(0), self._hull))]
+            if self._drawn
+            else []
         )
         courses = [*self._listed.values(), *drawn]
         widest = min(course.width for course in courses) / 2
-        require_at_most("start_offset", config.start_offset, widest, "m, half the width of a course")
+        require_at_most(
+            "start_offset", config.start_offset, widest, "m, half the width of a course"
+        )
         self.world = Traverse(
             robot,
             courses,
             size,
-            boxes=max((MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn), default=0),
+            boxes=max(
+                (MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn), default=0
+            ),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,
             threads=threads,
         )
-        self._weight = 9.81 * self.world.tracked.model.body_subtreemass[self.world.tracked.body]  # of a robot [N]
+        # of a robot [N]
+        self._weight = 9.81 * self.world.tracked.model.body_subtreemass[self.world.tracked.body]
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
         super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
@@ -116,16 +144,20 @@ class Crossing(Task):
         return self.world.outcome
 
     def set_difficulty(self, low: float, high: float) -> None:
-        """Set the range for the difficulty of later courses; raises InvalidValueError unless it is within 0 to 1."""
+        """Set the range for the difficulty of later courses; raises InvalidValueError unless it is
+        within 0 to 1.
+        """
         require_range("difficulty", (low, high), 0.0, 1.0)
         self.difficulty = low, high
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> CourseRun:
-        """Draw a robot's episode; `options` replace drawn values, without an effect on the other draws.
+        """Draw a robot's episode; `options` replace drawn values, without an effect on the other
+        draws.
 
-        The options are `course`, a name from the environment's configuration or a course of boxes; `difficulty` of a
-        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, a factor on the chassis'
-        mass [-]. Raises InvalidValueError for unknown options and values out of range.
+        The options are `course`, a name from the environment's configuration or a course of boxes;
+        `difficulty` of a drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad];
+        and `mass`, a factor on the chassis' mass [-]. Raises InvalidValueError for unknown options
+        and values out of range.
         """
         options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
@@ -136,12 +168,16 @@ class Crossing(Task):
             "start_offset": generator.uniform(-1.0, 1.0) * config.start_offset,
             "start_heading": generator.uniform(-1.0, 1.0) * config.start_heading,
         } | options
-        difficulty, offset, heading = (drawn[name] for name in ("difficulty", "start_offset", "start_heading"))
+        difficulty, offset, heading = (
+            drawn[name] for name in ("difficulty", "start_offset", "start_heading")
+        )
         require_within("difficulty", difficulty, 0.0, 1.0)
         require_within("start_heading", heading, -np.pi, np.pi, "rad")
         course = drawn["course"]
         if course in self._drawn:
-            course = draw_course(course, difficulty, own, self._hull, config.obstacles, config.kinds)
+            course = draw_course(
+                course, difficulty, own, self._hull, config.obstacles, config.kinds
+            )
         else:
             difficulty = _NOT_DRAWN
             names = [name for name in (*self._listed, *self._drawn) if isinstance(name, str)]
@@ -153,7 +189,9 @@ class Crossing(Task):
         x = self._footprint.start(course, ahead + heading)
         mass = options.get("mass", own.uniform(*config.mass))
         require_within("mass", mass, *MASSES)
-        return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed, float(mass))
+        return CourseRun(
+            course, float(difficulty), (x, y + offset, ahead + heading), seed, float(mass)
+        )
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:
         """Begin an episode with each of the robots `rows` (R,)."""
@@ -176,12 +214,16 @@ class Crossing(Task):
         contact = self.world.contact
         work = np.where(running, one_by_one(self.world.work), 0.0)
         self._work += work
-        self._penetration = np.maximum(self._penetration, np.where(running, contact.depth.max(axis=1), 0.0))
+        self._penetration = np.maximum(
+            self._penetration, np.where(running, contact.depth.max(axis=1), 0.0)
+        )
         gain = np.where(running, before - self.world.way, 0.0)
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
         change = np.where(running[:, None], change, 0.0)
-        self._earn(self.config.reward.terms(gain, work / self._weight, took, change, ended), running)
+        self._earn(
+            self.config.reward.terms(gain, work / self._weight, took, change, ended), running
+        )
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
@@ -195,11 +237,13 @@ class Crossing(Task):
             "time": world.time,  # [s]
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
             "difficulty": self._difficulty,
-            "progress": 1 - world.way / self._length,  # share of the distance from start to goal [-]
+            # share of the distance from start to goal [-]
+            "progress": 1 - world.way / self._length,
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
             "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]
-            "slip_defined": defined,  # (N, T), whether the track touched the ground and its belt ran
+            # (N, T), whether the track touched the ground and its belt ran
+            "slip_defined": defined,
             "load": contact.load,  # (N, T) [N]
             "traction": contact.traction,  # (N, T) [N]
             "penetration": self._penetration,  # (N,), largest so far [m]

@@ -1,4 +1,6 @@
-"""Batched simulation of N tracked robots, each crossing its own course, one control period at a time."""
+"""Batched simulation of N tracked robots, each crossing its own course, one control period at a
+time.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ from trackslip.errors import require
 from trackslip.kinematics import Array
 
 _BROKEN = [
-    int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
+    int(warning)
+    for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
 _TOP_SPEED = 0.6  # top speed of belts without torque limits [m/s]
 _DROP = 0.3  # depth below the course's lowest ground at which a robot has fallen [m]
@@ -43,7 +46,9 @@ class Command:
 
 
 class Traverse(World):
-    """N robots on courses. Rows are bitwise independent of each other and of the number of threads."""
+    """N robots on courses. Rows are bitwise independent of each other and of the number of
+    threads.
+    """
 
     STATE = ("servo", "contact", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
@@ -67,7 +72,8 @@ class Traverse(World):
             robot: the robot; without a drive of its own, the torque of its belts is unlimited.
             courses: courses on which runs may take place.
             size: number of robots.
-            boxes: largest number of boxes on other courses that are allowed, too, if they have no height fields.
+            boxes: largest number of boxes on other courses that are allowed, too, if they have no
+                height fields.
             preset: contact preset of the tracks.
             top_speed: top speed of the belts; by default the drive's, or 0.6 without a drive [m/s].
             limits: the limits that end a run.
@@ -76,8 +82,8 @@ class Traverse(World):
             threads: number of worker threads, 0 for one per processor.
 
         Raises:
-            InvalidValueError: for values out of range, and unless `period` is a multiple of `sample`, and `sample` a
-                multiple of the physics step.
+            InvalidValueError: for values out of range, and unless `period` is a multiple of
+                `sample`, and `sample` a multiple of the physics step.
         """
         require(len(courses) > 0, "courses", list(courses), "at least one")
         self.slots = Slots(courses, boxes)
@@ -117,7 +123,8 @@ class Traverse(World):
         self.time: Array = np.zeros(size)
         """Times (N,) since the runs began [s]."""
         self._bottom: Array = np.zeros(size)  # height below which a robot has fallen [m]
-        self._side: Array = np.zeros(size)  # distance from y = 0 beyond which a robot has fallen as well [m]
+        # distance from y = 0 beyond which a robot has fallen as well [m]
+        self._side: Array = np.zeros(size)
         self.goal: Array = np.zeros(size)
         """Positions x (N,) beyond which courses are crossed [m]."""
         self.begin(np.arange(size))
@@ -129,28 +136,43 @@ class Traverse(World):
         start: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
     ) -> None:
-        """Begin runs with the robots `rows` (R,); flippers are level, or raised just enough to clear level ground.
+        """Begin runs with the robots `rows` (R,); flippers are level, or raised just enough to
+        clear level ground.
 
         Args:
             rows: indices of the robots.
             courses: one course per robot; by default each robot stays on its present course.
-            start: poses (R, 3), x, y and heading; by default each robot starts before its first piece [m, m, rad].
+            start: poses (R, 3), x, y and heading; by default each robot starts before its first
+                piece [m, m, rad].
             mass: factors on the mass and inertia of the chassis, a scalar or (R,) [-].
 
         Raises:
-            InvalidValueError: for a course that doesn't fit into the slots, poses that aren't finite, and a robot that
-                needs a larger start platform; see `Footprint.fit`.
+            InvalidValueError: for a course that doesn't fit into the slots, poses that aren't
+                finite, and a robot that needs a larger start platform; see `Footprint.fit`.
         """
         where = np.asarray(rows, int)
         if not where.size:
             return
         chosen = [self.course[row] for row in where] if courses is None else list(courses)
-        require(len(chosen) == len(where), "courses", f"{len(chosen)} courses", f"{len(where)}, one for each robot")
+        require(
+            len(chosen) == len(where),
+            "courses",
+            f"{len(chosen)} courses",
+            f"{len(where)}, one for each robot",
+        )
         if start is None:
-            start = [(self.footprint.start(course), course.start[1], course.start[3]) for course in chosen]
+            start = [
+                (self.footprint.start(course), course.start[1], course.start[3])
+                for course in chosen
+            ]
         poses = np.array(start, float)
         valid = poses.shape == (len(where), 3) and np.isfinite(poses).all()
-        require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
+        require(
+            valid,
+            "start",
+            poses.tolist(),
+            f"finite poses (x, y, heading), one for each of {len(where)} robots",
+        )
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
         self.servo.begin(where, self._clear)
@@ -165,7 +187,9 @@ class Traverse(World):
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def get_state(self) -> dict[str, Any]:
-        """Return a copy of the state, see Restorable; courses given to the constructor are stored as indices."""
+        """Return a copy of the state, see Restorable; courses given to the constructor are stored
+        as indices.
+        """
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
         return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
@@ -174,7 +198,10 @@ class Traverse(World):
         """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
         self._belts.set_state(state["belts"])
-        self.course = [self._courses[course] if isinstance(course, int) else course for course in state["courses"]]
+        self.course = [
+            self._courses[course] if isinstance(course, int) else course
+            for course in state["courses"]
+        ]
 
     def step(self, command: Command) -> None:
         """Simulate one control period for the robots whose runs have not ended.
@@ -197,7 +224,9 @@ class Traverse(World):
             for _ in range(self._samples):
                 speed = self.servo.advance(self.sample)
                 self._belts.set(speed, torque_limit=self._torque_limit(speed), inertia=inertia)
-                self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
+                self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(
+                    self.servo.angle
+                )
                 readings.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
@@ -205,11 +234,15 @@ class Traverse(World):
         fine = ~broken[rows]
         reading = Reading.joined(readings)[fine].complete(self.track_names)
         self.contact.put(rows[fine], reading.mean())
-        self.work[rows[fine]] = (reading.traction * reading.belt).sum(axis=1) * self.tracked.model.opt.timestep
+        self.work[rows[fine]] = (reading.traction * reading.belt).sum(
+            axis=1
+        ) * self.tracked.model.opt.timestep
         self._judge(rows, broken)
 
     def _torque_limit(self, goal: Array) -> Array | None:
-        """Largest torques (N, 2) for belts that are to reach the speeds `goal` (N, 2) [N m]; None without motors."""
+        """Largest torques (N, 2) for belts that are to reach the speeds `goal` (N, 2) [N m]; None
+        without motors.
+        """
         if not self._limited:
             return None
         robot = self.tracked.robot
@@ -234,7 +267,9 @@ class Traverse(World):
         self.goal[row] = self.footprint.goal(course)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
-        """Place the robots `rows` (R,), level and at rest, at poses (R, 3) on the highest ground below each of them."""
+        """Place the robots `rows` (R,), level and at rest, at poses (R, 3) on the highest ground
+        below each of them.
+        """
         self.batch.warning[rows] = 0
         around = self.footprint
         sides = (-around.behind, around.ahead), (-around.aside, around.aside)
@@ -242,14 +277,20 @@ class Traverse(World):
         under = se2.to_world(poses[:, None], np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
         ground = look_up([self.course[row] for row in rows], under).max(axis=1)
         self._place_at(rows, poses, ground - self.tracked.robot.lowest + _GAP)
-        self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
+        self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(
+            self.servo.angle[rows]
+        )
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Mask (N,) of the robots whose simulation diverged in this period; `rows` (R,) are those that drove."""
+        """Mask (N,) of the robots whose simulation diverged in this period; `rows` (R,) are those
+        that drove.
+        """
         broken = np.zeros(self.size, bool)
         first = self.tracked.free[1]
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)
-        finite = np.isfinite(self.batch.qpos[rows]).all(axis=1) & np.isfinite(self.batch.qvel[rows]).all(axis=1)
+        finite = np.isfinite(self.batch.qpos[rows]).all(axis=1) & np.isfinite(
+            self.batch.qvel[rows]
+        ).all(axis=1)
         warned = self.batch.warning[rows][:, _BROKEN, 1].any(axis=1)
         broken[rows] = warned | ~finite | ~(speed < _FASTEST)
         return broken
@@ -262,7 +303,10 @@ class Traverse(World):
             (Outcome.TIME, self.time > self.limits.time - self.period / 2),
             (Outcome.STUCK, self._stuck.observe(state.position, belts)),
             (Outcome.REACHED, self.way <= 0),
-            (Outcome.FELL, (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side)),
+            (
+                Outcome.FELL,
+                (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side),
+            ),
             (Outcome.TIPPED, state.upright < np.cos(_LEAN)),
             (Outcome.EXPLODED, broken),
         )

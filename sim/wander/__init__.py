@@ -1,1 +1,3 @@
-"""Simulated teleoperated drives: sprocket commands, the robot's motion, and poses from any sensor."""
+"""Simulated teleoperated drives: sprocket commands, the robot's motion, and poses from any
+sensor.
+"""

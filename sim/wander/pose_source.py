@@ -48,13 +48,17 @@ class PoseSource(Checked):
     gap_duration: float = checked(5.0, require_within, 0.0, _LARGEST)
     """Duration of each gap [s]."""
     jumps: int = checked(0, require_within, 0.0, _LARGEST)
-    """Number of lasting jumps, each of which displaces all later poses and turns them about the point of the jump."""
+    """Number of lasting jumps, each of which displaces all later poses and turns them about the
+    point of the jump.
+    """
     jump_size: float = checked(0.2, require_within, 0.0, _LARGEST)
     """Distance of each jump [m]."""
     jump_turn: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Angle by which each jump turns later poses, to a random side [rad]."""
     drift: float = checked(0.0, require_within, 0.0, _LARGEST)
-    """Position drift as in odometry, a random walk: final position error over the distance travelled [-]."""
+    """Position drift as in odometry, a random walk: final position error over the distance
+    travelled [-].
+    """
     heading_drift: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Heading drift as in odometry, a random walk [rad/sqrt(m)]."""
     ahead: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
@@ -67,10 +71,16 @@ class PoseSource(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         most = _MAX_JITTER / self.rate
-        require(self.jitter <= most, "jitter", self.jitter, f"at most {most:g} s, {_MAX_JITTER:g} of a period")
+        require(
+            self.jitter <= most,
+            "jitter",
+            self.jitter,
+            f"at most {most:g} s, {_MAX_JITTER:g} of a period",
+        )
 
     def measure(self, motion: Motion, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Ascending time stamps (M,) [s] and poses (M, 3) [m, m, rad]; headings are NaN unless they are measured.
+        """Ascending time stamps (M,) [s] and poses (M, 3) [m, m, rad]; headings are NaN unless they
+        are measured.
 
         The first pose is measured at a random time in the first period.
         """
@@ -82,14 +92,19 @@ class PoseSource(Checked):
         pose = pose + noise * rng.standard_normal(pose.shape)
         wrong = rng.random(len(moment)) < self.outliers
         pose = pose + wrong[:, None] * _WRONG * rng.uniform(-1, 1, pose.shape)
-        early = np.clip(self.jitter * rng.standard_normal(len(moment)), *(np.array([-1, 1]) * _MOST_EARLY / self.rate))
+        early = np.clip(
+            self.jitter * rng.standard_normal(len(moment)),
+            *(np.array([-1, 1]) * _MOST_EARLY / self.rate),
+        )
         seen = ~self._in_gap(moment, rng)
         if not self.heading:
             pose[:, 2] = np.nan
         return (moment + self.delay + early)[seen], pose[seen]
 
     def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
-        """Poses (M, 3) with drift and lasting jumps, which are errors in the steps between poses."""
+        """Poses (M, 3) with drift and lasting jumps, which are errors in the steps between
+        poses.
+        """
         if len(pose) < 2 or not (self.drift or self.heading_drift or self.jumps):
             return pose
         steps = se2.steps(pose)
@@ -105,31 +120,46 @@ class PoseSource(Checked):
         return se2.chain(pose[0], steps)
 
     def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
-        """Mask (M,) of the times in a gap; there is one gap in each of several equal parts of the duration."""
+        """Mask (M,) of the times in a gap; there is one gap in each of several equal parts of the
+        duration.
+        """
         if not self.gaps:
             return np.zeros(len(moment), bool)
         part = (moment[-1] - moment[0]) / self.gaps
         free = max(0.0, part - self.gap_duration)
         begin = moment[0] + part * np.arange(self.gaps) + rng.uniform(0, free, self.gaps)
-        return ((moment[:, None] >= begin) & (moment[:, None] < begin + self.gap_duration)).any(axis=1)
+        return ((moment[:, None] >= begin) & (moment[:, None] < begin + self.gap_duration)).any(
+            axis=1
+        )
 
 
 SOURCES: Mapping[str, PoseSource] = {
     "scanner": PoseSource(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25)),
-    "mocap": PoseSource(rate=50.0, position_noise=0.0005, heading_noise=np.radians(0.1), delay=0.02),
-    "slam": PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0), delay=0.1, jitter=0.005),
+    "mocap": PoseSource(
+        rate=50.0, position_noise=0.0005, heading_noise=np.radians(0.1), delay=0.02
+    ),
+    "slam": PoseSource(
+        rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0), delay=0.1, jitter=0.005
+    ),
     "gnss": PoseSource(rate=5.0, position_noise=0.05, heading=False, delay=0.1),
     "odometry": PoseSource(rate=20.0, drift=0.01, heading_drift=0.004),
 }
-"""Pose sources by name: scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""
+"""Pose sources by name: scanner in the field, motion capture, SLAM, GNSS (positions only), drifting
+odometry.
+"""
 
 
-def plate_scans(scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator) -> tuple[Array, Scan]:
-    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, from a stationary scanner.
+def plate_scans(
+    scanner: LaserScanner, robot: Robot, motion: Motion, rng: np.random.Generator
+) -> tuple[Array, Scan]:
+    """Times (S,) [s] and scans (S, B) of a robot's plate in an empty field, from a stationary
+    scanner.
 
     The first scan is at a random time in the first period.
     """
-    time = np.arange(motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period)
+    time = np.arange(
+        motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period
+    )
     pose, parts = motion.at(time), []
     for k in range(0, len(pose), _AT_ONCE):
         standing = Fleet(robot, pose[k : k + _AT_ONCE])

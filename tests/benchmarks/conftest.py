@@ -23,9 +23,11 @@ def within(benchmark, record_property):
 
 @pytest.fixture
 def compare(benchmark, within):
-    """A function that times `bare` and `ours` in turns, ours after `start`, and bounds the median ratio of speeds.
+    """A function that times `bare` and `ours` in turns, ours after `start`, and bounds the median
+    ratio of speeds.
 
-    The machine may be shared, and its clock rate may change: only times measured side by side are compared.
+    The machine may be shared, and its clock rate may change: only times measured side by side are
+    compared.
     """
 
     def run(ours, bare, least, start=lambda: None):

@@ -1,4 +1,6 @@
-"""Speeds over the bare engine, with bounds: `pytest tests/benchmarks/test_ratios.py` prints docs/speed.md's table."""
+"""Speeds over the bare engine, with bounds: `pytest tests/benchmarks/test_ratios.py` prints
+docs/speed.md's table.
+"""
 
 import math
 import os
@@ -29,7 +31,8 @@ from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.trajectory.named import load_reference
 from trackslip.trajectory.segmented import circle, paper_reference
 
-SECONDS = 20.0  # simulated time of all robots together in a round, of which slow cases drive a part [s]
+# simulated time of all robots together in a round, of which slow cases drive a part [s]
+SECONDS = 20.0
 RADIUS, SPEED = 1.25, 0.15  # of the circle that robots drive [m], [m/s]
 UNDER_WAY = 40  # control periods after which all robots of an environment drive
 SCAN = LaserScanner().period
@@ -41,7 +44,9 @@ def periods(size: int, period: float, part: float = 1.0) -> int:
 
 def on_circle(robot, size: int) -> Fleet:
     fleet = Fleet(robot, np.tile(before_scanner(robot), (size, 1)), threads=1)
-    fleet.command(load_laws()["icr_radius"].sprocket_speeds([SPEED, SPEED / RADIUS], robot.geometry))
+    fleet.command(
+        load_laws()["icr_radius"].sprocket_speeds([SPEED, SPEED / RADIUS], robot.geometry)
+    )
     fleet.advance(2.0)
     return fleet
 
@@ -122,14 +127,18 @@ def test_path_tracking(compare, size, least):
 
 
 def traversing(size: int, **options) -> tuple[TraverseVectorEnv, np.ndarray]:
-    """Robots that cross courses, and the action by which the scripted controller alone drives them."""
+    """Robots that cross courses, and the action by which the scripted controller alone drives
+    them.
+    """
     env = TraverseVectorEnv(size, threads=1, action="correction", **options)
     return env, np.zeros(env.action_space.shape, np.float32)
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.25), (25, 0.6), (256, 0.65)])
 def test_traverse(compare, size, least):
-    """Robots that cross courses, whose motors read the ground in each sample; the bare engine has none."""
+    """Robots that cross courses, whose motors read the ground in each sample; the bare engine has
+    none.
+    """
     env, still = traversing(size)
 
     def start():
@@ -156,12 +165,18 @@ def test_traverse(compare, size, least):
 
 @pytest.mark.parametrize(("course", "least"), [("stairs", 0.33), ("random", 0.4)])
 def test_traverse_over_level_ground(compare, course, least):
-    (level, still), (env, _) = (traversing(64, course=ground) for ground in (Course((Flat(6.0),)), course))
+    (level, still), (env, _) = (
+        traversing(64, course=ground) for ground in (Course((Flat(6.0),)), course)
+    )
     for one in (level, env):
         one.reset(seed=0)
         for _ in range(UNDER_WAY // 2):
             one.step(still)
-    compare(lambda: [env.step(still) for _ in range(3)], lambda: [level.step(still) for _ in range(3)], least)
+    compare(
+        lambda: [env.step(still) for _ in range(3)],
+        lambda: [level.step(still) for _ in range(3)],
+        least,
+    )
 
 
 def grid_physics(world: World, grid: GridConfig) -> float:
@@ -184,19 +199,36 @@ def test_reproduce_over_its_physics(benchmark, within, robot, tmp_path):
     """`trackslip reproduce`, start of Python included, over its physics on as many processors."""
     threads = min(2, os.cpu_count() or 1)
     grid, path, laws = GridConfig(threads=threads), paper_reference(), {**KNOWN_LAWS, **load_laws()}
-    runs = [(name, laws[law]) for name in ("feedforward", "linear") for law in (*KNOWN_LAWS, *IDENTIFIED)]
+    runs = [
+        (name, laws[law])
+        for name in ("feedforward", "linear")
+        for law in (*KNOWN_LAWS, *IDENTIFIED)
+    ]
     fleet = Fleet(robot, [path.pose(0.0)] * len(runs), threads=threads)
     pilots = [Pilot(CONTROLLERS[name](), [k], FixedLaw(law)) for k, (name, law) in enumerate(runs)]
     motion, feed = SameMotion(fleet), ScannerFeed(LaserScanner(), fleet)
     closed_loop(fleet, pilots, path, feed, locator("plate", robot), progress=motion.note)
     bare = seconds(motion.repeat) + grid_physics(World.of(grid), grid)
-    command = [sys.executable, "-m", "experiments", "reproduce", "--seed", "0", "--threads", str(threads)]
+    command = [
+        sys.executable,
+        "-m",
+        "experiments",
+        "reproduce",
+        "--seed",
+        "0",
+        "--threads",
+        str(threads),
+    ]
     command += ["--out", str(tmp_path / "out")]
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    environment = {
+        name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
+    }
     whole = [0.0]
 
     def reproduce():
-        whole[0] = seconds(lambda: subprocess.run(command, check=True, capture_output=True, env=environment))
+        whole[0] = seconds(
+            lambda: subprocess.run(command, check=True, capture_output=True, env=environment)
+        )
 
     benchmark.pedantic(reproduce)
     within(whole[0] / bare, most=10.0)

@@ -1,4 +1,6 @@
-"""Every code block of the README and of docs/ does what it says, and prints what is shown, to the digit."""
+"""Every code block of the README and of docs/ does what it says, and prints what is shown, to the
+digit.
+"""
 
 import importlib
 import re
@@ -22,7 +24,8 @@ def workplace(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("experiments.common.sweep.processors", lambda: 1)  # others would take longer to start
+    # others would take longer to start
+    monkeypatch.setattr("experiments.common.sweep.processors", lambda: 1)
     importlib.invalidate_caches()
     yield tmp_path
     for name, module in list(sys.modules.items()):
@@ -76,6 +79,10 @@ def test_files_and_links_lead_somewhere(page):
 def test_the_index_lists_every_page_once():
     listed = links((ROOT / "docs" / "README.md").read_text(encoding="utf-8"))
     pages = {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
-    assert sorted(name for name in listed if name.endswith(".md") and "/" not in name) == sorted(pages)
-    site = re.findall(r"^ +- .*?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(name for name in listed if name.endswith(".md") and "/" not in name) == sorted(
+        pages
+    )
+    site = re.findall(
+        r"^ +- .*?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert sorted(name for name in site if "/" not in name) == sorted([*pages, "README.md"])

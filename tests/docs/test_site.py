@@ -19,9 +19,15 @@ def site(tmp_path_factory):
     for package in ("trackslip", "sim"):
         (folder / package).symlink_to(ROOT / package)
     config = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    (folder / "mkdocs.yml").write_text(config.replace("site_dir: out/docs", "site_dir: site"), encoding="utf-8")
+    (folder / "mkdocs.yml").write_text(
+        config.replace("site_dir: out/docs", "site_dir: site"), encoding="utf-8"
+    )
     done = subprocess.run(
-        [sys.executable, "-m", "zensical", "build", "--strict"], cwd=folder, capture_output=True, text=True, timeout=120
+        [sys.executable, "-m", "zensical", "build", "--strict"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     (folder / "site" / "404.html").unlink()  # only servers show it, and what it loads is theirs
@@ -39,13 +45,21 @@ class References(HTMLParser):
     def handle_starttag(self, tag, attrs):
         given = dict(attrs)
         self.anchors.add(given.get("id"))
-        if "src" in given or (tag == "link" and given.get("rel") not in ("canonical", "next", "prev")):
+        if "src" in given or (
+            tag == "link" and given.get("rel") not in ("canonical", "next", "prev")
+        ):
             self.loaded.append(given.get("src") or given["href"])
 
 
-def test_every_page_is_there_with_its_public_names_and_equations_and_loads_nothing_from_a_network(site):
+def test_every_page_is_there_with_its_public_names_and_equations_and_loads_nothing_from_a_network(
+    site,
+):
     for page in (ROOT / "docs").rglob("*.md"):
-        name = "index.html" if page.name == "README.md" else page.with_suffix(".html").relative_to(ROOT / "docs")
+        name = (
+            "index.html"
+            if page.name == "README.md"
+            else page.with_suffix(".html").relative_to(ROOT / "docs")
+        )
         assert (site / name).is_file()
     for package in api_pages.PACKAGES:
         names = {name for names in api_pages.rooms(package).values() for name in names}
@@ -53,10 +67,15 @@ def test_every_page_is_there_with_its_public_names_and_equations_and_loads_nothi
     for page in site.rglob("*.html"):
         assert "$$" not in page.read_text(encoding="utf-8")
         for link in References(page).loaded:
-            assert link.startswith("data:") or (page.parent / unquote(link).partition("?")[0]).is_file(), link
+            assert (
+                link.startswith("data:")
+                or (page.parent / unquote(link).partition("?")[0]).is_file()
+            ), link
 
 
 @pytest.mark.parametrize("package", api_pages.PACKAGES)
 def test_the_api_pages_list_the_public_names(package):
     """If this fails, run `python tests/helpers/api_pages.py`."""
-    assert (ROOT / "docs" / "api" / f"{package}.md").read_text(encoding="utf-8") == api_pages.page(package)
+    assert (ROOT / "docs" / "api" / f"{package}.md").read_text(encoding="utf-8") == api_pages.page(
+        package
+    )

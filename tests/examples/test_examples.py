@@ -51,7 +51,8 @@ def test_animation(run, tmp_path):
 
 
 def test_identify_from_python(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())  # as the next test does
+    # as the next test does
+    monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
     printed = run("identify_from_python", tmp_path)
     assert printed.startswith("Slip laws from 8 steady samples")
     ((low, high),) = re.findall(r"offset is between (\S+) and (\S+)", printed)
@@ -124,6 +125,9 @@ def test_every_example_is_tested_and_short():
 @pytest.mark.parametrize("updates", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_ppo_in_one_file(run, updates):
     pytest.importorskip("torch")
-    rewards = numbers(r"mean reward (\S+) per", run("ppo_in_one_file", steps=1024 * updates, robots=16))
+    rewards = numbers(
+        r"mean reward (\S+) per", run("ppo_in_one_file", steps=1024 * updates, robots=16)
+    )
     assert len(rewards) == updates
-    assert updates == 2 or rewards[-1] > rewards[1] + 0.1  # the first ones have robots near their start
+    # the first ones have robots near their start
+    assert updates == 2 or rewards[-1] > rewards[1] + 0.1

@@ -51,7 +51,9 @@ def with_figures():
 
 @pytest.fixture(autouse=True)
 def _quick_pages(request, monkeypatch):
-    """Pages without their figures, which take most of the time, unless a test or a wider fixture draws them."""
+    """Pages without their figures, which take most of the time, unless a test or a wider fixture
+    draws them.
+    """
     if "with_figures" not in request.fixturenames:
         monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
 
@@ -78,9 +80,20 @@ def short(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n")
-    return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
+    return (
+        "--references",
+        "bend.csv",
+        "--starts",
+        "zero",
+        "--localization",
+        "truth",
+        "--jobs",
+        "1",
+    )
 
 
 @pytest.fixture(scope="session")
 def two_drives():
-    return identified_from(wandered(outliers=4, duration=25.0), wandered(name="again", duration=15.0, seed=1))
+    return identified_from(
+        wandered(outliers=4, duration=25.0), wandered(name="again", duration=15.0, seed=1)
+    )

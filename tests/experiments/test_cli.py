@@ -37,10 +37,14 @@ def test_python_m_trackslip_lists_the_commands_and_imports_none_of_them():
 
 
 def test_an_interrupt_prints_one_line_while_modules_are_imported():
-    """A module finder holds the import until the interrupt arrives; a second one doesn't stop what cleans up."""
+    """A module finder holds the import until the interrupt arrives; a second one doesn't stop what
+    cleans up.
+    """
     code = (
-        "import sys, time\nimport experiments.__main__ as start\nclass Finder:\n  def find_spec(self, name, *_):\n"
-        "    if name == 'experiments.predict':\n      try:\n        print(1, flush=True), time.sleep(60)\n"
+        "import sys, time\nimport experiments.__main__ as start\nclass Finder:\n  def "
+        "find_spec(self, name, *_):\n"
+        "    if name == 'experiments.predict':\n      try:\n        print(1, flush=True), "
+        "time.sleep(60)\n"
         "      finally:\n        print(2, flush=True), time.sleep(1), print(3, flush=True)\n"
         "sys.meta_path.insert(0, Finder())\nsys.argv = ['trackslip', 'predict']\nstart.main()"
     )
@@ -56,11 +60,15 @@ def test_an_interrupt_prints_one_line_while_modules_are_imported():
 def test_an_output_path_that_is_a_file(refused, tmp_path):
     (tmp_path / "file").write_text("mine")
     for command, path in (("grid", "file"), ("grid", "file/below"), ("deploy", "a" * 300)):
-        assert f"{path}: can't be written" in refused(command, "--out", str(tmp_path / path)).replace("':", ":")
+        assert f"{path}: can't be written" in refused(
+            command, "--out", str(tmp_path / path)
+        ).replace("':", ":")
     assert (tmp_path / "file").read_text() == "mine"
     (tmp_path / "loop").symlink_to("loop")
     for command in ("predict", f"evaluate {tmp_path / 'file'}"):
-        assert "can't be written" in refused(*command.split(), "--out", str(tmp_path / "loop" / "below"))
+        assert "can't be written" in refused(
+            *command.split(), "--out", str(tmp_path / "loop" / "below")
+        )
 
 
 @pytest.mark.filterwarnings("default")

@@ -36,7 +36,9 @@ def test_a_file_is_not_replaced_unasked(refused, tmp_path):
 
 
 def test_a_law_with_an_alarm_is_refused_unless_the_user_accepts(refused, tmp_path, capsys):
-    content = dict(stored(best="icr", alarms=[{"kind": "blocks", "line": "3 parts are too few"}]).content)
+    content = dict(
+        stored(best="icr", alarms=[{"kind": "blocks", "line": "3 parts are too few"}]).content
+    )
     (tmp_path / "laws.json").write_text(json.dumps(content))
     said = "law icr: ALARM 3 parts are too few: --accept deploys it all the same"
     for to in TARGETS:

@@ -3,7 +3,15 @@ import csv
 import numpy as np
 import pyarrow.parquet
 import pytest
-from bags import in_order, joints_of, odometry, pose_with_covariance, poses_of, write_bag, write_session
+from bags import (
+    in_order,
+    joints_of,
+    odometry,
+    pose_with_covariance,
+    poses_of,
+    write_bag,
+    write_session,
+)
 from beside import drive, room, teleoperated
 from plain_drives import wandered
 
@@ -23,7 +31,13 @@ def bags(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bags")
     write_bag(folder / "run", "foxglove", in_order(joints_of(LOG), poses_of(LOG)))
     motors = joints_of(LOG, names=("x1", "x2"), topic="/motors")
-    both = in_order(motors, joints_of(LOG), poses_of(LOG, pose_with_covariance), poses_of(LOG), poses_of(LOG, odometry))
+    both = in_order(
+        motors,
+        joints_of(LOG),
+        poses_of(LOG, pose_with_covariance),
+        poses_of(LOG),
+        poses_of(LOG, odometry),
+    )
     write_bag(folder / "doubtful", "mcap", both)
     return folder
 
@@ -31,7 +45,21 @@ def bags(tmp_path_factory):
 @pytest.fixture(scope="module")
 def grid(tmp_path_factory):
     folder = tmp_path_factory.mktemp("results") / "grid"
-    main(["grid", "--radii", "0.5", "1", "--speeds", "0.1", "0.2", "--duration", "8", "--out", str(folder)])
+    main(
+        [
+            "grid",
+            "--radii",
+            "0.5",
+            "1",
+            "--speeds",
+            "0.1",
+            "0.2",
+            "--duration",
+            "8",
+            "--out",
+            str(folder),
+        ]
+    )
     return folder
 
 
@@ -48,7 +76,14 @@ def words(printed, start):
 def test_topics_uses_columns_runs_and_doubts_are_shown(bags, capsys):
     main(["log", str(bags / "run.mcap")])
     printed = capsys.readouterr().out
-    assert words(printed, "/joint_states")[1:] == ["sensor_msgs/JointState", "400", "20.0", "0.05", "*", "encoders"]
+    assert words(printed, "/joint_states")[1:] == [
+        "sensor_msgs/JointState",
+        "400",
+        "20.0",
+        "0.05",
+        "*",
+        "encoders",
+    ]
     assert words(printed, "/slam/pose")[-4:] == ["*", "poses:", "measured", "poses"]
     assert words(printed, "omega_l")[1:3] == ["rad/s", "sprocket"]
     assert words(printed, "run  4")[1:5] == ["400", "19.95", "0.05", str(LOG.is_valid.sum())]
@@ -77,7 +112,9 @@ def test_a_bag_is_written_exactly_and_not_replaced_unasked(bags, tmp_path, refus
     assert sorted(file.parent.iterdir()) == before
 
 
-def test_a_grids_csv_has_its_units_beside_it_and_identify_reads_it_with_the_options_printed(grid, tmp_path, capsys):
+def test_a_grids_csv_has_its_units_beside_it_and_identify_reads_it_with_the_options_printed(
+    grid, tmp_path, capsys
+):
     file = tmp_path / "all.csv"
     main(["log", str(grid), "--out", str(file)])
     command = capsys.readouterr().out.splitlines()[-1].split()
@@ -89,8 +126,12 @@ def test_a_grids_csv_has_its_units_beside_it_and_identify_reads_it_with_the_opti
     assert [row["column"] for row in about] == header
     assert all(row["unit"] == COLUMNS[row["column"]].unit and row["description"] for row in about)
     assert command[:2] == ["trackslip", "identify"]
-    of_csv, of_grid = (source_of(parse(line)) for line in (command[1:], ["identify", str(grid), "--motion", "arc"]))
-    np.testing.assert_allclose(of_csv.sampling.samples.slip, of_grid.sampling.samples.slip, rtol=1e-12)
+    of_csv, of_grid = (
+        source_of(parse(line)) for line in (command[1:], ["identify", str(grid), "--motion", "arc"])
+    )
+    np.testing.assert_allclose(
+        of_csv.sampling.samples.slip, of_grid.sampling.samples.slip, rtol=1e-12
+    )
 
 
 def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, capsys):
@@ -114,11 +155,26 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
     ("line", "message"),
     [
         ("log {bags}/none.mcap", "none.mcap: no such file or folder"),
-        ("log {bags}/run.mcap --out log.txt", "out = 'log.txt': must be a file that ends in .parquet or .csv"),
-        ("log log.csv --out ./log.csv --overwrite", "out = 'log.csv': must be a file other than the one being read"),
-        ("log {bags}/run.mcap --left a,,b --right c", "left = 'a,,b': must be names of joints, separated by"),
-        ("log {bags}/doubtful --out x.csv", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
-        ("log {scanned} --plate nanx0.1", "plate = 'nanx0.1': must be LENGTHxTHICKNESS in m, as in 0.5x0.02, longer"),
+        (
+            "log {bags}/run.mcap --out log.txt",
+            "out = 'log.txt': must be a file that ends in .parquet or .csv",
+        ),
+        (
+            "log log.csv --out ./log.csv --overwrite",
+            "out = 'log.csv': must be a file other than the one being read",
+        ),
+        (
+            "log {bags}/run.mcap --left a,,b --right c",
+            "left = 'a,,b': must be names of joints, separated by",
+        ),
+        (
+            "log {bags}/doubtful --out x.csv",
+            "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC",
+        ),
+        (
+            "log {scanned} --plate nanx0.1",
+            "plate = 'nanx0.1': must be LENGTHxTHICKNESS in m, as in 0.5x0.02, longer",
+        ),
         ("log {scanned} --plate 0.6x0.04 --poses /a", "poses = '/a': must be left out with plate"),
         (f"identify {{bags}}/run.mcap {ROBOT} --where a=1", "holds bags, not runs of a sweep"),
     ],
@@ -132,7 +188,8 @@ def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     result = trackslip("wander", "--source", source, "--duration", "10", "--bag")
     (log,), (again,) = package.load(result.folder), package.load(result.folder / "bags")
     np.testing.assert_allclose(again.time - again.time[0] + log.time[0], log.time, atol=2e-9)
-    np.testing.assert_allclose(again.omega[1:], log.omega[1:], atol=1e-4)  # times in whole nanoseconds
+    # times in whole nanoseconds
+    np.testing.assert_allclose(again.omega[1:], log.omega[1:], atol=1e-4)
     np.testing.assert_array_equal(again.is_valid, log.is_valid)
     places = [run.pose[run.is_valid, :2] for run in (log, again)]
     first = places[0][0] if source == "gnss" else 0.0  # fixes have the first one as origin

@@ -19,10 +19,26 @@ def test_the_default_is_the_simulated_robot(robot, trackslip):
 
 
 def test_turns_counted_by_hand_give_the_multiplier(capsys, refused):
-    main(["predict", "--turns", "10", "--measured", "8", "--multiplier", "1.2", "--half-gauge", "0.2"])
+    main(
+        [
+            "predict",
+            "--turns",
+            "10",
+            "--measured",
+            "8",
+            "--multiplier",
+            "1.2",
+            "--half-gauge",
+            "0.2",
+        ]
+    )
     first, second = capsys.readouterr().out.splitlines()
     assert first == "wheel_separation_multiplier  1.500, where odometry had 1.2"
     assert second.startswith("D  100.0 mm for half_gauge = 0.2 m")
-    assert "turns = 10.0: must be left out without --measured" in refused("predict", "--turns", "10")
+    assert "turns = 10.0: must be left out without --measured" in refused(
+        "predict", "--turns", "10"
+    )
     assert "must be from 0.1 to 10" in refused("predict", "--turns", "10", "--measured", "0.01")
-    assert "measured = 0.0: must be a finite number > 0" in refused("predict", "--turns", "10", "--measured", "0")
+    assert "measured = 0.0: must be a finite number > 0" in refused(
+        "predict", "--turns", "10", "--measured", "0"
+    )

@@ -23,23 +23,50 @@ class Stubborn:
 
 
 @pytest.mark.parametrize(
-    ("controller", "localization"), [("linear", "plate"), ("feedforward", "line"), ("feedforward", "truth")]
+    ("controller", "localization"),
+    [("linear", "plate"), ("feedforward", "line"), ("feedforward", "truth")],
 )
 def test_track(trackslip, controller, localization):
     options = ("--controller", controller, "--compensation", "icr", "--localization", localization)
-    result = trackslip("track", *options, "--reference", "circle", "--circle-duration", "14", "--circle-radius", "1.0")
+    result = trackslip(
+        "track",
+        *options,
+        "--reference",
+        "circle",
+        "--circle-duration",
+        "14",
+        "--circle-radius",
+        "1.0",
+    )
     (row,) = result.summary["tracking"]
-    assert (row["controller"], row["compensation"], row["localization"]) == (controller, "icr", localization)
+    assert (row["controller"], row["compensation"], row["localization"]) == (
+        controller,
+        "icr",
+        localization,
+    )
     assert row["rms_position"] < 0.05
 
 
 def test_track_takes_a_start_and_laws(trackslip, tmp_path):
-    save_laws(tmp_path / "mine.json", {"icr_radius": ConstantIcr(0.1, 0.168)}, RobotGeometry(0.168, 0.06))
-    options = ("--start", "-1.5", "0.2", "0.0", "--compensation", "icr_radius", "--laws", str(tmp_path / "mine.json"))
+    save_laws(
+        tmp_path / "mine.json", {"icr_radius": ConstantIcr(0.1, 0.168)}, RobotGeometry(0.168, 0.06)
+    )
+    options = (
+        "--start",
+        "-1.5",
+        "0.2",
+        "0.0",
+        "--compensation",
+        "icr_radius",
+        "--laws",
+        str(tmp_path / "mine.json"),
+    )
     (log,) = read_runs(trackslip("track", *CIRCLE, *options).folder / "runs.parquet")
     np.testing.assert_allclose(log.truth.pose[0], [-1.5, 0.2, 0.0], atol=1e-9)
     v, w = log.twist_command[100]
-    np.testing.assert_allclose(log.command[100], (v + np.array([-1, 1]) * (0.168 + 0.1) * w) / 0.06, rtol=1e-9)
+    np.testing.assert_allclose(
+        log.command[100], (v + np.array([-1, 1]) * (0.168 + 0.1) * w) / 0.06, rtol=1e-9
+    )
 
 
 def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
@@ -51,5 +78,8 @@ def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
     assert stop.value.code == 2
     assert "its controller fails at 2.05 s (SystemExit: I have had enough)" in line
     (log,) = read_runs(tmp_path / "out" / "runs.parquet")
-    assert log.metadata["failure"] == json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
+    assert (
+        log.metadata["failure"]
+        == json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
+    )
     assert 1.9 < log.time[-1] <= 2.05

@@ -1,6 +1,7 @@
 """Write the API pages: every public name of each package, grouped by subpackage.
 
-Run `python tests/helpers/api_pages.py` after a public name has come, moved or gone; a test says when.
+Run `python tests/helpers/api_pages.py` after a public name has come, moved or gone; a test says
+when.
 """
 
 import importlib
@@ -8,7 +9,8 @@ import inspect
 from pathlib import Path
 
 PACKAGES = {
-    "trackslip": "Localization, identification, slip laws, controllers and logs. It needs no simulator.",
+    "trackslip": "Localization, identification, slip laws, controllers and logs. It needs no "
+    "simulator.",
     "sim": "The simulated world: robots, grounds, drives, the laser range finder and closed loops.",
     "sim.tracks": "Tracks for any MuJoCo robot; see [the guide](../tracks.md).",
     "sim.terrain": "Courses for robots to cross; see [the guide](../tracks.md#terrain).",
@@ -25,7 +27,8 @@ def page(package: str) -> str:
     lines = [
         f"# {package}",
         "",
-        f"{PACKAGES[package]} `from {package} import NAME` gives every name on this page. Units are SI, angles are in "
+        f"{PACKAGES[package]} `from {package} import NAME` gives every name on this page. Units "
+        "are SI, angles are in "
         "radians, and tracks are ordered (left, right) on the last axis.",
     ]
     for room, names in rooms(package).items():

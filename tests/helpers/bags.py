@@ -1,4 +1,6 @@
-"""Bags as robots and other programs write them, with a plate's scans too: by rosbags and by MCAP's own writer."""
+"""Bags as robots and other programs write them, with a plate's scans too: by rosbags and by MCAP's
+own writer.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -38,7 +40,8 @@ def store(ros1):
 
 
 def write_bag(path, kind, messages, *, compression=None):
-    """Write messages (topic, type, arrival [ns], fields as nested dicts) in order; returns the path to open.
+    """Write messages (topic, type, arrival [ns], fields as nested dicts) in order; returns the path
+    to open.
 
     `compression` is none, file, message or storage for rosbags' ROS 2 bags, bz2 or lz4 for ROS 1.
     """
@@ -67,7 +70,9 @@ def _rosbags(path, writer, messages, ros1):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=types)
             message = _built(types, kind, fields)
-            data = types.serialize_ros1(message, kind) if ros1 else types.serialize_cdr(message, kind)
+            data = (
+                types.serialize_ros1(message, kind) if ros1 else types.serialize_cdr(message, kind)
+            )
             writer.write(connections[topic], arrival, data)
     return path
 
@@ -82,7 +87,9 @@ def _foxglove(path, messages, compression):
             if kind not in schemas:
                 text, _ = types.generate_msgdef(kind, ros_version=2)
                 schemas[kind] = writer.register_msgdef(kind, text)
-            writer.write_message(topic, schemas[kind], fields, log_time=arrival, publish_time=arrival)
+            writer.write_message(
+                topic, schemas[kind], fields, log_time=arrival, publish_time=arrival
+            )
         writer.finish()
     return path
 
@@ -143,21 +150,36 @@ def covariance(variances):
 
 
 def joint_states(at, names, position=(), velocity=(), topic="/joint_states", late=1_000_000):
-    fields = {"header": header(at), "name": list(names), "position": list(position), "velocity": list(velocity)}
+    fields = {
+        "header": header(at),
+        "name": list(names),
+        "position": list(position),
+        "velocity": list(velocity),
+    }
     return topic, JOINTS, at + late, fields | {"effort": []}
 
 
 def odometry(at, where, topic="/odom", frame="odom", variances=(0, 0, 0), late=1_000_000):
     stated = {"pose": pose(*where), "covariance": covariance(variances)}
-    return topic, ODOMETRY, at + late, {"header": header(at, frame), "child_frame_id": "base_link", "pose": stated}
+    return (
+        topic,
+        ODOMETRY,
+        at + late,
+        {"header": header(at, frame), "child_frame_id": "base_link", "pose": stated},
+    )
 
 
 def pose_stamped(at, where, topic="/slam/pose", late=1_000_000):
     return topic, STAMPED, at + late, {"header": header(at, "map"), "pose": pose(*where)}
 
 
-def pose_with_covariance(at, where, topic="/amcl_pose", variances=(1e-4, 1e-4, 1e-4), late=1_000_000):
-    fields = {"header": header(at, "map"), "pose": {"pose": pose(*where), "covariance": covariance(variances)}}
+def pose_with_covariance(
+    at, where, topic="/amcl_pose", variances=(1e-4, 1e-4, 1e-4), late=1_000_000
+):
+    fields = {
+        "header": header(at, "map"),
+        "pose": {"pose": pose(*where), "covariance": covariance(variances)},
+    }
     return topic, WITH_COVARIANCE, at + late, fields
 
 
@@ -169,7 +191,9 @@ def transform(at, parent, child, where, topic="/tf", late=1_000_000, z=0.0, turn
     return topic, TF, at + late, {"transforms": [one]}
 
 
-def fix(at, latitude, longitude, altitude=0.0, status=0, variance=0.01, topic="/fix", late=1_000_000):
+def fix(
+    at, latitude, longitude, altitude=0.0, status=0, variance=0.01, topic="/fix", late=1_000_000
+):
     fields = {
         "header": header(at, "gps"),
         "status": {"status": status, "service": 1},
@@ -184,7 +208,9 @@ def fix(at, latitude, longitude, altitude=0.0, status=0, variance=0.01, topic="/
 
 def sprocket_angles(log):
     """Angles (T, 2) that a log's sprockets have turned by."""
-    return np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
+    return np.concatenate(
+        [np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)]
+    )
 
 
 def joints_of(log, names=("left_wheel", "right_wheel"), start=START, **others):
@@ -207,7 +233,9 @@ def in_order(*messages):
 
 
 def chain_of(log, correction=lambda t: (1.0 + 0.01 * np.floor(t), 2.0, 0.3)):
-    """map -> odom once a second, odom -> base_link at 20 Hz, base_link -> sensor once and for all."""
+    """map -> odom once a second, odom -> base_link at 20 Hz, base_link -> sensor once and for
+    all.
+    """
     messages = [transform(START, "base_link", "sensor", (0.2, 0.1, 0.5), topic="/tf_static")]
     for time, where in zip(log.time, log.pose.tolist(), strict=True):
         messages.append(transform(stamp(time), "odom", "base_link", where))
@@ -217,7 +245,9 @@ def chain_of(log, correction=lambda t: (1.0 + 0.01 * np.floor(t), 2.0, 0.3)):
 
 
 def contents(messages):
-    return [(m.topic, m.arrival, m.stamp, tuple(m.content.name), *m.content.position) for m in messages]
+    return [
+        (m.topic, m.arrival, m.stamp, tuple(m.content.name), *m.content.position) for m in messages
+    ]
 
 
 def expected(messages):
@@ -228,12 +258,21 @@ def expected(messages):
     ]
 
 
-def imu(at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_000_000, heading=None):
-    """An IMU's angular velocities about its axes [rad/s], and its orientation if it has a heading [rad]."""
+def imu(
+    at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_000_000, heading=None
+):
+    """An IMU's angular velocities about its axes [rad/s], and its orientation if it has a heading
+    [rad].
+    """
     fields = {"header": header(at, frame), "angular_velocity": dict(zip("xyz", rates, strict=True))}
     if heading is not None:
         fields["orientation"] = quaternion(heading)
-    return topic, IMU, at + late, fields | {"angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8]}
+    return (
+        topic,
+        IMU,
+        at + late,
+        fields | {"angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8]},
+    )
 
 
 def scan_messages(session: Session):
@@ -256,4 +295,6 @@ def scan_messages(session: Session):
 
 def write_session(path, kind, session: Session, *more):
     encoders = SimpleNamespace(time=session.encoder_time, omega=session.omega)
-    return write_bag(path, kind, in_order(joints_of(encoders, JOINT_NAMES), scan_messages(session), *more))
+    return write_bag(
+        path, kind, in_order(joints_of(encoders, JOINT_NAMES), scan_messages(session), *more)
+    )

@@ -19,9 +19,11 @@ def bare_copy(source: batch.Batch) -> batch.Batch:
 
 
 class SameMotion:
-    """The bare engine in the motion of a fleet: its belts change their speeds in every servo period, too.
+    """The bare engine in the motion of a fleet: its belts change their speeds in every servo
+    period, too.
 
-    Belts at constant speeds would be cheaper physics: as long as nothing changes, the solver starts from its solution.
+    Belts at constant speeds would be cheaper physics: as long as nothing changes, the solver starts
+    from its solution.
     """
 
     def __init__(self, fleet: Fleet) -> None:
@@ -37,7 +39,9 @@ class SameMotion:
         robot = self._fleet.robot
         self._drive.command(self._fleet.drive.set_point)
         mean = self._drive.forecast(round(duration / self._fleet.period)).mean  # (P, N, 2)
-        self._speeds.append((-self._drive.radius * mean).take(robot.pad_side, axis=-1) * robot.pad_sign)
+        self._speeds.append(
+            (-self._drive.radius * mean).take(robot.pad_side, axis=-1) * robot.pad_sign
+        )
         self._drive = self._fleet.drive.of(range(self._fleet.size))
 
     def repeat(self) -> None:

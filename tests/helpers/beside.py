@@ -38,7 +38,9 @@ class Session:
 
 
 def teleoperated(rng: np.random.Generator, duration: float, top: float = 5.0) -> Array:
-    """Sprocket speeds (E, 2) at RATE: a new random pair every two seconds, reached within half a second."""
+    """Sprocket speeds (E, 2) at RATE: a new random pair every two seconds, reached within half a
+    second.
+    """
     rows = round(duration * RATE)
     knots = rng.uniform(-top, top, (int(duration / 2) + 2, 2))
     knots[0] = 0.0
@@ -73,7 +75,9 @@ def drive(
 
     def at(time: Array) -> Array:
         k = np.clip((np.asarray(time) * RATE).astype(int), 0, len(omega) - 2)
-        return advance(robot[k], np.stack([v[k + 1], w[k + 1]], axis=-1), np.asarray(time) - k / RATE)
+        return advance(
+            robot[k], np.stack([v[k + 1], w[k + 1]], axis=-1), np.asarray(time) - k / RATE
+        )
 
     def path(time: Array) -> Array:
         return compose(at(time), np.asarray(place, float))

@@ -1,13 +1,15 @@
-"""Cramér-Rao bound of the pose from one scan, by finite differences of its ranges and of the silhouette's edges.
+"""Cramér-Rao bound of the pose from one scan, by finite differences of its ranges and of the
+silhouette's edges.
 
-With independent normal errors of standard deviation sigma, the Fisher information of the beams that hit is J^T J /
-sigma^2, where J has one row (dr/dx, dr/dy, dr/dphi) per beam. It is singular for a plate seen broadside: sliding it
-along itself changes no range. That direction is fixed only by which beams hit the plate. The corner that forms the edge
-of the silhouette is uniformly distributed between the last beam that hit and the first that missed: its bearing is
-measured with the variance delta^2 / 12, where delta is the beam step.
+With independent normal errors of standard deviation sigma, the Fisher information of the beams that
+hit is J^T J / sigma^2, where J has one row (dr/dx, dr/dy, dr/dphi) per beam. It is singular for a
+plate seen broadside: sliding it along itself changes no range. That direction is fixed only by
+which beams hit the plate. The corner that forms the edge of the silhouette is uniformly distributed
+between the last beam that hit and the first that missed: its bearing is measured with the variance
+delta^2 / 12, where delta is the beam step.
 
-The bound doesn't apply where the ranges are not smooth functions of the pose: within a few degrees of edge-on, where
-the face that a beam meets determines the heading.
+The bound doesn't apply where the ranges are not smooth functions of the pose: within a few degrees
+of edge-on, where the face that a beam meets determines the heading.
 """
 
 import numpy as np
@@ -23,7 +25,8 @@ _STEP = 1e-7  # of differences [m], [rad]
 
 
 def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Array:
-    """Covariances (S, 3, 3) of poses (S, 3) in the LRF's frame that no unbiased estimator beats; NaN: undetermined.
+    """Covariances (S, 3, 3) of poses (S, 3) in the LRF's frame that no unbiased estimator beats;
+    NaN: undetermined.
 
     The bearings (B,) ascend in equal steps; `noise` is the standard deviation of a range [m].
     """
@@ -31,9 +34,12 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
     sight, distance = np.arctan2(pose[:, 1], pose[:, 0]), np.hypot(pose[:, 0], pose[:, 1])
     step = (bearings[-1] - bearings[0]) / (len(bearings) - 1)
-    # as many beams towards every plate as the nearest needs; those outside the field of view don't count
+    # as many beams towards every plate as the nearest needs; those outside the field of view don't
+    # count
     spread = int(np.arcsin(np.minimum(np.hypot(*size) / 2 / distance, 1.0)).max() / step) + 2
-    beam = np.round((sight[:, None] - bearings[0]) / step).astype(int) + np.arange(-spread, spread + 1)
+    beam = np.round((sight[:, None] - bearings[0]) / step).astype(int) + np.arange(
+        -spread, spread + 1
+    )
     angle = bearings[0] + step * beam
     beams = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -41,7 +47,8 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
         return rectangle(pose[:, None], size)(np.zeros(2), beams, np.zeros(1))
 
     def edges(pose: Array) -> Array:
-        corners = pose[:, None, :2] @ [1, 1j] + signs * size @ [1, 1j] * np.exp(1j * pose[:, 2:])  # (S, 4)
+        # (S, 4)
+        corners = pose[:, None, :2] @ [1, 1j] + signs * size @ [1, 1j] * np.exp(1j * pose[:, 2:])
         ahead = np.angle(corners * np.exp(-1j * sight[:, None]))
         return np.stack([ahead.min(axis=1), ahead.max(axis=1)], axis=-1)
 
@@ -59,16 +66,22 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
 
 
 def _jacobian(values, pose: Array) -> Array:
-    return np.stack([(values(pose + h) - values(pose - h)) / (2 * _STEP) for h in _STEP * np.eye(3)], axis=-1)
+    return np.stack(
+        [(values(pose + h) - values(pose - h)) / (2 * _STEP) for h in _STEP * np.eye(3)], axis=-1
+    )
 
 
 def ratio_to_bound(error: Array, bound: Array) -> Array:
-    """Ratios (3,) of the root mean square errors (S, 3) of x, y and heading to the root of the mean bound (S, 3, 3)."""
+    """Ratios (3,) of the root mean square errors (S, 3) of x, y and heading to the root of the mean
+    bound (S, 3, 3).
+    """
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
 
 
 def beside_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> tuple[Array, Array]:
-    """Errors (R, 3) in the world and their bounds (R, 3, 3), of the R scans that determine the pose."""
+    """Errors (R, 3) in the world and their bounds (R, 3, 3), of the R scans that determine the
+    pose.
+    """
     local = scan.from_world(true_pose)
     rows = viewing_angle(local) > MIN_ANGLE
     error = (pose - true_pose)[rows]

@@ -1,14 +1,16 @@
 """The highest step that a tracked robot climbs slowly, by statics with Coulomb friction.
 
-Seen from its side, a track is the convex hull of its wheels. The robot touches the ground at its rear and the step's
-edge (or, below the edge, its face) further ahead. The belts push as hard as friction allows at both. The robot climbs
-as long as this push is not negative, until its centre of mass is above the edge; then it tips over onto the step. For a
-hull whose rear wheel of radius R stays on the ground and whose straight run lies on the edge, the centre of mass is
-above the edge of a step of
+Seen from its side, a track is the convex hull of its wheels. The robot touches the ground at its
+rear and the step's edge (or, below the edge, its face) further ahead. The belts push as hard as
+friction allows at both. The robot climbs as long as this push is not negative, until its centre of
+mass is above the edge; then it tips over onto the step. For a hull whose rear wheel of radius R
+stays on the ground and whose straight run lies on the edge, the centre of mass is above the edge of
+a step of
 
     h = R (1 - cos theta) + (a - c tan theta) sin theta
 
-at the pitch theta, with a the distance of the centre of mass ahead of the rear wheel's axis and c its height.
+at the pitch theta, with a the distance of the centre of mass ahead of the rear wheel's axis and c
+its height.
 """
 
 from dataclasses import dataclass
@@ -25,7 +27,9 @@ _TOUCHES = 1e-6  # tolerance of contact [m]
 
 @dataclass(frozen=True)
 class SideView:
-    """A track and the robot's centre of mass, seen from the robot's left; x points forwards and z up."""
+    """A track and the robot's centre of mass, seen from the robot's left; x points forwards and z
+    up.
+    """
 
     wheels: Array  # (W, 3) x, z and radius of the wheels in the robot's frame [m]
     centre_of_mass: tuple[float, float]
@@ -74,8 +78,11 @@ def climbs(view: SideView, friction: float, height: float) -> bool:
     return False
 
 
-def push_on_step(view: SideView, friction: float, height: float, pitch: float) -> tuple[float, bool]:
-    """Forward push over the weight of belts that slip on both contacts, and whether the robot is over the edge.
+def push_on_step(
+    view: SideView, friction: float, height: float, pitch: float
+) -> tuple[float, bool]:
+    """Forward push over the weight of belts that slip on both contacts, and whether the robot is
+    over the edge.
 
     Where the push at the edge would lift the rear, the rear pushes nothing.
     """
@@ -85,14 +92,20 @@ def push_on_step(view: SideView, friction: float, height: float, pitch: float) -
     rear = wheels[lowest] - [0, radius[lowest]]
     centre = (view.centre_of_mass @ turn - rear)[0]
     outer = np.argmax(_OUTWARD @ wheels.T + radius, axis=1)
-    x, z = (wheels[outer] - rear + radius[outer, None] * _OUTWARD).T  # of the hull, from its lowest point to its front
+    # of the hull, from its lowest point to its front
+    x, z = (wheels[outer] - rear + radius[outer, None] * _OUTWARD).T
     if z[-1] > height:
         edge, touched, angle = np.interp(height, z, x), height, np.interp(height, z, _NORMALS)
     else:
         edge, touched, angle = x[-1], z[-1], 0.0
     normal = -np.array([np.cos(angle), np.sin(angle)])
     force = normal + friction * np.array([normal[1], -normal[0]])
-    # forwards, upwards and moment about the rear contact: loads of the rear and of the edge, and the push that is left
-    system = [[friction, force[0], -1], [1, force[1], 0], [0, edge * force[1] - touched * force[0], 0]]
+    # forwards, upwards and moment about the rear contact: loads of the rear and of the edge, and
+    # the push that is left
+    system = [
+        [friction, force[0], -1],
+        [1, force[1], 0],
+        [0, edge * force[1] - touched * force[0], 0],
+    ]
     rear_load, front_load, push = np.linalg.solve(system, [0, 1, centre])
     return float(push if rear_load > 0 else front_load * force[0]), bool(centre >= edge)

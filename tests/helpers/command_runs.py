@@ -23,5 +23,7 @@ def ran(folder: Path, *arguments: str) -> Result:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         main([*arguments, "--out", str(folder)])
-    summary, manifest = (json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest"))
+    summary, manifest = (
+        json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest")
+    )
     return Result(folder, summary, manifest, printed.getvalue())

@@ -11,9 +11,26 @@ from ruamel.yaml import YAML
 from trackslip.kinematics import Array
 
 PARAMETERS = {
-    *("left_wheel_names", "right_wheel_names", "wheel_separation", "wheel_radius", "wheel_separation_multiplier"),
-    *("left_wheel_radius_multiplier", "right_wheel_radius_multiplier", "odom_frame_id", "base_frame_id", "open_loop"),
-    *("tf_frame_prefix", "tf_frame_prefix_enable", "pose_covariance_diagonal", "twist_covariance_diagonal"),
+    *(
+        "left_wheel_names",
+        "right_wheel_names",
+        "wheel_separation",
+        "wheel_radius",
+        "wheel_separation_multiplier",
+    ),
+    *(
+        "left_wheel_radius_multiplier",
+        "right_wheel_radius_multiplier",
+        "odom_frame_id",
+        "base_frame_id",
+        "open_loop",
+    ),
+    *(
+        "tf_frame_prefix",
+        "tf_frame_prefix_enable",
+        "pose_covariance_diagonal",
+        "twist_covariance_diagonal",
+    ),
     *("position_feedback", "enable_odom_tf", "cmd_vel_timeout", "publish_limited_velocity"),
     *("velocity_rolling_window_size", "publish_rate", "linear", "angular"),
 }
@@ -39,7 +56,9 @@ class DiffDrive:
         """Commanded speeds of the (left, right) wheel (..., 2) for twists (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
         across = w * self.separation / 2
-        return np.stack([(v - across) / self.left_radius, (v + across) / self.right_radius], axis=-1)
+        return np.stack(
+            [(v - across) / self.left_radius, (v + across) / self.right_radius], axis=-1
+        )
 
     def twist(self, omega: Array) -> Array:
         """Twists (..., 2) by odometry from wheel speeds (..., 2)."""

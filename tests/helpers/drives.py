@@ -34,9 +34,15 @@ def drive_log(
     driving: str | Array = "random",
     **motion: float,
 ) -> RunLog:
-    """A log of `duration` [s]; `driving` is a name or track speeds (T, 2) [m/s] at 50 Hz, `motion` is of LawMotion."""
+    """A log of `duration` [s]; `driving` is a name or track speeds (T, 2) [m/s] at 50 Hz, `motion`
+    is of LawMotion.
+    """
     rng = np.random.default_rng(seed)
-    speeds = track_commands(driving, duration, _ENCODERS, Driver(), rng) if isinstance(driving, str) else driving
+    speeds = (
+        track_commands(driving, duration, _ENCODERS, Driver(), rng)
+        if isinstance(driving, str)
+        else driving
+    )
     omega = speeds / GEOMETRY.sprocket_radius
     moves = LawMotion(law, GEOMETRY, variation, **motion)
     log, true = driven_by_law(f"drive {seed}", moves, omega, _ENCODERS, rng)

@@ -6,7 +6,9 @@ _TOUCHING = 1.0  # overlap that can't be seen [pixels]
 
 
 def assert_readable(figure):
-    """Assert that nothing is cut off, panels, legends and ticks don't overlap, and axis labels name a unit."""
+    """Assert that nothing is cut off, panels, legends and ticks don't overlap, and axis labels name
+    a unit.
+    """
     figure.draw_without_rendering()
     around = figure.get_tightbbox()  # [in]
     width, height = figure.get_size_inches()
@@ -30,4 +32,8 @@ def _collide(*boxes):
 def _ticks(axes):
     low, high = sorted(axes.get_xlim())
     texts = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
-    return [text for text in texts if text.get_visible() and text.get_text() and low <= text.get_position()[0] <= high]
+    return [
+        text
+        for text in texts
+        if text.get_visible() and text.get_text() and low <= text.get_position()[0] <= high
+    ]

@@ -11,7 +11,9 @@ MOUNT = np.array([-1.0, 2.0, 0.3])
 
 
 def full_log():
-    """Every optional field, uneven times and full-precision numbers; a beam of each scan is the plate's."""
+    """Every optional field, uneven times and full-precision numbers; a beam of each scan is the
+    plate's.
+    """
     rng = np.random.default_rng(0)
     time, root = np.cumsum(rng.uniform(0.02, 0.08, ROWS)), rng.normal(0, 0.1, (ROWS, 3, 3))
     two, three = rng.normal(0, 3, (ROWS, 2)), rng.normal(0, 2, (ROWS, 3))
@@ -31,7 +33,17 @@ def full_log():
         covariance=root @ root.swapaxes(1, 2),
         valid=rng.random(ROWS) < 0.7,
         load=two + 4,
-        truth=Truth(three + 1, three, two, two, two, two, three[:, 0], np.ones((ROWS, 20, 3)), np.ones((ROWS, 20))),
+        truth=Truth(
+            three + 1,
+            three,
+            two,
+            two,
+            two,
+            two,
+            three[:, 0],
+            np.ones((ROWS, 20, 3)),
+            np.ones((ROWS, 20)),
+        ),
         scans=ScanLog(scan, Plate(), cluster, ranges),
         metadata={"seed": 1, "geometry": {"half_gauge": 0.168}},
     )

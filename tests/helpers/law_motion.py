@@ -16,8 +16,10 @@ _STEP = 0.005  # longest step of integration [s]
 
 @dataclass(frozen=True)
 class SlipVariation:
-    """White slip forwards, sideways [m/sqrt(m)] and of the heading [rad/sqrt(m)], over the mean of the tracks' ways;
-    and the standard deviation [-] and correlation time [s] of slip that lasts, relative to each track's speed."""
+    """White slip forwards, sideways [m/sqrt(m)] and of the heading [rad/sqrt(m)], over the mean of
+    the tracks' ways; and the standard deviation [-] and correlation time [s] of slip that lasts,
+    relative to each track's speed.
+    """
 
     along: float = 0.0
     across: float = 0.0
@@ -31,7 +33,9 @@ STILL, WHITE = SlipVariation(), SlipVariation(along=0.002, across=0.002, turning
 
 @dataclass(frozen=True)
 class LawMotion:
-    """A robot whose turning centre is ahead of its origin [m], and which drifts outwards by c v w and lags [s]."""
+    """A robot whose turning centre is ahead of its origin [m], and which drifts outwards by c v w
+    and lags [s].
+    """
 
     law: SlipLaw
     geometry: RobotGeometry
@@ -41,8 +45,9 @@ class LawMotion:
     lag: float = 0.0
 
     def drive(self, omega: Array, rate: float, rng: np.random.Generator) -> tuple[Motion, Array]:
-        """The motion from the origin at sprocket speeds `omega` (T, 2) [rad/s], each that of the period 1 / `rate` [s]
-        before its row; and twists (T, 3) at these rows, without white slip."""
+        """The motion from the origin at sprocket speeds `omega` (T, 2) [rad/s], each that of the
+        period 1 / `rate` [s] before its row; and twists (T, 3) at these rows, without white slip.
+        """
         substeps = max(1, int(np.ceil(1 / rate / _STEP - 1e-9)))
         step = 1 / rate / substeps
         speeds = np.repeat(omega[1:], substeps, axis=0)
@@ -64,16 +69,24 @@ class LawMotion:
         return Motion(np.arange(len(steps) + 1) * step, se2.chain(np.zeros(3), steps)), at_rows
 
     def _delayed(self, twist: Array, step: float) -> Array:
-        """Means (F, 2) over each step of twists that lag behind those of the belts; the robot starts at rest."""
+        """Means (F, 2) over each step of twists that lag behind those of the belts; the robot
+        starts at rest.
+        """
         if self.lag == 0:
             return twist
         keep = np.exp(-step / self.lag)
-        missing = scipy.signal.lfilter([1.0], [1.0, -keep], np.diff(twist, axis=0, prepend=0.0), axis=0)
+        missing = scipy.signal.lfilter(
+            [1.0], [1.0, -keep], np.diff(twist, axis=0, prepend=0.0), axis=0
+        )
         return twist - (1 - keep) * self.lag / step * missing
 
 
-def driven_by_law(name, law, omega, rate, rng, start=(0.0, 0.0, 0.0), counts=None) -> tuple[RunLog, Motion]:
-    """The log and motion of a LawMotion from `start`; encoders read `omega` (T, 2), or so many counts a revolution."""
+def driven_by_law(
+    name, law, omega, rate, rng, start=(0.0, 0.0, 0.0), counts=None
+) -> tuple[RunLog, Motion]:
+    """The log and motion of a LawMotion from `start`; encoders read `omega` (T, 2), or so many
+    counts a revolution.
+    """
     moved, twist = law.drive(omega, rate, rng)
     motion = Motion(moved.time, se2.compose(np.array(start), moved.pose))
     time, command = np.arange(len(omega)) / rate, np.concatenate([omega[1:], omega[-1:]])

@@ -1,15 +1,16 @@
-"""Markdown pages of the documentation: their code blocks, run and compared with what the page shows.
+"""Markdown pages of the documentation: their code blocks, run and compared with what the page
+shows.
 
 A block is a fence with a language. A comment on the line above it may say what is special about it:
 
     <!-- slow: how long -->     commands that the default tests only parse; the slow tests run them
     <!-- needs: MODULE -->      commands that are only parsed where this optional library is missing
-    <!-- parsed only: why -->   commands that no test runs: they need a cluster, hours, or measure a machine
-    <!-- not run: why -->       commands that aren't trackslip's
-    <!-- refused -->            commands that must end with exit code 2
-    <!-- file: NAME -->         a file that later blocks use
+    <!-- parsed only: why -->   commands that no test runs: they need a cluster, hours, or measure a
+    machine <!-- not run: why -->       commands that aren't trackslip's <!-- refused -->
+    commands that must end with exit code 2 <!-- file: NAME -->         a file that later blocks use
 
-`text` blocks are the output of the block before them, to the digit. A line that ends in … leaves out the rest of it.
+`text` blocks are the output of the block before them, to the digit. A line that ends in … leaves
+out the rest of it.
 """
 
 import importlib.util
@@ -26,7 +27,9 @@ ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 LANGUAGES = ("python", "sh", "c", "xml", "toml", "csv", "text", "bibtex")
 DIRECTIVES = ("", "slow", "needs", "parsed only", "not run", "refused", "file")
-_BLOCK = re.compile(r"(?:^<!-- ([a-z ]+)(?:: (.+))? -->\n)?^(```+|~~~+)(.*)\n((?:.*\n)*?)\3$", re.MULTILINE)
+_BLOCK = re.compile(
+    r"(?:^<!-- ([a-z ]+)(?:: (.+))? -->\n)?^(```+|~~~+)(.*)\n((?:.*\n)*?)\3$", re.MULTILINE
+)
 
 
 @dataclass(frozen=True)
@@ -45,14 +48,20 @@ def blocks(page: str) -> list[Block]:
         directive, about, _, language, text = match.groups(default="")
         line = page.count("\n", 0, match.start()) + 1
         if language not in LANGUAGES or directive not in DIRECTIVES:
-            raise ValueError(f"line {line}: unknown language {language!r} or directive {directive!r}")
+            raise ValueError(
+                f"line {line}: unknown language {language!r} or directive {directive!r}"
+            )
         parts.append(Block(line, language, directive, about, text))
     return parts
 
 
 def shown(page: Path, text: str) -> str:
     """The one `text` block of a page that contains a text."""
-    (block,) = [b.text for b in blocks(page.read_text(encoding="utf-8")) if b.language == "text" and text in b.text]
+    (block,) = [
+        b.text
+        for b in blocks(page.read_text(encoding="utf-8"))
+        if b.language == "text" and text in b.text
+    ]
     return block
 
 
@@ -68,7 +77,9 @@ def links(page: str) -> list[str]:
 
 
 def missing_line(text: str, printed: str) -> str | None:
-    """The first shown line that wasn't printed in this order, or None: words and numbers as printed, spacing apart."""
+    """The first shown line that wasn't printed in this order, or None: words and numbers as
+    printed, spacing apart.
+    """
     there = iter([line.split() for line in printed.splitlines() if line.strip()])
     for line in filter(None, map(str.strip, text.splitlines())):
         words = line.removesuffix("…").split()
@@ -91,9 +102,15 @@ class PageRunner:
         (self.folder / "examples").symlink_to(ROOT / "examples")  # pages are read in a checkout
 
     def run(self, block: Block) -> None:
-        """Run a block; raises AssertionError where a page shows what wasn't printed, or a command ends otherwise."""
+        """Run a block; raises AssertionError where a page shows what wasn't printed, or a command
+        ends otherwise.
+        """
         if block.language == "text":
-            line = None if self.printed is None or block.directive else missing_line(block.text, self.printed)
+            line = (
+                None
+                if self.printed is None or block.directive
+                else missing_line(block.text, self.printed)
+            )
             assert line is None, f"not printed: {line}\nprinted was:\n{self.printed}"
             return
         runs = self._runs(block)
@@ -109,7 +126,9 @@ class PageRunner:
     def _runs(self, block: Block) -> bool:
         if block.directive == "needs":
             return importlib.util.find_spec(block.about) is not None
-        return block.directive not in ("parsed only", "not run") and (self.slow or block.directive != "slow")
+        return block.directive not in ("parsed only", "not run") and (
+            self.slow or block.directive != "slow"
+        )
 
     def _command(self, given: list[str], directive: str) -> None:
         code = 0

@@ -1,6 +1,8 @@
-"""Logs of robots with a known law, as tables that people write, without a simulator; first looks at them and laws.
+"""Logs of robots with a known law, as tables that people write, without a simulator; first looks at
+them and laws.
 
-The law of `Robot` is exact: v_side = v -/+ (half_gauge + offset) w = radius (1 + radius_error +/- unequal) omega.
+The law of `Robot` is exact: v_side = v -/+ (half_gauge + offset) w = radius (1 + radius_error +/-
+unequal) omega.
 """
 
 from dataclasses import dataclass, replace
@@ -71,10 +73,11 @@ def drive_of(
     slip: float = 0.0,
     law: SlipLaw | None = None,
 ) -> Drive:
-    """A drive by commands (n,) of v [m/s] and w [rad/s], each held for some time [s]; random ones if not given.
+    """A drive by commands (n,) of v [m/s] and w [rad/s], each held for some time [s]; random ones
+    if not given.
 
-    `slip` is the relative standard deviation of speed and yaw rate from what the law says, new every second. By another
-    `law`, the same wheels move the robot otherwise.
+    `slip` is the relative standard deviation of speed and yaw rate from what the law says, new
+    every second. By another `law`, the same wheels move the robot otherwise.
     """
     rng = np.random.default_rng(seed)
     count = int(duration / hold) + 1
@@ -93,17 +96,26 @@ def drive_of(
         v, w = law.twist(omega, robot.geometry).T
     if slip:
         every = np.arange(0.0, duration + 2.0)
-        v, w = ((1 + slip * np.interp(time, every, rng.normal(size=len(every)))) * values for values in (v, w))
+        v, w = (
+            (1 + slip * np.interp(time, every, rng.normal(size=len(every)))) * values
+            for values in (v, w)
+        )
     return Drive(time, omega, _path(v, w))
 
 
-def weaving(robot: Robot = HUSKY, duration: float = 120.0, speed: float = 0.6, seed: int = 0) -> Drive:
-    """A drive at one speed whose yaw rate follows the wheels late, and which something turns now and then."""
+def weaving(
+    robot: Robot = HUSKY, duration: float = 120.0, speed: float = 0.6, seed: int = 0
+) -> Drive:
+    """A drive at one speed whose yaw rate follows the wheels late, and which something turns now
+    and then.
+    """
     rng = np.random.default_rng(seed)
     time = ENCODER_STEP * np.arange(round(duration / ENCODER_STEP) + 1)
     w = rng.uniform(-0.6, 0.6, int(duration / 3) + 1)[(time / 3).astype(int)]
     wide = robot.half_gauge + robot.offset
-    omega = np.column_stack([speed - wide * w, speed + wide * w]) / (robot.radius * (1 + robot.radius_error))
+    omega = np.column_stack([speed - wide * w, speed + wide * w]) / (
+        robot.radius * (1 + robot.radius_error)
+    )
     turning = _late(w, ENCODER_STEP / 0.3)
     every = np.arange(0.0, duration + 4.0, 2.0)
     turning += 0.05 * np.interp(time, every, rng.normal(size=len(every)))
@@ -119,14 +131,22 @@ def _late(wanted: Array, share: float) -> Array:
 
 
 def _path(v: Array, w: Array) -> Array:
-    """Poses (T, 3) from the origin at speeds (T,) [m/s] and yaw rates (T,) [rad/s], each of the step before it."""
+    """Poses (T, 3) from the origin at speeds (T,) [m/s] and yaw rates (T,) [rad/s], each of the
+    step before it.
+    """
     heading = np.append(0.0, np.cumsum(w[1:] * ENCODER_STEP))
-    place = np.append(0.0, np.cumsum(v[1:] * ENCODER_STEP * np.exp(0.5j * (heading[1:] + heading[:-1]))))
+    place = np.append(
+        0.0, np.cumsum(v[1:] * ENCODER_STEP * np.exp(0.5j * (heading[1:] + heading[:-1])))
+    )
     return np.column_stack([place.real, place.imag, heading])
 
 
 def measured(
-    drive: Drive, pose_step: float = 0.1, position_noise: float = 0.005, heading_noise: float = 0.005, seed: int = 1
+    drive: Drive,
+    pose_step: float = 0.1,
+    position_noise: float = 0.005,
+    heading_noise: float = 0.005,
+    seed: int = 1,
 ) -> tuple[Array, Array]:
     """Times (K,) and poses (K, 3) as a tracker measures them."""
     rows = slice(None, None, round(pose_step / ENCODER_STEP))
@@ -136,13 +156,18 @@ def measured(
 
 
 def table_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> pa.Table:
-    """Encoders and poses as rows of one table sorted by time; cells are empty where nothing was measured."""
+    """Encoders and poses as rows of one table sorted by time; cells are empty where nothing was
+    measured.
+    """
     every = np.union1d(drive.time, time)
     columns = np.full((len(every), 5), np.nan)
     columns[np.searchsorted(every, drive.time), :2] = drive.omega
     columns[np.searchsorted(every, time), 2:] = pose
     names = ("omega_l", "omega_r", "x", "y", "phi")
-    cells = {name: pa.array(values, from_pandas=True) for name, values in zip(names, columns.T, strict=True)}
+    cells = {
+        name: pa.array(values, from_pandas=True)
+        for name, values in zip(names, columns.T, strict=True)
+    }
     return pa.table({"run": [run] * len(every), "t": every} | cells)
 
 
@@ -185,7 +210,9 @@ def look(*logs: RunLog, robot: Robot = HUSKY) -> Look:
     return first_look(drives, robot.geometry)
 
 
-def look_at(drive: Drive = DRIVE, time: Array = TIME, pose: Array = POSE, robot: Robot = HUSKY) -> Look:
+def look_at(
+    drive: Drive = DRIVE, time: Array = TIME, pose: Array = POSE, robot: Robot = HUSKY
+) -> Look:
     return look(log_of(drive, time, pose), robot=robot)
 
 

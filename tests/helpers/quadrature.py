@@ -15,7 +15,9 @@ def times(reference: ProfiledReference | SegmentedReference, others: int = 2000)
 
 
 def integral_miss(reference: ProfiledReference | SegmentedReference) -> float:
-    """Largest error of any pose against the integral of the twist [m]; headings count as far as 1 / curvature."""
+    """Largest error of any pose against the integral of the twist [m]; headings count as far as 1 /
+    curvature.
+    """
     time = times(reference)
     half = np.diff(time)[:, None] / 2
     at = time[:-1, None] + half * (1 + _NODES)  # (T - 1, 6)

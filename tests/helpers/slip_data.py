@@ -33,18 +33,24 @@ _NOISE = 2e-3  # relative, of the twists
 
 
 def driven(twist, *, errors=True, seed=0):
-    """Samples of a robot with a constant ICR that drives twists (n, 2), with or without their errors."""
+    """Samples of a robot with a constant ICR that drives twists (n, 2), with or without their
+    errors.
+    """
     twist = np.asarray(twist, float)
     omega = ConstantIcr(0.05, GEOMETRY.half_gauge, 0.007).sprocket_speeds(twist, GEOMETRY)
     size = _NOISE * np.abs(twist) + 1e-6
     measured = twist + size * np.random.default_rng(seed).standard_normal(twist.shape)
     covariance = size[:, :, None] ** 2 * np.eye(2) if errors else None
-    return SlipSamples.of(omega, measured, GEOMETRY, [f"run {k}" for k in range(len(twist))], covariance)
+    return SlipSamples.of(
+        omega, measured, GEOMETRY, [f"run {k}" for k in range(len(twist))], covariance
+    )
 
 
 def circles(*, side=1):
     """Twists (8, 2) of four radii at two speeds, to the left or, with -1, to the right."""
-    return [(v, side * v / radius) for radius, v in itertools.product((0.6, 1.2, 2.0, 3.0), (0.1, 0.2))]
+    return [
+        (v, side * v / radius) for radius, v in itertools.product((0.6, 1.2, 2.0, 3.0), (0.1, 0.2))
+    ]
 
 
 def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
@@ -54,7 +60,9 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     comparison = SteadyComparison(
         samples=samples,
         laws=laws,
-        validation={name: CrossValidation.of(twist, samples, GEOMETRY) for name, twist in predicted.items()},
+        validation={
+            name: CrossValidation.of(twist, samples, GEOMETRY) for name, twist in predicted.items()
+        },
         score={},
         best=best,
         reason="it predicts best",

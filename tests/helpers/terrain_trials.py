@@ -27,10 +27,16 @@ class LevelGround:
     step: bool = False
 
     def add_to(self, spec: Any) -> list[str]:
-        spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[SIZE, SIZE, 1])
+        spec.worldbody.add_geom(
+            name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[SIZE, SIZE, 1]
+        )
         if not self.step:
             return ["ground"]
-        box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [SIZE, SIZE, DEPTH], "pos": [FACE + SIZE, 0, -DEPTH]}
+        box = {
+            "type": mujoco.mjtGeom.mjGEOM_BOX,
+            "size": [SIZE, SIZE, DEPTH],
+            "pos": [FACE + SIZE, 0, -DEPTH],
+        }
         spec.worldbody.add_geom(name="step", **box)
         return ["ground", "step"]
 
@@ -53,7 +59,9 @@ class Robot:
 
     def line_contact(self, friction):
         ahead = self.view.centre_of_mass[0] - float(np.mean(self.view.touching))
-        return line_contact(self.half_gauge, self.half_length, friction, friction, (ahead, 0.0, self.view.height))
+        return line_contact(
+            self.half_gauge, self.half_length, friction, friction, (ahead, 0.0, self.view.height)
+        )
 
 
 def box(
@@ -65,7 +73,9 @@ def box(
     mass=25.0,
     half_size=(0.22, 0.16, 0.05),
 ):
-    """A box with two tracks; its centre of mass is ahead and above the ground by `centre_of_mass` [m]."""
+    """A box with two tracks; its centre of mass is ahead and above the ground by `centre_of_mass`
+    [m].
+    """
     (x, z), spec = centre_of_mass, mujoco.MjSpec()
     ground = terrain.add_to(spec)
     body = spec.worldbody.add_body(name="box")
@@ -108,16 +118,23 @@ class Trial:
             self.batch.ctrl[:] = robot.control
         self.position, self.quaternion = self.batch.qpos[:, :3], self.batch.qpos[:, 3:7]  # live
         self.velocity = self.batch.qvel[:, :3]  # live
-        self.quaternion[:, 0], self.quaternion[:, 3] = np.cos(np.divide(heading, 2)), np.sin(np.divide(heading, 2))
+        self.quaternion[:, 0], self.quaternion[:, 3] = (
+            np.cos(np.divide(heading, 2)),
+            np.sin(np.divide(heading, 2)),
+        )
         self.gravity = self.batch.expand("opt.gravity")
 
     def drive(self, speeds):
-        """Set the belts' speeds, (2,) or (N, 2), left and right [m/s]; flippers' belts follow their side."""
+        """Set the belts' speeds, (2,) or (N, 2), left and right [m/s]; flippers' belts follow their
+        side.
+        """
         self.belts.set(np.broadcast_to(speeds, (self.size, 2))[:, self.robot.track_side])
 
     def tilt(self, slope):
         """Turn gravity as on slopes (N,) that rise along x [rad]."""
-        self.gravity[:] = 9.81 * np.column_stack([-np.sin(slope), np.zeros(self.size), -np.cos(slope)])
+        self.gravity[:] = 9.81 * np.column_stack(
+            [-np.sin(slope), np.zeros(self.size), -np.cos(slope)]
+        )
 
     def advance(self, duration, rows=None):
         """Simulate all robots, or those of `rows` (N,) bool [s]."""
@@ -140,7 +157,9 @@ class Trial:
 
 
 def limit(holds, low, high, rows, rounds=2):
-    """The value from `low` to `high` up to which `holds`, of values (rows,), is true; NaN if that is not between."""
+    """The value from `low` to `high` up to which `holds`, of values (rows,), is true; NaN if that
+    is not between.
+    """
     for k in range(rounds):
         values = np.linspace(low, high, rows) if k == 0 else np.linspace(low, high, rows + 2)[1:-1]
         held = holds(values)

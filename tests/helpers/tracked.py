@@ -17,7 +17,9 @@ def plane():
 
 def slab():
     spec = mujoco.MjSpec()
-    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_BOX, size=[20, 20, 0.5], pos=[0, 0, -0.5])
+    spec.worldbody.add_geom(
+        name="ground", type=mujoco.mjtGeom.mjGEOM_BOX, size=[20, 20, 0.5], pos=[0, 0, -0.5]
+    )
     return spec
 
 
@@ -25,7 +27,12 @@ def add_robot(spec, com_x=0.0, name="robot"):
     """A free body of 25 kg, its centre of mass 0.12 m above the ground."""
     body = spec.worldbody.add_body(name=name)
     body.add_freejoint()
-    body.mass, body.ipos, body.inertia, body.explicitinertial = 25.0, [com_x, 0, 0.12], [0.45, 0.6, 0.89], True
+    body.mass, body.ipos, body.inertia, body.explicitinertial = (
+        25.0,
+        [com_x, 0, 0.12],
+        [0.45, 0.6, 0.89],
+        True,
+    )
     return body
 
 
@@ -41,6 +48,11 @@ def add_flipper(spec, body, name, x, y, mass=1.5):
 
 
 def built(spec, preset="accurate", terrain="ground", half_gauge=HALF_GAUGE, **options):
-    add_tracks(spec, "robot", Track(half_gauge=half_gauge, hull=HULL, preset=preset, **options), terrain=terrain)
+    add_tracks(
+        spec,
+        "robot",
+        Track(half_gauge=half_gauge, hull=HULL, preset=preset, **options),
+        terrain=terrain,
+    )
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)

@@ -8,7 +8,9 @@ URDF = f"""<robot name="mine">
   <inertial><origin xyz="0 0 0.12"/><mass value="20"/>{_INERTIA.format(0.5)}</inertial>
   <collision><origin xyz="0 0 0.14"/><geometry><box size="0.5 0.3 0.1"/></geometry></collision>
 </link>
-<link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>{_INERTIA.format(0.01)}</inertial></link>
+<link name="arm">
+  <inertial><origin xyz="0.1 0 0"/><mass value="1"/>{_INERTIA.format(0.01)}</inertial>
+</link>
 <joint name="shoulder" type="revolute">
   <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/><origin xyz="0.2 0.3 0.1"/>
   <limit lower="-1" upper="1" effort="40" velocity="1"/>

@@ -1,4 +1,6 @@
-"""What slow tests in tests/validation share: trials in processes, estimates, shares, and MuJoCo's own contact."""
+"""What slow tests in tests/validation share: trials in processes, estimates, shares, and MuJoCo's
+own contact.
+"""
 
 import multiprocessing
 import os
@@ -33,12 +35,16 @@ Outcome = TypeVar("Outcome")
 def outcomes(do: Callable[[Trial], Outcome], trials: Iterable[Trial]) -> list[Outcome]:
     """What `do` returns for each trial, in order, in one process per processor."""
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(os.cpu_count(), context, initializer=sys.path.append, initargs=(str(_ROOT),)) as pool:
+    with ProcessPoolExecutor(
+        os.cpu_count(), context, initializer=sys.path.append, initargs=(str(_ROOT),)
+    ) as pool:
         return list(pool.map(do, trials))
 
 
 class Estimate(NamedTuple):
-    """An estimated parameter with its standard error, by the model of the noise, and its 95 % interval."""
+    """An estimated parameter with its standard error, by the model of the noise, and its 95 %
+    interval.
+    """
 
     value: float
     stderr: float
@@ -47,13 +53,18 @@ class Estimate(NamedTuple):
 
 
 def identified(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, Estimate]:
-    """LAW from whole drives: the estimates of its parameters and of others; empty if the drives don't determine it."""
+    """LAW from whole drives: the estimates of its parameters and of others; empty if the drives
+    don't determine it.
+    """
     try:
         fit = fit_drives(LAW, drives_of(logs)[0], geometry)
     except TrackslipError:
         return {}
     values = fit.values | fit.extras
-    found = {name: Estimate(values[name], error, *fit.interval95[name]) for name, error in fit.stderr.items()}
+    found = {
+        name: Estimate(values[name], error, *fit.interval95[name])
+        for name, error in fit.stderr.items()
+    }
     return found if TRUE_LAW.keys() <= found.keys() else {}
 
 
@@ -100,7 +111,9 @@ def report(title: str, checks: Sequence[Check]) -> None:
 
 
 def use_default_contact(model: mujoco.MjModel) -> None:
-    """Replace the contact parameters of a model by MuJoCo's defaults, except the friction coefficients."""
+    """Replace the contact parameters of a model by MuJoCo's defaults, except the friction
+    coefficients.
+    """
     plain = mujoco.MjSpec().option
     model.pair_solref[:] = [0.02, 1.0]
     model.pair_solreffriction[:] = 0.0

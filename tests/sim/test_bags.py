@@ -30,7 +30,9 @@ def read(path):
     with Reader(path) as reader:
         for connection, arrival, data in reader.messages():
             message = store.deserialize_cdr(data, connection.msgtype)
-            header = message.transforms[0].header if hasattr(message, "transforms") else message.header
+            header = (
+                message.transforms[0].header if hasattr(message, "transforms") else message.header
+            )
             stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
             assert arrival == stamp
             found.setdefault(connection.topic, []).append((stamp, message))
@@ -52,7 +54,9 @@ def assert_stamps(rows, time):
 
 
 def assert_poses(rows, prefix, pose):
-    np.testing.assert_array_equal(numbers(rows, f"{prefix}.position.x", f"{prefix}.position.y"), pose[:, :2])
+    np.testing.assert_array_equal(
+        numbers(rows, f"{prefix}.position.x", f"{prefix}.position.y"), pose[:, :2]
+    )
     turned = numbers(rows, *(f"{prefix}.orientation.{name}" for name in "xyzw"))
     heading = Rotation.from_euler("z", pose[:, 2:])
     assert (Rotation.from_quat(turned) * heading.inv()).magnitude().max() < 1e-15
@@ -62,7 +66,9 @@ def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_p
     write_bag(log, tmp_path / "bag", GEOMETRY)
     bag, valid, count = read(tmp_path / "bag"), log.valid, Counter()
     with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
-        for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
+        for _, channel, message, decoded in make_reader(
+            file, True, [DecoderFactory()]
+        ).iter_decoded_messages():
             stamp, own = bag[channel.topic][count[channel.topic]]
             assert message.log_time == message.publish_time == stamp
             if channel.topic == "/joint_states":
@@ -70,7 +76,10 @@ def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_p
             count[channel.topic] += 1
     assert count == {topic: len(rows) for topic, rows in bag.items()}
     for topic, time in (
-        *((topic, log.time) for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan")),
+        *(
+            (topic, log.time)
+            for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan")
+        ),
         ("/pose", log.time[valid]),
         ("/tf_static", log.time[:1]),
     ):
@@ -85,7 +94,9 @@ def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_p
     assert_poses(bag["/pose"], "pose.pose", log.pose[valid])
     covariance = numbers(bag["/pose"], "pose.covariance")[:, 0]
     planar = np.ix_([0, 1, 5], [0, 1, 5])
-    np.testing.assert_array_equal([matrix.reshape(6, 6)[planar] for matrix in covariance], log.covariance[valid])
+    np.testing.assert_array_equal(
+        [matrix.reshape(6, 6)[planar] for matrix in covariance], log.covariance[valid]
+    )
 
     assert_poses(bag["/ground_truth"], "pose.pose", log.truth.pose)
     moved = ("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z")
@@ -118,7 +129,9 @@ def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
     np.testing.assert_array_equal(mount[:2, 3], MOUNT[:2])
     assert np.arctan2(mount[1, 0], mount[0, 0]) == pytest.approx(MOUNT[2], abs=1e-15)
     with Reader(tmp_path / "bag") as reader:
-        (static,) = (connection for connection in reader.connections if connection.topic == "/tf_static")
+        (static,) = (
+            connection for connection in reader.connections if connection.topic == "/tf_static"
+        )
     assert static.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
 
 
@@ -126,6 +139,8 @@ def test_refusals(log, tmp_path):
     (tmp_path / "there").mkdir()
     with pytest.raises(OutputError, match=r"there: exists already$"):
         write_bag(log, tmp_path / "there")
-    with pytest.raises(InvalidValueError, match=r"times of the run = .*: must be stamps from 0 to 2147483647 s"):
+    with pytest.raises(
+        InvalidValueError, match=r"times of the run = .*: must be stamps from 0 to 2147483647 s"
+    ):
         write_bag(replace(log, time=log.time + 1e10), tmp_path / "bag")
     assert not (tmp_path / "bag").exists()

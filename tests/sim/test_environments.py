@@ -8,7 +8,16 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from results import assert_same
 
-from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, RobotParameters, SensorNoise
+from sim import (
+    Drive,
+    Ground,
+    LaserScanner,
+    Limits,
+    Pull,
+    Randomization,
+    RobotParameters,
+    SensorNoise,
+)
 from sim.terrain import Course, Flat, Step
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
@@ -17,8 +26,18 @@ from trackslip.laws.icr import IcrLoad
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
-DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "gravel"), "randomization": "typical", "off_path": 0.22}
-LEARNING = {"action": "twist", "compensation": "online_cold", "loads": True, "pull": Pull(10.0, since=1.0)}
+DRAWN = {
+    "reference": ("paper", "slalom"),
+    "ground": ("stone", "gravel"),
+    "randomization": "typical",
+    "off_path": 0.22,
+}
+LEARNING = {
+    "action": "twist",
+    "compensation": "online_cold",
+    "loads": True,
+    "pull": Pull(10.0, since=1.0),
+}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
 
 
@@ -49,11 +68,14 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
 )
 def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_path):
     file = tmp_path / "short.csv"
-    file.write_text("x,y\n0,0\n0.01,0\n0.02,0.001\n")  # of 1.3 s, so that an episode comes to its end
+    # of 1.3 s, so that an episode comes to its end
+    file.write_text("x,y\n0,0\n0.01,0\n0.02,0.001\n")
     if name == TRACKING:
         options = options | {"reference": ("slalom", str(file))}
     native = gym.make_vec(name, num_envs=2, autoreset_mode=mode, threads=2, **options)
-    single = gym.make_vec(name, 2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options)
+    single = gym.make_vec(
+        name, 2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options
+    )
     for space in ("observation_space", "action_space", "metadata"):
         assert getattr(native, space) == getattr(single, space)
     assert_same(native.reset(seed=7), single.reset(seed=7))
@@ -68,12 +90,16 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
         ended = results[0][2] | results[0][3]
         ends += ended.sum()
         if mode is AutoresetMode.DISABLED and ended.any():
-            assert_same(*(env.reset(options={"reset_mask": ended.copy()}) for env in (native, single)))
+            assert_same(
+                *(env.reset(options={"reset_mask": ended.copy()}) for env in (native, single))
+            )
     assert ends >= 1
 
 
 def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
-    native, single = (gym.make_vec(TRACKING, num_envs=3, vectorization_mode=m, **DRAWN) for m in (None, "sync"))
+    native, single = (
+        gym.make_vec(TRACKING, num_envs=3, vectorization_mode=m, **DRAWN) for m in (None, "sync")
+    )
     assert_same(native.reset(seed=[5, 1, 5]), single.reset(seed=[5, 1, 5]))
     observation, _ = native.reset(seed=[5, None, 5])
     np.testing.assert_array_equal(observation[0], observation[2])
@@ -94,9 +120,25 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        (TRAVERSE, {"noise": SensorNoise(height=0.1), "course": ("step10", Course((Flat(0.5), Step(0.05))))}),
-        (TRACKING, {"robot": RobotParameters(mass=30.0, drive=Drive(lag=0.1)), "randomization": {"mass": [0.9, 1.1]}}),
-        (TRACKING, TWIST | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)}),
+        (
+            TRAVERSE,
+            {
+                "noise": SensorNoise(height=0.1),
+                "course": ("step10", Course((Flat(0.5), Step(0.05)))),
+            },
+        ),
+        (
+            TRACKING,
+            {
+                "robot": RobotParameters(mass=30.0, drive=Drive(lag=0.1)),
+                "randomization": {"mass": [0.9, 1.1]},
+            },
+        ),
+        (
+            TRACKING,
+            TWIST
+            | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)},
+        ),
     ],
 )
 def test_specifications_round_trip_as_json_and_unknown_options_are_type_errors(name, options):
@@ -116,7 +158,9 @@ def test_difficulty_and_randomization_change_between_episodes():
     before = tracking.get_state()
     tracking.set_randomization({"radius_error": (0.2, 0.2)})
     tracking.reset(seed=0)
-    np.testing.assert_allclose(tracking.task.fleet.drive.radius, 1.2 * RobotParameters().sprocket_radius)
+    np.testing.assert_allclose(
+        tracking.task.fleet.drive.radius, 1.2 * RobotParameters().sprocket_radius
+    )
     with pytest.raises(InvalidValueError, match="shear"):
         tracking.set_randomization(Randomization(shear=(0.0, 0.01)))
     with pytest.raises(InvalidValueError, match="that of Crossing"):
@@ -127,7 +171,9 @@ def test_difficulty_and_randomization_change_between_episodes():
 
 def test_who_has_ended_must_be_reset_where_nobody_else_does():
     drawn = Randomization(start_distance=(0.1, 0.1))
-    env = gym.make_vec(TRACKING, num_envs=2, autoreset_mode="Disabled", off_path=0.11, randomization=drawn)
+    env = gym.make_vec(
+        TRACKING, num_envs=2, autoreset_mode="Disabled", off_path=0.11, randomization=drawn
+    )
     with pytest.raises(TrackslipError, match="reset"):
         env.step(np.zeros((2, 2)))
     env.reset(seed=0)
@@ -152,7 +198,12 @@ def test_actions_and_options_that_make_no_sense_are_refused(name):
     envs = gym.make_vec(name, num_envs=2)
     envs.reset(seed=0)
     count = envs.single_action_space.shape[0]
-    for actions in (np.zeros((2, count + 1)), np.zeros(count), np.full((2, count), NAN), np.full((2, count), INF)):
+    for actions in (
+        np.zeros((2, count + 1)),
+        np.zeros(count),
+        np.full((2, count), NAN),
+        np.full((2, count), INF),
+    ):
         with pytest.raises(TrackslipError):
             envs.step(actions)
     for value in (NAN, "x", object(), {}, np.zeros(3)):
@@ -168,7 +219,8 @@ ROUGH = {"course": ("random", "rough")}
     [
         (TRACKING, 8, 30, DRAWN | LEARNING | {"off_path": 0.5}),
         (TRAVERSE, 4, 10, ROUGH),
-        pytest.param(TRACKING, 64, 15_625, DRAWN | {"off_path": 0.5}, marks=pytest.mark.slow),  # a million actions
+        # a million actions
+        pytest.param(TRACKING, 64, 15_625, DRAWN | {"off_path": 0.5}, marks=pytest.mark.slow),
         pytest.param(TRAVERSE, 64, 15_625, ROUGH, marks=pytest.mark.slow),
     ],
 )
@@ -193,7 +245,9 @@ def test_masses_are_drawn_and_weigh():
     assert light == pytest.approx(31.0 * 9.81, rel=0.01)
     assert heavy == pytest.approx((31.0 + 0.5 * 23.8) * 9.81, rel=0.01)  # 23.8 kg are the chassis
     assert abs(drawn - light) > 5
-    tracking = gym.make_vec(TRACKING, num_envs=2, threads=1, action="twist", randomization=Randomization(mass=(0.5, 2)))
+    tracking = gym.make_vec(
+        TRACKING, num_envs=2, threads=1, action="twist", randomization=Randomization(mass=(0.5, 2))
+    )
     uphill = tracking.reset(seed=0)[1]["true_pose"][0, 2]
     tracking.reset(seed=0, options={"mass": [1.0, 1.6], "ground": Ground(slope=0.1, uphill=uphill)})
     for _ in range(30):

@@ -24,7 +24,10 @@ COURSE = """width = 2
 friction = 0.5
 seed = 7
 start_length = 3.0
-pieces = [{kind = "stairs", rise = -0.1, number = 3, width = inf}, {kind = "rough", amplitude = 0.05}]
+pieces = [
+  {kind = "stairs", rise = -0.1, number = 3, width = inf},
+  {kind = "rough", amplitude = 0.05},
+]
 """
 
 
@@ -34,9 +37,14 @@ def test_files_hold_all_fields(tmp_path):
     expected = Obstacles((Post(1.0, 2.0),), (Wall(0.0, 0.0, 1.0, 0.0),))
     assert load_obstacles(str(path)) == expected
     path.write_text(COURSE)
-    assert load_course(str(path)) == Course((Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0)
+    assert load_course(str(path)) == Course(
+        (Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0
+    )
     assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
-    parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
+    parameters, ground = (
+        RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0),
+        Ground(0.5, 0.6),
+    )
     parameters = dataclasses.replace(parameters, drive=Drive(lag=0.07, motor=Motor(friction=0.2)))
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
     assert load_parameters(path) == (parameters, ground)
@@ -46,7 +54,9 @@ def test_files_hold_all_fields(tmp_path):
 
 
 def test_the_page_lists_the_named_grounds():
-    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \|", PAGE.read_text(), re.MULTILINE)
+    rows = re.findall(
+        r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \|", PAGE.read_text(), re.MULTILINE
+    )
     listed = {name: tuple(map(float, values)) for name, *values in rows}
     assert listed == {name: (g.along, g.across, 1e3 * g.shear) for name, g in NAMED_GROUNDS.items()}
 
@@ -67,7 +77,11 @@ MISTAKES = [
     (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
     (load_ground, PIECE, "patches[0]: x is missing"),
     (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
-    (load_ground, f"changes = [{LATE}, {EARLY}]", "changes = [2.0, 1.0]: must be in ascending order"),
+    (
+        load_ground,
+        f"changes = [{LATE}, {EARLY}]",
+        "changes = [2.0, 1.0]: must be in ascending order",
+    ),
     # robots
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
@@ -75,12 +89,18 @@ MISTAKES = [
     # obstacles
     (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls"),
     # courses
-    (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
+    (
+        load_course,
+        "[[pieces]]\nangle = 1",
+        "pieces[0]: kind = None: must be one of flat, ramp, step, stairs",
+    ),
     (load_course, BLOCKS + "blocks = [[0.5, 0, 0.1, 0.1, 0.1, 0]]", "pieces[0]: length is missing"),
 ]
 
 
-@pytest.mark.parametrize(("load", "text", "message"), MISTAKES, ids=[message[:40] for _, _, message in MISTAKES])
+@pytest.mark.parametrize(
+    ("load", "text", "message"), MISTAKES, ids=[message[:40] for _, _, message in MISTAKES]
+)
 def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message):
     path = tmp_path / "mine.toml"
     path.write_text(text)
@@ -98,10 +118,15 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
         (load_ground, "ground = .*: must be one of stone, concrete"),
         (load_obstacles, "obstacles = .*one of posts, room, occluded, or"),
         (load_course, "course = .*must be one of arena, cross_beams, .*, or a .toml file"),
-        (load_tracked, r"robot = .*one of shipped, rescue, box, husky, warthog, maxxii, or a \.toml file"),
+        (
+            load_tracked,
+            r"robot = .*one of shipped, rescue, box, husky, warthog, maxxii, or a \.toml file",
+        ),
     ],
 )
-def test_names_that_are_neither_known_nor_files_and_files_that_cannot_be_read(tmp_path, load, known):
+def test_names_that_are_neither_known_nor_files_and_files_that_cannot_be_read(
+    tmp_path, load, known
+):
     for name in ("", "mud", "x" * 5000):
         with pytest.raises(InvalidValueError, match=known):
             load(name)

@@ -19,7 +19,8 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
-FAST = Drive(top_speed=0.4)  # the tightest, fastest run of the grid asks 0.334 m/s of the outer track
+# the tightest, fastest run of the grid asks 0.334 m/s of the outer track
+FAST = Drive(top_speed=0.4)
 
 
 def grid_commands(robot, radii=COMMANDED_RADII, speeds=SPEEDS):
@@ -45,7 +46,8 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     surface = omega * robot.geometry.sprocket_radius * 1.0067
     geometry = robot.geometry
     theory = steady_twist(
-        surface, line_contact(geometry.half_gauge, robot.parameters.contact_length / 2, 0.7, 0.7 * ratio)
+        surface,
+        line_contact(geometry.half_gauge, robot.parameters.contact_length / 2, 0.7, 0.7 * ratio),
     )
     twist = fleet.twist()
     spread = surface[:, 1] - surface[:, 0]
@@ -62,12 +64,16 @@ def test_headings_are_unwrapped(robot):
     fleet.command([[-4.0, 4.0], [4.0, -4.0]])
     fleet.advance(10.0)
     turned = fleet.pose()[:, 2] - [7.0, -4.0]
-    np.testing.assert_allclose(turned, np.array([1, -1]) * (10.0 - 0.05) * fleet.twist()[0, 2], rtol=0.01)
+    np.testing.assert_allclose(
+        turned, np.array([1, -1]) * (10.0 - 0.05) * fleet.twist()[0, 2], rtol=0.01
+    )
     assert turned[0] > 2 * np.pi
 
 
 def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
-    """Set down in another way, it stands a little differently; after a while little of that is left."""
+    """Set down in another way, it stands a little differently; after a while little of that is
+    left.
+    """
     start = (0.5, 0.2, 0.3)
     ground = Ground(0.6, 0.8, slope=0.1, uphill=1.0)
     leaning = load_robot(parameters=RobotParameters(com_x=0.03, com_y=-0.02))
@@ -86,8 +92,12 @@ def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
 
 
 def slid(parameters, friction, twist):
-    """Final pose (3,) and model of a robot that is launched at a twist (3,) on locked tracks or wheels."""
-    fleet = Fleet(compiled(parameters), np.zeros((1, 3)), Ground(friction, friction), 0.0, tireless(2.0), 1)
+    """Final pose (3,) and model of a robot that is launched at a twist (3,) on locked tracks or
+    wheels.
+    """
+    fleet = Fleet(
+        compiled(parameters), np.zeros((1, 3)), Ground(friction, friction), 0.0, tireless(2.0), 1
+    )
     fleet.launch(twist)
     for _ in range(300):
         fleet.follow(np.zeros((1, 1, 2)))
@@ -99,13 +109,21 @@ def sliding_distance(speed, deceleration, step=0.005, rate=100.0):
 
     The engine integrates with the speed at the end of a step; grip decays at a finite rate.
     """
-    return speed**2 / 2 / deceleration - speed * step / 2 + deceleration / rate * (1 / rate - step) / 2
+    return (
+        speed**2 / 2 / deceleration - speed * step / 2 + deceleration / rate * (1 / rate - step) / 2
+    )
 
 
-@pytest.mark.parametrize(("name", "friction"), [("shipped", 0.1), ("shipped", 0.7), ("husky", 0.6), ("warthog", 0.1)])
+@pytest.mark.parametrize(
+    ("name", "friction"), [("shipped", 0.1), ("shipped", 0.7), ("husky", 0.6), ("warthog", 0.1)]
+)
 @pytest.mark.parametrize("speed", [0.3, 1.5])
-def test_a_robot_on_locked_tracks_slides_and_spins_as_far_as_coulomb_friction_lets_it(name, friction, speed):
-    """When it slides, it also pitches on the springs under it, which sets back its pose on the ground."""
+def test_a_robot_on_locked_tracks_slides_and_spins_as_far_as_coulomb_friction_lets_it(
+    name, friction, speed
+):
+    """When it slides, it also pitches on the springs under it, which sets back its pose on the
+    ground.
+    """
     parameters = load_parameters(name)[0]
     pose, robot = slid(parameters, friction, [speed, 0.0, 0.0])
     pitch = friction * parameters.com_height * SINK / np.mean(robot.contact_points[:, 0] ** 2)
@@ -115,18 +133,25 @@ def test_a_robot_on_locked_tracks_slides_and_spins_as_far_as_coulomb_friction_le
     np.testing.assert_allclose(pose[1:], 0.0, atol=1e-5)
     pose, _ = slid(parameters, friction, [0.0, 0.0, speed])
     chassis = robot.model.body("chassis")
-    inertia = Rotation.from_quat(chassis.iquat, scalar_first=True).as_matrix()[2] ** 2 @ chassis.inertia
+    inertia = (
+        Rotation.from_quat(chassis.iquat, scalar_first=True).as_matrix()[2] ** 2 @ chassis.inertia
+    )
     moment = friction * robot.mass * 9.81 * np.hypot(*robot.contact_points.T).mean()
     harder = 4e-4 if name == "shipped" else 1e-4
     assert pose[2] == pytest.approx(sliding_distance(speed, moment / inertia), abs=harder, rel=1e-3)
     np.testing.assert_allclose(pose[:2], 0.0, atol=1e-5)
 
 
-PATCHED = Ground(patches=(Patch((0.02, 0.3), (0.0, 1.0), 0.2, 0.2),), changes=(Change(0.21, 0.4, 0.5),))
+PATCHED = Ground(
+    patches=(Patch((0.02, 0.3), (0.0, 1.0), 0.2, 0.2),), changes=(Change(0.21, 0.4, 0.5),)
+)
 COULOMB = [Ground(), Ground(0.9, 1.1, slope=0.2, uphill=2.0), PATCHED, Ground(0.15, 0.15)]
 SHEARING = [
     Ground(shear=0.005, slope=0.1, uphill=0.4),
-    Ground(shear=0.01, patches=(Patch((0.1, 0.4), (-1, 1), 0.5, 0.6), Patch((0.3, 0.5), (-1, 1), 0.7, 0.8, 0.002))),
+    Ground(
+        shear=0.01,
+        patches=(Patch((0.1, 0.4), (-1, 1), 0.5, 0.6), Patch((0.3, 0.5), (-1, 1), 0.7, 0.8, 0.002)),
+    ),
     Ground(shear=0.025, changes=(Change(0.2, 0.6, 0.7), Change(0.4, 0.5, 0.6, 0.001))),
     Ground(0.15, 0.15),
 ]
@@ -141,14 +166,18 @@ def known(fleet, rows=slice(None)):
 
 
 @pytest.mark.parametrize("grounds", [COULOMB, SHEARING], ids=["Coulomb", "shear"])
-def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_stepped(robot, grounds):
+def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_stepped(
+    robot, grounds
+):
     """At any number of threads, in steps of any length, and alone; some motors are too weak."""
     commands = np.array([[2.0, 3.0], [3.0, -1.0], [3.0, 3.0], [0.5, 1.0]])
     start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])  # some turn through pi
 
     def driven(rows, threads, steps):
         weak, shears = Drive(torque_limit=3.0), grounds is SHEARING
-        fleet = Fleet(robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads, shears=shears)
+        fleet = Fleet(
+            robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads, shears=shears
+        )
         for sign in (1.0, -0.7, 0.7):  # at last the belts are at their set points to the last bit
             fleet.command(sign * commands[rows])
             for step in steps:
@@ -162,13 +191,16 @@ def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_st
     assert_same([values[2:3] for values in together], driven([2], 1, [0.05] * 3))
 
 
-EULER = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))  # yaw, then nose down, then leaning to the right
+# yaw, then nose down, then leaning to the right
+EULER = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))
 TURNED = Rotation.from_euler("ZYX", EULER)
 
 
 def states(turned):
     quaternion = turned.as_quat(scalar_first=True)
-    return States(np.concatenate([np.zeros((*quaternion.shape[:-1], 3)), quaternion], axis=-1), np.zeros(6))
+    return States(
+        np.concatenate([np.zeros((*quaternion.shape[:-1], 3)), quaternion], axis=-1), np.zeros(6)
+    )
 
 
 def test_axes_and_angles_are_those_of_the_rotation_and_its_left_side_goes_up_to_lean_right():
@@ -188,7 +220,9 @@ POINTS = 10  # of contact under a track
 
 
 def weight_offset(parameters):
-    """Where the weight presses (x, y) [m], for the ground gives way by SINK and the robot leans to its heavier side."""
+    """Where the weight presses (x, y) [m], for the ground gives way by SINK and the robot leans to
+    its heavier side.
+    """
     height = parameters.com_height
     x = parameters.com_x / (1 - height * SINK / (parameters.contact_length**2 / 12))
     return x, parameters.com_y / (1 - height * SINK / parameters.half_gauge**2)
@@ -207,7 +241,9 @@ def weight_offset(parameters):
     ],
 )
 def test_robots_of_any_shape_have_their_numbers_stand_and_turn_as_theory_says(shape):
-    """Large ones would fly off and small ones topple if the recipe of the contacts didn't suit them."""
+    """Large ones would fly off and small ones topple if the recipe of the contacts didn't suit
+    them.
+    """
     parameters = RobotParameters(**shape)
     robot, gauge = load_robot(parameters=parameters), 2 * parameters.half_gauge
     assert robot.geometry.half_gauge == pytest.approx(parameters.half_gauge)
@@ -223,7 +259,9 @@ def test_robots_of_any_shape_have_their_numbers_stand_and_turn_as_theory_says(sh
     fleet.advance(4.0)
     # the contact points as they are, and the weight where it leans to
     centre = (*weight_offset(parameters), parameters.com_height)
-    contact = line_contact(parameters.half_gauge, parameters.contact_length / 2, 0.6, 0.7, centre, POINTS)
+    contact = line_contact(
+        parameters.half_gauge, parameters.contact_length / 2, 0.6, 0.7, centre, POINTS
+    )
     expected = steady_twist(surface, contact, 9.81)
     twist = fleet.twist()
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], rtol=3e-3)
@@ -232,20 +270,31 @@ def test_robots_of_any_shape_have_their_numbers_stand_and_turn_as_theory_says(sh
 
 @pytest.mark.parametrize("heading", [0.0, np.pi, 0.1])
 def test_robots_do_not_park_where_they_would_tip_over(robot, heading):
-    """Rough ground would hold it, but its weight, 12 cm high, is beyond its rear contact points, 15.3 cm back."""
+    """Rough ground would hold it, but its weight, 12 cm high, is beyond its rear contact points,
+    15.3 cm back.
+    """
     tips = float(np.arctan(np.abs(robot.contact_points[:, 0]).max() / 0.12))
-    with pytest.raises(InvalidValueError, match=r"slope = 1\.\d+: must be less, to park .* the robot tips over"):
+    with pytest.raises(
+        InvalidValueError, match=r"slope = 1\.\d+: must be less, to park .* the robot tips over"
+    ):
         Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=1.15 * tips))
-    with pytest.raises(InvalidValueError, match=r"radius_error = \[2.0\]: must be from -0.5 to 0.5"):
-        Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips), radius_error=2.0)  # meant in percent
+    with pytest.raises(
+        InvalidValueError, match=r"radius_error = \[2.0\]: must be from -0.5 to 0.5"
+    ):
+        # meant in percent
+        Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips), radius_error=2.0)
     Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips))
 
 
 def test_robots_do_not_park_where_one_track_slides(robot):
-    """The mean of both sides' friction would hold it, but the pull of the good track turns it round the other."""
+    """The mean of both sides' friction would hold it, but the pull of the good track turns it round
+    the other.
+    """
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.1, 0.1)
     ground = Ground(0.7, 0.7, slope=0.3, patches=(patch,))
-    with pytest.raises(InvalidValueError, match=r"slope = 0\.3: must be less, to park .* the robot slides"):
+    with pytest.raises(
+        InvalidValueError, match=r"slope = 0\.3: must be less, to park .* the robot slides"
+    ):
         Fleet(robot, np.zeros((1, 3)), ground)
     Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.7, slope=0.15, patches=(patch,)))
 
@@ -255,7 +304,9 @@ def test_a_run_in_which_a_robot_tips_over_ends_with_its_name_and_keeps_its_rows(
     feed = ScannerFeed(LaserScanner(), fleet)
     fleet.set_ground([Ground(), Ground(8.0, 8.0, slope=1.4)])
     names = [Description("level"), Description("steep")]
-    with pytest.raises(RunFailedError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$") as failure:
+    with pytest.raises(
+        RunFailedError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$"
+    ) as failure:
         open_loop(fleet, [1.0, 1.0], 4.0, feed, PlateLocator(robot.plate), names)
     fallen = float(str(failure.value).split()[-2])
     level, steep = failure.value.logs

@@ -32,7 +32,9 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 
 def test_its_checks_pass_and_difficulties_can_be_set():
-    check_env(gym.make("sim:trackslip/PathTracking-v0", action="twist", pose_source="scanner").unwrapped)
+    check_env(
+        gym.make("sim:trackslip/PathTracking-v0", action="twist", pose_source="scanner").unwrapped
+    )
     check_env(gym.make("sim:trackslip/Traverse-v0", flippers="pairs").unwrapped)
     env = TraverseVecEnv(2, threads=1, flippers="pairs")
     env.env_method("set_difficulty", 0.7, 0.7)
@@ -58,7 +60,9 @@ def test_it_is_the_vector_environment():
         np.testing.assert_array_equal(done, terminated | truncated)
         for row in np.flatnonzero(done):
             ends += 1
-            np.testing.assert_array_equal(infos[row]["terminal_observation"], info["final_obs"][row])
+            np.testing.assert_array_equal(
+                infos[row]["terminal_observation"], info["final_obs"][row]
+            )
             assert infos[row]["TimeLimit.truncated"] == truncated[row]
             assert infos[row]["time"] == info["final_info"]["time"][row]
     assert ends > 0
@@ -71,19 +75,28 @@ def test_it_is_the_vector_environment():
 
 
 def learnt(algorithm, kind, updates):
-    """Returns (E,) of the episodes of a training, in order; its parameters move, and no episode is lost."""
+    """Returns (E,) of the episodes of a training, in order; its parameters move, and no episode is
+    lost.
+    """
     torch.manual_seed(0)
     torch.set_num_threads(1)
-    settings = SETTINGS[algorithm] | {"stats_window_size": 100_000, "policy_kwargs": {"net_arch": [32, 32]}}
+    settings = SETTINGS[algorithm] | {
+        "stats_window_size": 100_000,
+        "policy_kwargs": {"net_arch": [32, 32]},
+    }
     envs = VecMonitor(kind(ROBOTS, threads=1, **OPTIONS[kind]))
-    model = algorithm("MlpPolicy", envs, seed=0, device="cpu", learning_rate=1e-3, gamma=0.98, **settings)
+    model = algorithm(
+        "MlpPolicy", envs, seed=0, device="cpu", learning_rate=1e-3, gamma=0.98, **settings
+    )
     before = [values.detach().clone() for values in model.policy.parameters()]
     steps = updates * ROBOTS * HORIZON
     model.learn(steps)
     after = list(model.policy.parameters())
     assert all(torch.isfinite(values).all() for values in after)
     assert not all(torch.equal(values, old) for values, old in zip(after, before, strict=True))
-    returns, lengths = np.array([(episode["r"], episode["l"]) for episode in model.ep_info_buffer]).T
+    returns, lengths = np.array(
+        [(episode["r"], episode["l"]) for episode in model.ep_info_buffer]
+    ).T
     longest = OPTIONS[kind]["max_episode_steps"]
     assert lengths.max() <= longest
     assert steps - ROBOTS * longest <= lengths.sum() <= steps

@@ -6,10 +6,21 @@ from sim import CrossingReward, Randomization, SensorNoise, TrackingReward
 
 TRACKING, CROSSING = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 OPTIONS = {
-    TRACKING: {"randomization": Randomization.typical(), "reward": TrackingReward(weight_change=0.2)},
-    CROSSING: {"course": "step10", "noise": SensorNoise(height=0.1), "reward": CrossingReward(weight_time=0.4)},
+    TRACKING: {
+        "randomization": Randomization.typical(),
+        "reward": TrackingReward(weight_change=0.2),
+    },
+    CROSSING: {
+        "course": "step10",
+        "noise": SensorNoise(height=0.1),
+        "reward": CrossingReward(weight_time=0.4),
+    },
 }
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore"), pytest.mark.parametrize("name", OPTIONS)]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+    pytest.mark.parametrize("name", OPTIONS),
+]
 
 
 def test_torchrl_makes_environments_by_id_and_takes_vectors(name):
@@ -25,7 +36,9 @@ def test_minari_recovers_an_environment_with_its_options(name, tmp_path, monkeyp
     minari = pytest.importorskip("minari")
     pytest.importorskip("jax")  # with which it creates data sets
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    collector = minari.DataCollector(gym.make(name, max_episode_steps=5, **OPTIONS[name]), data_format="arrow")
+    collector = minari.DataCollector(
+        gym.make(name, max_episode_steps=5, **OPTIONS[name]), data_format="arrow"
+    )
     observation, _ = collector.reset(seed=3)
     for _ in range(5):
         collector.step(np.zeros(collector.action_space.shape, np.float32))
@@ -39,6 +52,10 @@ def test_rllib_steps_a_module_of_its_own(name):
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 
-    config = PPOConfig().environment(name, env_config=OPTIONS[name]).env_runners(num_envs_per_env_runner=2)
+    config = (
+        PPOConfig()
+        .environment(name, env_config=OPTIONS[name])
+        .env_runners(num_envs_per_env_runner=2)
+    )
     (episode, *_) = SingleAgentEnvRunner(config=config).sample(num_timesteps=8, random_actions=True)
     assert len(episode) >= 4

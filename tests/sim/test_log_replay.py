@@ -32,14 +32,16 @@ def missed(logs, replayed):
 def test_a_robot_drives_again_as_it_drove(driven, inputs):
     replayed = replay(driven, ROBOT, GROUND, inputs=inputs)
     position, heading = missed(driven, replayed)
-    # ways of 1.0 m and 2.0 m; the rows tell the sprockets' mean speeds, not how they change in between
+    # ways of 1.0 m and 2.0 m; the rows tell the sprockets' mean speeds, not how they change in
+    # between
     assert position.max() < 0.005
     assert heading.max() < 0.01
     for log, again in zip(driven, replayed, strict=True):
         np.testing.assert_array_equal(again.time, log.time)
         np.testing.assert_array_equal(again.omega, log.omega)
         np.testing.assert_allclose(again.pose[0], log.pose[0], atol=1e-12)
-        np.testing.assert_allclose(again.truth.pose, again.pose, atol=1e-9)  # sensor in the middle, clocks alike
+        # sensor in the middle, clocks alike
+        np.testing.assert_allclose(again.truth.pose, again.pose, atol=1e-9)
 
 
 def test_sensors_and_clocks_are_those_of_the_log(driven):
@@ -50,17 +52,22 @@ def test_sensors_and_clocks_are_those_of_the_log(driven):
         pose = se2.compose(log.truth.pose, sensor.pose)
         pose = np.concatenate([np.repeat(pose[:1], shift, axis=0), pose[:-shift]])  # of 0.2 s ago
         pose = se2.compose(np.array([0.0, 0.0, np.pi - pose[5, 2]]), pose)
-        return replace(log, pose=np.column_stack([pose[:, :2], se2.wrap_angle(pose[:, 2])]))  # wrapped after 0.2 s
+        # wrapped after 0.2 s
+        return replace(log, pose=np.column_stack([pose[:, :2], se2.wrap_angle(pose[:, 2])]))
 
     logs = [as_measured(log) for log in driven]
-    for log, again in zip(logs, replay(logs, ROBOT, GROUND, sensor=sensor, clock=-late), strict=True):
+    for log, again in zip(
+        logs, replay(logs, ROBOT, GROUND, sensor=sensor, clock=-late), strict=True
+    ):
         apart = se2.between(log.pose[shift:], again.pose[shift:])
         assert np.abs(apart[:, :2]).max() < 0.005
         assert np.abs(se2.wrap_angle(apart[:, 2])).max() < 0.01
 
 
 def test_a_robot_whose_sprockets_rest_begins_at_rest_whatever_the_first_poses_say(driven):
-    """Two poses are placeholders, from which the others jump, as in the shipped log warthog_grass_2."""
+    """Two poses are placeholders, from which the others jump, as in the shipped log
+    warthog_grass_2.
+    """
     log = driven[0]
     still = np.where(log.time[:, None] < 0.5, 0.0, log.omega)
     pose = se2.compose(np.array([1.0, -2.0, -1.0]), log.pose)
@@ -73,7 +80,9 @@ def test_a_robot_whose_sprockets_rest_begins_at_rest_whatever_the_first_poses_sa
 
 def test_refusals(driven):
     wild = replace(driven[0], omega=np.where(np.arange(161)[:, None] == 9, 400.0, driven[0].omega))
-    with pytest.raises(LogError, match=r"belts as fast as 24 m/s: replayed are speeds below 9.9 m/s"):
+    with pytest.raises(
+        LogError, match=r"belts as fast as 24 m/s: replayed are speeds below 9.9 m/s"
+    ):
         replay(wild, ROBOT)
     with pytest.raises(InvalidValueError, match="inputs = 'wheels': must be encoders or commands"):
         replay(driven, ROBOT, inputs="wheels")

@@ -37,7 +37,8 @@ def test_pictures_show_the_robot_its_path_and_its_trail():
     turned = env.render()
     env.reset(seed=0)
     before = env.render()
-    assert (np.abs(turned.astype(int) - before).max(axis=2) > 50).sum() > 500  # only the robot has turned
+    # only the robot has turned
+    assert (np.abs(turned.astype(int) - before).max(axis=2) > 50).sum() > 500
     assert (before.shape, before.dtype) == ((480, 640, 3), np.uint8)
     assert pixels(before, "blue") > 200
     for _ in range(60):

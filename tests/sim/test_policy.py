@@ -33,7 +33,9 @@ def test_a_network_is_layers_of_tanh_and_many_rows_have_the_bits_of_one():
     assert layers(x[:0]).shape == (0, 2)
 
 
-@pytest.mark.parametrize(("bias", "expected"), [(0.0, [0.15, 0.12]), (9.0, [0.15 + 0.1 * 0.3, 0.12 + 0.5])])
+@pytest.mark.parametrize(
+    ("bias", "expected"), [(0.0, [0.15, 0.12]), (9.0, [0.15 + 0.1 * 0.3, 0.12 + 0.5])]
+)
 def test_corrections_of_the_references_twist_are_as_large_as_the_authority(bias, expected):
     constant = Network((np.zeros((19, 2)),), (np.full(2, bias),))
     controller = PolicyController(TrackingPolicy(constant, OPTIONS, AUTHORITY), 5.0)
@@ -49,8 +51,14 @@ SHORT = {"format": "trackslip policy 1", "authority": [0.1], "options": OPTIONS}
     ("change", "message"),
     [
         ({"weight_0": np.zeros((19, 3))}, "layers = .*: must be one or more of finite numbers"),
-        ({"weight_0": np.full((19, 8), np.nan)}, "layers = .*: must be one or more of finite numbers"),
-        ({"bias_1": np.full(2, np.inf, np.float16)}, "layers = .*: must be one or more of finite numbers"),
+        (
+            {"weight_0": np.full((19, 8), np.nan)},
+            "layers = .*: must be one or more of finite numbers",
+        ),
+        (
+            {"bias_1": np.full(2, np.inf, np.float16)},
+            "layers = .*: must be one or more of finite numbers",
+        ),
         (
             {"about": np.array(json.dumps({"format": "trackslip policy 2"}))},
             "format = 'trackslip policy 2': must be 'trackslip policy 1'",
@@ -75,7 +83,9 @@ def test_a_policy_of_another_environment_is_refused():
         (7, False, r"= \(7, 2\): must be from 19 inputs to 2"),
         (21, True, "loads of the policy"),
     ):
-        policy = TrackingPolicy(network(np.random.default_rng(0), (inputs, 2)), OPTIONS | {"loads": loads}, AUTHORITY)
+        policy = TrackingPolicy(
+            network(np.random.default_rng(0), (inputs, 2)), OPTIONS | {"loads": loads}, AUTHORITY
+        )
         with pytest.raises(InvalidValueError, match=message):
             PolicyController(policy, 5.0)
 
@@ -98,7 +108,10 @@ def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
 
 def test_a_stored_policy_is_the_same(tmp_path):
     rng = np.random.default_rng(0)
-    for policy in (TrackingPolicy(network(rng), OPTIONS, AUTHORITY), Policy(network(rng), {"robot": "box"})):
+    for policy in (
+        TrackingPolicy(network(rng), OPTIONS, AUTHORITY),
+        Policy(network(rng), {"robot": "box"}),
+    ):
         policy.save(tmp_path / "policy.npz")
         seen = rng.uniform(-1, 1, (5, 19))
         for path in (tmp_path, tmp_path / "policy.npz"):
@@ -109,7 +122,9 @@ def test_a_stored_policy_is_the_same(tmp_path):
 
 
 @pytest.mark.parametrize("task", ["PathTracking", "Traverse"])
-def test_as_an_onnx_file_it_is_a_graph_from_observations_to_actions_with_their_units(tmp_path, task):
+def test_as_an_onnx_file_it_is_a_graph_from_observations_to_actions_with_their_units(
+    tmp_path, task
+):
     """By onnx's own reference implementation."""
     onnx, reference = pytest.importorskip("onnx"), pytest.importorskip("onnx.reference")
     from sim.policy import write_onnx

@@ -56,18 +56,23 @@ def test_impulses_of_tractions_and_pad_forces_are_the_momentum_that_a_robot_gain
     gained = robot.mass * log.truth.twist[-1, 0]
     assert log.truth.traction[1:].sum() * 0.05 == pytest.approx(gained, rel=0.003)
     assert log.truth.contact[1:, :, 0].sum() * 0.05 == pytest.approx(gained, rel=0.003)
-    np.testing.assert_allclose(log.truth.contact[1:, :, 2].sum(axis=1), robot.mass * 9.81, rtol=0.01)
+    np.testing.assert_allclose(
+        log.truth.contact[1:, :, 2].sum(axis=1), robot.mass * 9.81, rtol=0.01
+    )
 
 
 def short_path():
     return SegmentedReference(
-        (0.0, 0.0, np.pi / 2), [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)]
+        (0.0, 0.0, np.pi / 2),
+        [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)],
     )
 
 
 def theoretical_law(robot):
     """A constant ICR from theory alone: nothing identified."""
-    contact = line_contact(robot.geometry.half_gauge, robot.parameters.contact_length / 2, 0.70, 0.775)
+    contact = line_contact(
+        robot.geometry.half_gauge, robot.parameters.contact_length / 2, 0.70, 0.775
+    )
     yaw_rate = steady_twist([0.1, 0.14], contact)[2]
     half_gauge = robot.geometry.half_gauge
     return ConstantIcr(0.04 / (2 * yaw_rate) - half_gauge, half_gauge, 0.0067)
@@ -95,7 +100,9 @@ def test_the_right_law_keeps_the_robot_on_the_path_and_icrs_are_learnt_on_the_wa
     fixed, learnt = logs[3:]
     assert abs(learnt.icr[0, 0]) < 1e-3
     assert learnt.icr[-1, 0] == pytest.approx(law.offset, rel=0.3)
-    np.testing.assert_array_equal(fixed.icr, np.tile([law.offset, law.radius_error], (len(fixed.time), 1)))
+    np.testing.assert_array_equal(
+        fixed.icr, np.tile([law.offset, law.radius_error], (len(fixed.time), 1))
+    )
 
 
 def test_a_preview_by_the_lag_of_the_drive_makes_up_for_it(robot):
@@ -104,7 +111,8 @@ def test_a_preview_by_the_lag_of_the_drive_makes_up_for_it(robot):
     pilots = [Pilot(LinearTimeVarying(), [k], law, preview) for k, preview in enumerate((0.0, lag))]
     late, early = (
         tracking_errors(log.time, log.truth.pose, reference).rms_position
-        for log in closed_loop(fleet, pilots, reference, ScannerFeed(LaserScanner(), fleet))  # unread: no locator
+        # unread: no locator
+        for log in closed_loop(fleet, pilots, reference, ScannerFeed(LaserScanner(), fleet))
     )
     assert early < 0.25 * late
 
@@ -114,10 +122,14 @@ def test_runs_that_make_no_sense_are_refused(robot):
     for robots in ([0], [0, 0], [0, 2]):
         with pytest.raises(InvalidValueError, match="pilots"):
             closed_loop(fleet, [Pilot(Feedforward(), robots)], short_path(), feed)
-    with pytest.raises(InvalidValueError, match=r"duration = 0\.01: must be at least the time between two scans"):
+    with pytest.raises(
+        InvalidValueError, match=r"duration = 0\.01: must be at least the time between two scans"
+    ):
         open_loop(fleet, OMEGA, 0.01, feed)
     assert [len(log.time) for log in open_loop(fleet, OMEGA, 0.05, feed)] == [2, 2]
-    with pytest.raises(InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"):
+    with pytest.raises(
+        InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"
+    ):
         open_loop(fleet, OMEGA, 1.0, descriptions=names(1))
 
 
@@ -140,9 +152,21 @@ def fails(time, twist):
 @pytest.mark.parametrize(
     ("function", "message", "rows"),
     [
-        (lambda time, twist: twist * np.nan, "returns the twist (nan, nan) at 0 s: must be finite", []),
-        (lambda time, twist: twist[0], "twists have the shape (2,): must be (1, 2), one per pose", []),
-        (lambda time, twist: twist * (np.nan if time > 0.07 else 1), "returns the twist (nan, nan) at 0.1 s: ", [2]),
+        (
+            lambda time, twist: twist * np.nan,
+            "returns the twist (nan, nan) at 0 s: must be finite",
+            [],
+        ),
+        (
+            lambda time, twist: twist[0],
+            "twists have the shape (2,): must be (1, 2), one per pose",
+            [],
+        ),
+        (
+            lambda time, twist: twist * (np.nan if time > 0.07 else 1),
+            "returns the twist (nan, nan) at 0.1 s: ",
+            [2],
+        ),
     ],
 )
 def test_twists_that_are_none_are_refused(robot, function, message, rows):
@@ -159,14 +183,27 @@ def test_a_controller_that_fails_leaves_the_rows_before():
     start = np.tile(reference.pose(0.0), (2, 1))
     fleet, feed = set_up(robot, start)
     pilots = [Pilot(Feedforward(), [0]), Pilot(Custom(fails), [1])]
-    with pytest.raises(RunFailedError, match=r"^run 'run 1': its controller fails at 1 s \(RuntimeError") as failure:
+    with pytest.raises(
+        RunFailedError, match=r"^run 'run 1': its controller fails at 1 s \(RuntimeError"
+    ) as failure:
         closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
     fleet, feed = set_up(robot, start)
-    whole = closed_loop(fleet, [Pilot(Feedforward(), range(2))], reference, feed, PlateLocator(robot.plate), names(2))
+    whole = closed_loop(
+        fleet,
+        [Pilot(Feedforward(), range(2))],
+        reference,
+        feed,
+        PlateLocator(robot.plate),
+        names(2),
+    )
     for log, expected in zip(failure.value.logs, whole, strict=True):
         assert len(log.time) == 20
-        assert log.metadata == {"number": expected.metadata["number"], "failure": str(failure.value)}
-        np.testing.assert_allclose(log.pose, expected.pose[:20], atol=1e-6)  # robot 0 is located afterwards, in blocks
+        assert log.metadata == {
+            "number": expected.metadata["number"],
+            "failure": str(failure.value),
+        }
+        # robot 0 is located afterwards, in blocks
+        np.testing.assert_allclose(log.pose, expected.pose[:20], atol=1e-6)
         np.testing.assert_array_equal(log.command, expected.command[:20])
         np.testing.assert_array_equal(log.twist_command, expected.twist_command[:20])
         np.testing.assert_array_equal(log.scans.full, expected.scans.full[:20])

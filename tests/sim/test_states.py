@@ -13,24 +13,46 @@ from trackslip.laws.icr import IcrLoad
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
 CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
-DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "clay"), "randomization": "typical", "off_path": 0.22}
+DRAWN = {
+    "reference": ("paper", "slalom"),
+    "ground": ("stone", "clay"),
+    "randomization": "typical",
+    "off_path": 0.22,
+}
 TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
-LEARNING = {"loads": True, "pull": Pull(10.0, since=0.1), "pose_source": "noisy", "compensation": "online_cold"}
+LEARNING = {
+    "loads": True,
+    "pull": Pull(10.0, since=0.1),
+    "pose_source": "noisy",
+    "compensation": "online_cold",
+}
 ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
 WEAK = Drive(lag=0.127, torque_limit=3.0)
 STATES = [
     (BATCH, TRACKING, DRAWN | {"robot": RobotParameters(drive=WEAK)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
-    (BATCH, TRACKING, TWIST | LEARNING | {"randomization": Randomization(mass=(0.5, 2.0))}, {"ground": CHANGING}),
-    (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.0, stuck_time=0.4), "period": 0.2}, {}),
+    (
+        BATCH,
+        TRACKING,
+        TWIST | LEARNING | {"randomization": Randomization(mass=(0.5, 2.0))},
+        {"ground": CHANGING},
+    ),
+    (
+        BATCH,
+        TRAVERSE,
+        {"course": ("random", "rough"), "limits": Limits(time=1.0, stuck_time=0.4), "period": 0.2},
+        {},
+    ),
 ]
 
 
 def continued(env, steps):
     task, forward = env.unwrapped.task, np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])
     results = [(task.observation(), {name: values.copy() for name, values in task.info().items()})]
-    for shake in np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, len(task.commanded))):
+    for shake in np.random.default_rng(5).uniform(
+        -0.1, 0.1, (steps, task.size, len(task.commanded))
+    ):
         actions = (forward[: len(task.commanded)] + shake).astype(np.float32)
         results.append(env.step(actions.reshape(env.action_space.shape)))
         if isinstance(env.unwrapped, gym.Env) and (results[-1][2] or results[-1][3]):
@@ -39,7 +61,9 @@ def continued(env, steps):
 
 
 @pytest.mark.parametrize(("make", "name", "options", "given"), STATES)
-def test_an_environment_continues_from_its_state_and_from_anothers_to_the_bit(make, name, options, given):
+def test_an_environment_continues_from_its_state_and_from_anothers_to_the_bit(
+    make, name, options, given
+):
     env, other = (make(name, **options) for _ in range(2))
     env.reset(seed=1, options=given)
     continued(env, 4)

@@ -17,7 +17,11 @@ def module(monkeypatch):
 
 def test_own_terms_of_path_tracking():
     name = "own_terms:torque"
-    options = {"own_rewards": {name: -0.01}, "own_observations": {name: 8.0}, "privileged": {name: 4.0}}
+    options = {
+        "own_rewards": {name: -0.01},
+        "own_observations": {name: 8.0},
+        "privileged": {name: 4.0},
+    }
     envs = gym.make_vec("sim:trackslip/PathTracking-v0", num_envs=3, threads=1, **options).unwrapped
     plain = gym.make_vec("sim:trackslip/PathTracking-v0", num_envs=3, threads=1).unwrapped
     first, _ = envs.reset(seed=0)
@@ -41,10 +45,16 @@ def test_own_terms_of_path_tracking():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"own_rewards": {"own_terms:missing": 1.0}}, "function = 'own_terms:missing': must be MODULE:NAME"),
+        (
+            {"own_rewards": {"own_terms:missing": 1.0}},
+            "function = 'own_terms:missing': must be MODULE:NAME",
+        ),
         ({"own_rewards": {"nowhere": 1.0}}, "function = 'nowhere'"),
         ({"own_observations": {"own_terms:torque": 0.0}}, "own_terms:torque = 0.0"),
-        ({"own_rewards": {"own_terms:torque": "much"}}, "own_terms:torque = 'much': must be a number"),
+        (
+            {"own_rewards": {"own_terms:torque": "much"}},
+            "own_terms:torque = 'much': must be a number",
+        ),
         ({"privileged": 3}, "privileged = 3"),
     ],
 )

@@ -24,7 +24,12 @@ from trackslip.files import read_json, regular_file
 from trackslip.kinematics import RobotGeometry
 from trackslip.trajectory.named import load_reference
 
-CHECKS = (require_positive, require_non_negative, require_finite, partial(require_at_most, limit=2.0))
+CHECKS = (
+    require_positive,
+    require_non_negative,
+    require_finite,
+    partial(require_at_most, limit=2.0),
+)
 
 
 @pytest.mark.parametrize("kind", [TrackslipError, LogError, OutputError, RunFailedError])
@@ -43,14 +48,22 @@ def test_long_values_are_shown_in_part_and_in_one_line():
 
 
 @pytest.mark.parametrize("check", CHECKS)
-@pytest.mark.parametrize("value", ["1", None, [1.0, 2.0], np.array([1.0, 2.0]), float("nan"), 1j, 10**400])
-def test_what_is_no_number_is_refused_by_name(check: Callable[[str, object], None], value: object) -> None:
+@pytest.mark.parametrize(
+    "value", ["1", None, [1.0, 2.0], np.array([1.0, 2.0]), float("nan"), 1j, 10**400]
+)
+def test_what_is_no_number_is_refused_by_name(
+    check: Callable[[str, object], None], value: object
+) -> None:
     with pytest.raises(InvalidValueError, match=r"^mass = .*: must be "):
         check("mass", value)
 
 
-@pytest.mark.parametrize(("check", "value"), list(zip(CHECKS, (0.0, -1e-9, float("inf"), 2.1), strict=True)))
-def test_numbers_out_of_range_are_refused(check: Callable[[str, object], None], value: float) -> None:
+@pytest.mark.parametrize(
+    ("check", "value"), list(zip(CHECKS, (0.0, -1e-9, float("inf"), 2.1), strict=True))
+)
+def test_numbers_out_of_range_are_refused(
+    check: Callable[[str, object], None], value: float
+) -> None:
     with pytest.raises(InvalidValueError, match="mass"):
         check("mass", value)
 

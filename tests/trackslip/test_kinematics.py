@@ -19,12 +19,16 @@ slips = arrays(float, (3, 2), elements=st.floats(-0.9, 0.9))
 
 @given(twists, slips)
 def test_forward_of_inverse_is_identity(twist, slip):
-    np.testing.assert_allclose(body_twist(sprocket_speeds(twist, slip, GEOMETRY), slip, GEOMETRY), twist, atol=1e-12)
+    np.testing.assert_allclose(
+        body_twist(sprocket_speeds(twist, slip, GEOMETRY), slip, GEOMETRY), twist, atol=1e-12
+    )
 
 
 @given(arrays(float, (3, 2), elements=st.floats(0.1, 10)), slips)
 def test_slip_is_what_made_the_twist(omega, slip):
-    np.testing.assert_allclose(track_slip(omega, body_twist(omega, slip, GEOMETRY), GEOMETRY), slip, atol=1e-12)
+    np.testing.assert_allclose(
+        track_slip(omega, body_twist(omega, slip, GEOMETRY), GEOMETRY), slip, atol=1e-12
+    )
 
 
 def test_curvature_has_no_threshold_and_slip_of_a_standing_sprocket_is_undefined():

@@ -13,9 +13,16 @@ def test_a_constant_offset_is_measured_exactly():
     desired = reference.pose(TIME)
     left = np.stack([-np.sin(desired[:, 2]), np.cos(desired[:, 2])], axis=1)
     ahead = np.stack([np.cos(desired[:, 2]), np.sin(desired[:, 2])], axis=1)
-    pose = desired + np.column_stack([0.03 * left + 0.04 * ahead, np.full(len(TIME), 0.1 + 2 * np.pi)])
+    pose = desired + np.column_stack(
+        [0.03 * left + 0.04 * ahead, np.full(len(TIME), 0.1 + 2 * np.pi)]
+    )
     errors = tracking_errors(TIME, pose, reference)
-    for value in (errors.rms_position, errors.rms_position_after_12s, errors.max_position, errors.final_position):
+    for value in (
+        errors.rms_position,
+        errors.rms_position_after_12s,
+        errors.max_position,
+        errors.final_position,
+    ):
         assert value == pytest.approx(0.05)
     assert errors.cross_track == pytest.approx(0.03)
     assert errors.rms_heading == pytest.approx(0.1)
@@ -32,7 +39,9 @@ def test_expense_of_constant_and_of_alternating_set_points():
     def spent(command):
         zero = np.zeros((rows, 2))
         truth = Truth(np.zeros((rows, 3)), np.zeros((rows, 3)), zero, zero, saturated=saturated)
-        return expense(RunLog("run", TIME, zero, np.zeros((rows, 3)), command=command, truth=truth), 5.0)
+        return expense(
+            RunLog("run", TIME, zero, np.zeros((rows, 3)), command=command, truth=truth), 5.0
+        )
 
     assert spent(command).effort == pytest.approx(12.5 * 20)
     assert spent(command).roughness == 0.0

@@ -27,7 +27,10 @@ NAN, ORIGIN = float("nan"), (0.0, 0.0, 0.0)
 GEOMETRY = RobotGeometry(0.168, 0.06)
 ICR = ConstantIcr(0.045, 0.168, 0.0066)
 ODOMETRY, OFFSET = SlipOdometry(ICR, GEOMETRY), LawErrors(("offset",), np.eye(1))
-LEVEL, HIGH = line_contact(0.168, 0.17, 0.7, 0.778), line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12))
+LEVEL, HIGH = (
+    line_contact(0.168, 0.17, 0.7, 0.778),
+    line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12)),
+)
 LIMITS = partial(DriveLimits, 0.3, 0.5)
 PLAN = partial(plan_drive, GEOMETRY, poses=PoseQuality(10.0, 0.02, np.radians(1.0)))
 ZIGZAG = [(100 * (-1) ** k, 0.1 * k) for k in range(10)]
@@ -38,7 +41,10 @@ REFUSED = [
     (lambda: Exponential(0.07, 0.1, -0.15, -0.6), "beta_outer"),
     (lambda: ConstantIcr(-0.2, 0.168), "offset"),
     (lambda: TurnLoss(0.04, 0.168, 0.0, 1.0), "turn_loss"),
-    (lambda: Centrifugal(0.04, 0.168, centrifugal_slip=-0.1), "centrifugal_slip = -0.1: must be finite and >= 0"),
+    (
+        lambda: Centrifugal(0.04, 0.168, centrifugal_slip=-0.1),
+        "centrifugal_slip = -0.1: must be finite and >= 0",
+    ),
     (lambda: ConstantIcr(10**400, 0.168), "offset"),
     # theory
     (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.8)), "load"),
@@ -48,27 +54,54 @@ REFUSED = [
     # odometry and the filter
     (lambda: ODOMETRY.update([1.0, NAN], 0.1), "omega = nan: must be finite"),
     (lambda: ODOMETRY.update([1.0, 2.0, 3.0], 0.1), "omega = (3,): must be of shape (..., 2)"),
-    (lambda: ODOMETRY.reset(ORIGIN, np.zeros((2, 3))), "covariance = (2, 3): must be of shape (..., 3, 3)"),
-    (lambda: ODOMETRY.path([0.0, 0.0], np.ones((2, 2))), "time = 0.0: must be finite, and ascending from row to row"),
+    (
+        lambda: ODOMETRY.reset(ORIGIN, np.zeros((2, 3))),
+        "covariance = (2, 3): must be of shape (..., 3, 3)",
+    ),
+    (
+        lambda: ODOMETRY.path([0.0, 0.0], np.ones((2, 2))),
+        "time = 0.0: must be finite, and ascending from row to row",
+    ),
     (lambda: ODOMETRY.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
     (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
-    (lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
-    (partial(SlipOdometry(NoSlip(), GEOMETRY, None, OFFSET).update, [1.0, 2.0], 0.1), "names = 'offset'"),
+    (
+        lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])),
+        "correlations from -1 to 1",
+    ),
+    (
+        partial(SlipOdometry(NoSlip(), GEOMETRY, None, OFFSET).update, [1.0, 2.0], 0.1),
+        "names = 'offset'",
+    ),
     # references
     (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
-    (lambda: waypoints([(0, 0), (1, 0), (1, 0)]), "point 3 = (1.0, 0.0): must be at least 0.001 m from point 2"),
+    (
+        lambda: waypoints([(0, 0), (1, 0), (1, 0)]),
+        "point 3 = (1.0, 0.0): must be at least 0.001 m from point 2",
+    ),
     (lambda: waypoints([(0, 0), (1, 0), (0.5, 0)]), "path = 'turns back sharply at "),
-    (lambda: waypoints([(0, 0), (1, 0.05), (0.5, 0)]), "must be large enough to drive at 0.001 m/s"),
+    (
+        lambda: waypoints([(0, 0), (1, 0.05), (0.5, 0)]),
+        "must be large enough to drive at 0.001 m/s",
+    ),
     (lambda: waypoints(ZIGZAG), "way through all points = "),
     (lambda: Stanley(steering_limit=np.pi / 2), "steering_limit = 1.57"),
     # plans
-    (lambda: LIMITS((3.0, 3.0), 40.0, 1.5), "area = '3x3': must be more than twice the clearance, 1.5 m"),
-    (lambda: PLAN(LIMITS((3.0, 0.6), 40.0)), "area = '3x0.6': must be more than 0.672 m long and wide"),
+    (
+        lambda: LIMITS((3.0, 3.0), 40.0, 1.5),
+        "area = '3x3': must be more than twice the clearance, 1.5 m",
+    ),
+    (
+        lambda: PLAN(LIMITS((3.0, 0.6), 40.0)),
+        "area = '3x0.6': must be more than 0.672 m long and wide",
+    ),
     # what is taken from bags
     (lambda: BagChoice(left=("a",)), "right = None: must be given where left is"),
-    (lambda: BagChoice(left=("b",), right=("b",)), "right = 'b': must be the name of a joint that is not on the left"),
+    (
+        lambda: BagChoice(left=("b",), right=("b",)),
+        "right = 'b': must be the name of a joint that is not on the left",
+    ),
     (lambda: BagChoice(poses="tf:map:map"), "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
     (lambda: BagChoice(plate=Plate(), poses="/pose"), "poses = "),
 ]

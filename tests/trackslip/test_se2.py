@@ -36,7 +36,9 @@ def test_composition_is_the_product_of_matrices(frame, pose):
 
 @given(motions)
 def test_an_arc_is_the_exponential_of_its_motion(motion):
-    generators = [[[0, -turn, forward], [turn, 0, left], [0, 0, 0]] for forward, left, turn in motion]
+    generators = [
+        [[0, -turn, forward], [turn, 0, left], [0, 0, 0]] for forward, left, turn in motion
+    ]
     arcs = se2.exp(motion)
     assert_same(arcs, [expm(np.array(generator)) for generator in generators])
     np.testing.assert_allclose(se2.log(arcs), motion, atol=1e-12)
@@ -60,7 +62,9 @@ def test_a_twist_without_lateral_speed_drives_the_same_arc(pose, motion, duratio
     twist = motion[:, [0, 2]]
     motion[:, 1] = 0.0
     np.testing.assert_allclose(
-        se2.advance(pose, twist, duration), se2.compose(pose, se2.exp(duration * motion)), atol=1e-11
+        se2.advance(pose, twist, duration),
+        se2.compose(pose, se2.exp(duration * motion)),
+        atol=1e-11,
     )
 
 
@@ -75,11 +79,18 @@ def test_quotients_of_arcs_are_integrals(turn):
     at, weight = np.polynomial.legendre.leggauss(60)
     s, weight = (at + 1) / 2, weight / 2
     expected = [
-        weight @ part for part in (np.cos(s * turn), np.sin(s * turn), -s * np.sin(s * turn), s * np.cos(s * turn))
+        weight @ part
+        for part in (
+            np.cos(s * turn),
+            np.sin(s * turn),
+            -s * np.sin(s * turn),
+            s * np.cos(s * turn),
+        )
     ]
     np.testing.assert_allclose(se2.arc_quotients(turn), expected, atol=1e-14)
     np.testing.assert_array_equal(
-        se2.arc_quotients(np.full((2, 3), turn)), np.multiply.outer(se2.arc_quotients(turn), np.ones((2, 3)))
+        se2.arc_quotients(np.full((2, 3), turn)),
+        np.multiply.outer(se2.arc_quotients(turn), np.ones((2, 3))),
     )
 
 

@@ -46,7 +46,9 @@ trackslip.Exponential("a", 1, 2, 3)
 
 def run(*command, cwd):
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run([*map(str, command)], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [*map(str, command)], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
 
 
 @pytest.mark.slow
@@ -63,11 +65,14 @@ def test_a_users_program_type_checks_against_the_wheel(tmp_path):
     installed = run(sys.executable, "-m", "pip", "--python", python, *install, cwd=tmp_path)
     assert installed.returncode == 0, installed.stderr
     site = next((tmp_path / "venv" / "lib").glob("python*/site-packages"))
-    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")  # whose own .pth files aren't read
+    # whose own .pth files aren't read
+    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")
     (tmp_path / "program.py").write_text(PROGRAM)
     (tmp_path / "wrong.py").write_text(WRONG)
     options = ("--strict", "--python-executable", python, "--cache-dir", tmp_path / "cache")
-    said = run(sys.executable, "-m", "mypy", *options, "program.py", "wrong.py", cwd=tmp_path).stdout
+    said = run(
+        sys.executable, "-m", "mypy", *options, "program.py", "wrong.py", cwd=tmp_path
+    ).stdout
     assert "in 1 file (checked 2 source files)" in said, said
     assert "program.py" not in said, said
     assert all(f"wrong.py:{line}: error" in said for line in (4, 5, 6, 7)), said

@@ -1,7 +1,8 @@
-"""Whole drives: how far off the law identified from each is, and how often its 95 % intervals hold the truth.
+"""Whole drives: how far off the law identified from each is, and how often its 95 % intervals hold
+the truth.
 
-`pytest -m slow tests/validation/test_drive_coverage.py -s` prints the tables of docs/validation.md, in minutes. The
-robot and its law are those of `plain_drives`.
+`pytest -m slow tests/validation/test_drive_coverage.py -s` prints the tables of docs/validation.md,
+in minutes. The robot and its law are those of `plain_drives`.
 """
 
 from collections.abc import Callable
@@ -56,7 +57,10 @@ def another_law(seed: int, duration: float = 120.0) -> list[RunLog]:
 
 def blocks(seed: int) -> list[RunLog]:
     """Slip that varies by 5 %, in 12 drives of 10 s."""
-    return [_log(drive_of(seed=12 * seed + k, slip=0.05, duration=10.0), 12 * seed + k) for k in range(12)]
+    return [
+        _log(drive_of(seed=12 * seed + k, slip=0.05, duration=10.0), 12 * seed + k)
+        for k in range(12)
+    ]
 
 
 def short(seed: int) -> list[RunLog]:
@@ -112,7 +116,9 @@ def test_intervals_hold_the_truth_in_95_percent():
 
 
 EFFICIENCY = {"poses of 5 mm at 10 Hz": 0.0023, "positions of 2 cm at 5 Hz": 0.0030}
-"""Root mean square errors of D [m] that are allowed: 1.15 times the 2.0 and 2.6 mm of estimates of the whole path."""
+"""Root mean square errors of D [m] that are allowed: 1.15 times the 2.0 and 2.6 mm of estimates of
+the whole path.
+"""
 
 
 def of_noise(trial: tuple[str, int]) -> dict[str, Estimate]:
@@ -130,9 +136,16 @@ def test_windows_are_as_efficient_as_an_estimate_of_the_path():
     every = list(product(EFFICIENCY, range(SEEDS)))
     found = dict(zip(every, outcomes(of_noise, every), strict=True))
     errors = {
-        name: Estimates.of([found[name, seed] for seed in range(SEEDS)], "offset").rms_error(HUSKY.offset)
+        name: Estimates.of([found[name, seed] for seed in range(SEEDS)], "offset").rms_error(
+            HUSKY.offset
+        )
         for name in EFFICIENCY
     }
-    rows = [(name, f"{1e3 * error:.2f}", f"{1e3 * EFFICIENCY[name]:.1f}") for name, error in errors.items()]
-    Table(f"D of {SEEDS} drives of 120 s, slip 2 %", ("poses", "rms error [mm]", "allowed [mm]"), rows).print()
+    rows = [
+        (name, f"{1e3 * error:.2f}", f"{1e3 * EFFICIENCY[name]:.1f}")
+        for name, error in errors.items()
+    ]
+    Table(
+        f"D of {SEEDS} drives of 120 s, slip 2 %", ("poses", "rms error [mm]", "allowed [mm]"), rows
+    ).print()
     assert all(error < EFFICIENCY[name] for name, error in errors.items())

@@ -1,6 +1,8 @@
-"""Planned drives, driven: errors of the law identified from each against those predicted, and the paper's runs beside.
+"""Planned drives, driven: errors of the law identified from each against those predicted, and the
+paper's runs beside.
 
-`pytest -m slow tests/validation/test_plan_trials.py -s` prints the tables of docs/shortest_experiment.md, in minutes.
+`pytest -m slow tests/validation/test_plan_trials.py -s` prints the tables of
+docs/shortest_experiment.md, in minutes.
 """
 
 from functools import partial
@@ -21,7 +23,13 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
-from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_of_paper, paper_runs, plan_drive
+from trackslip.planning.plan import (
+    PAPER_DURATION,
+    DrivePlan,
+    expected_of_paper,
+    paper_runs,
+    plan_drive,
+)
 from trackslip.planning.route import RATE
 
 pytestmark = pytest.mark.slow
@@ -38,7 +46,9 @@ ROUNDING = 1 + 1e-6
 
 
 def planned(duration: float) -> DrivePlan:
-    """The plan of `trackslip plan --half-gauge 0.168 --sprocket-radius 0.06 --duration DURATION`."""
+    """The plan of `trackslip plan --half-gauge 0.168 --sprocket-radius 0.06 --duration
+    DURATION`.
+    """
     poses = PoseQuality(SLAM.rate, SLAM.position_noise, SLAM.heading_noise)
     return plan_drive(GEOMETRY, DriveLimits(0.3, 0.5, (3.0, 3.0), duration, 0.0), poses, LAW)
 
@@ -52,13 +62,19 @@ def test_a_plan_and_the_papers_runs_by_a_law():
     assert paper is not None
     predicted = {"plan": plan.expectation.stderr, "paper": paper.stderr}
     real = {
-        case: {name: Estimates.of(trials, name).rms_error(value) for name, value in TRUE_LAW.items()}
+        case: {
+            name: Estimates.of(trials, name).rms_error(value) for name, value in TRUE_LAW.items()
+        }
         for case, trials in estimates.items()
     }
     rows = []
     for name in TRUE_LAW:
         factor, unit = unit_of(LAW, name)
-        cells = [significant(factor * errors[case][name], unit, 3) for case in real for errors in (predicted, real)]
+        cells = [
+            significant(factor * errors[case][name], unit, 3)
+            for case in real
+            for errors in (predicted, real)
+        ]
         rows.append((symbol(LAW, name), *cells))
     header = ("parameter", "plan predicted", "real", "paper's runs predicted", "real")
     print()
@@ -75,7 +91,9 @@ def test_a_plan_and_the_papers_runs_by_a_law():
         over = real["plan"][name] / predicted["plan"][name]
         checks.append(Check(case, f"real over predicted error of {name}", over, AGREEMENT))
         over = real["plan"][name] / predicted["paper"][name]
-        checks.append(Check(case, f"error of {name} over that predicted for the paper's runs", over, most))
+        checks.append(
+            Check(case, f"error of {name} over that predicted for the paper's runs", over, most)
+        )
     report("The plan and the paper's runs", checks)
 
 
@@ -85,7 +103,9 @@ def law_motion(plan: DrivePlan) -> LawMotion:
 
 
 def drive_plan(number: int, plan: DrivePlan) -> tuple[dict[str, Estimate], float, float]:
-    """Estimates; reach from the middle of the area and largest speed of a belt, of what is allowed [-]."""
+    """Estimates; reach from the middle of the area and largest speed of a belt, of what is allowed
+    [-].
+    """
     rng, counts = generator(0, f"trial {number} of plan"), Drive().encoder_counts
     readings = np.concatenate([plan.omega[:1], plan.omega[:-1]])  # means since the row before
     log, motion = driven_by_law("plan", law_motion(plan), readings, RATE, rng, plan.start, counts)
@@ -100,7 +120,16 @@ def drive_paper_runs(number: int, plan: DrivePlan) -> dict[str, Estimate]:
     rng, counts = generator(0, f"trial {number} of paper"), Drive().encoder_counts
     rows = round(PAPER_DURATION * PAPER_RATE) + 1
     drives = [
-        driven_by_law(f"circle {k}", law_motion(plan), np.tile(omega, (rows, 1)), PAPER_RATE, rng, counts=counts)
+        driven_by_law(
+            f"circle {k}",
+            law_motion(plan),
+            np.tile(omega, (rows, 1)),
+            PAPER_RATE,
+            rng,
+            counts=counts,
+        )
         for k, omega in enumerate(np.array(paper_runs(GEOMETRY)) / GEOMETRY.sprocket_radius)
     ]
-    return identified([joined_log(log, *SLAM.measure(motion, rng)) for log, motion in drives], GEOMETRY)
+    return identified(
+        [joined_log(log, *SLAM.measure(motion, rng)) for log, motion in drives], GEOMETRY
+    )

@@ -1,4 +1,6 @@
-"""Robots that are let fall with belts at rest gain no energy and hardly bounce, whatever their size and mass."""
+"""Robots that are let fall with belts at rest gain no energy and hardly bounce, whatever their size
+and mass.
+"""
 
 import mujoco
 import numpy as np
@@ -18,7 +20,10 @@ def random_robot(rng, terrain, preset):
     hull = [(-length / 2, radius, radius), (length / 2, radius, radius)]
     if rng.random() < 0.5:
         nose = radius * rng.uniform(0.4, 1.0)
-        ahead, up = radius + length * rng.uniform(0.05, 0.3), radius + length * rng.uniform(0.05, 0.25)
+        ahead, up = (
+            radius + length * rng.uniform(0.05, 0.3),
+            radius + length * rng.uniform(0.05, 0.25),
+        )
         hull = [(-length / 2 - ahead, up, nose), *hull, (length / 2 + ahead, up, nose)]
     half_size = rng.uniform([0.3, 0.5, 0.05], [0.6, 1.2, 0.25]) * [length, half_gauge, length]
     x, z = length * rng.uniform([-0.15, 0.1], [0.15, 0.35])
@@ -26,10 +31,11 @@ def random_robot(rng, terrain, preset):
 
 
 def release(robot, drop, roll=0.0, pitch=0.0):
-    """Gain and rebound of a robot released with its lowest point `drop` above level ground [m, rad].
+    """Gain and rebound of a robot released with its lowest point `drop` above level ground [m,
+    rad].
 
-    Gain: its largest mechanical energy minus that at the start, the motors' work and 0.5 % of the drop's energy, over
-    its weight [m]. Rebound: the height to which it rose again, over the drop.
+    Gain: its largest mechanical energy minus that at the start, the motors' work and 0.5 % of the
+    drop's energy, over its weight [m]. Rebound: the height to which it rose again, over the drop.
     """
     model, data = robot.model, mujoco.MjData(robot.model)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
@@ -37,7 +43,8 @@ def release(robot, drop, roll=0.0, pitch=0.0):
     mujoco.mju_euler2Quat(data.qpos[3:7], [roll, pitch, 0.0], "XYZ")
     mujoco.mj_kinematics(model, data)
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, robot.belts.bodies))
-    reach = model.geom_size[geoms, 0] + np.abs(data.geom_xmat[geoms, 8]) * model.geom_size[geoms, 1]  # of capsules
+    # of capsules
+    reach = model.geom_size[geoms, 0] + np.abs(data.geom_xmat[geoms, 8]) * model.geom_size[geoms, 1]
     data.qpos[2] += drop - (data.geom_xpos[geoms, 2] - reach).min()
     mujoco.mj_forward(model, data)
     start, weight = data.energy.sum(), 9.81 * model.body_subtreemass[0]
@@ -55,7 +62,9 @@ def release(robot, drop, roll=0.0, pitch=0.0):
 
 
 def checks_of(case, make, preset, rng, count):
-    """Checks of robots released from up to 0.3 of their length, once tilted by up to 35 degrees and once level."""
+    """Checks of robots released from up to 0.3 of their length, once tilted by up to 35 degrees and
+    once level.
+    """
     gain, rebound = np.empty((2, count))
     for k in range(count):
         robot = make(rng, LevelGround(), preset)
@@ -70,7 +79,10 @@ def checks_of(case, make, preset, rng, count):
 
 @pytest.mark.parametrize(
     ("preset", "count"),
-    [("accurate", 12), *(pytest.param(preset, 1000, marks=pytest.mark.slow) for preset in ("accurate", "fast"))],
+    [
+        ("accurate", 12),
+        *(pytest.param(preset, 1000, marks=pytest.mark.slow) for preset in ("accurate", "fast")),
+    ],
 )
 def test_random_robots(preset, count):
     report(
@@ -85,5 +97,7 @@ def test_the_box_and_the_rescue_robot(preset):
     checks = []
     for make in (box, rescue):
         rng = np.random.default_rng(0)
-        checks += checks_of(make.__name__, lambda _, *terrain, make=make: make(*terrain), preset, rng, 60)
+        checks += checks_of(
+            make.__name__, lambda _, *terrain, make=make: make(*terrain), preset, rng, 60
+        )
     report(f"60 releases, {preset}", checks)

@@ -1,4 +1,5 @@
-"""Robots on Coulomb ground against theory, over radius, speed, friction, length and centre of mass; physics steps.
+"""Robots on Coulomb ground against theory, over radius, speed, friction, length and centre of mass;
+physics steps.
 
 MuJoCo's default contact does the same turns, on the same robot with the same friction.
 """
@@ -19,7 +20,10 @@ from sim import Drive, Ground, RobotParameters
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError, RobotWarning
 
-ROBOTS = {"shipped": RobotParameters(), "larger": RobotParameters(half_gauge=0.25, contact_length=0.5)}
+ROBOTS = {
+    "shipped": RobotParameters(),
+    "larger": RobotParameters(half_gauge=0.25, contact_length=0.5),
+}
 RATIOS, LENGTHS = (0.7, 0.9, 0.778 / 0.7, 1.4), (0.75, 1.0, 1.25)
 """Friction across over along, and contact lengths over the robot's."""
 CENTRES_OF_MASS = ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (-0.05, 0.1))
@@ -36,18 +40,24 @@ class DefaultContact(Setup):
 
 
 def variants(parameters):
-    """The robot with other lengths and centres of mass, without those that would lift part of a track."""
+    """The robot with other lengths and centres of mass, without those that would lift part of a
+    track.
+    """
     for length, (forwards, left) in itertools.product(LENGTHS, CENTRES_OF_MASS):
         longer = parameters.with_contact_length(length * parameters.contact_length)
         com_x = parameters.com_x + forwards * longer.contact_length
         try:
-            yield replace(longer, com_x=com_x, com_y=parameters.com_y + left * parameters.half_gauge)
+            yield replace(
+                longer, com_x=com_x, com_y=parameters.com_y + left * parameters.half_gauge
+            )
         except InvalidValueError:
             continue
 
 
 def all_turns(kind, parameters):
-    """Half widths (2, M), slips (2, M, 2), lateral speeds (2, M) by theory and simulated, and half gauge."""
+    """Half widths (2, M), slips (2, M, 2), lateral speeds (2, M) by theory and simulated, and half
+    gauge.
+    """
     parts = []
     for variant, ratio in itertools.product(variants(parameters), RATIOS):
         turns = drive_steadily(kind(variant, Ground(0.7, 0.7 * ratio)), paper_turns(variant)[2])
@@ -66,27 +76,48 @@ def test_turns_and_loads_beside_the_default_contact(name):
     parameters = ROBOTS[name]
     with warnings.catch_warnings(action="ignore", category=RobotWarning):
         recipe, default = (all_turns(kind, parameters) for kind in (Setup, DefaultContact))
-        setups, omega = (Setup(parameters, Ground()), DefaultContact(parameters, Ground())), paper_turns(parameters)[2]
+        setups, omega = (
+            (Setup(parameters, Ground()), DefaultContact(parameters, Ground())),
+            paper_turns(parameters)[2],
+        )
         loads, attitudes = zip(*(measure_loads(setup, omega) for setup in setups), strict=True)
     b = parameters.half_gauge
     rows = [
-        ("b + D", *(worst_and_median(100 * (w[1] / w[0] - 1), "%") for w, _, _ in (recipe, default))),
-        ("D alone", *(worst_and_median(100 * ((w[1] - b) / (w[0] - b) - 1), "%") for w, _, _ in (recipe, default))),
+        (
+            "b + D",
+            *(worst_and_median(100 * (w[1] / w[0] - 1), "%") for w, _, _ in (recipe, default)),
+        ),
+        (
+            "D alone",
+            *(
+                worst_and_median(100 * ((w[1] - b) / (w[0] - b) - 1), "%")
+                for w, _, _ in (recipe, default)
+            ),
+        ),
         ("slip", *(worst_and_median(slip[1] - slip[0]) for _, slip, _ in (recipe, default))),
-        ("lateral speed", *(worst_and_median(1e3 * (u[1] - u[0]), "mm/s") for _, _, u in (recipe, default))),
-        ("load of a contact point", *(worst_and_median(100 * (load[1] - load[0]), "%") for load in loads)),
+        (
+            "lateral speed",
+            *(worst_and_median(1e3 * (u[1] - u[0]), "mm/s") for _, _, u in (recipe, default)),
+        ),
+        (
+            "load of a contact point",
+            *(worst_and_median(100 * (load[1] - load[0]), "%") for load in loads),
+        ),
         ("sink", *(significant(1e3 * attitude[1, :, 0].mean(), "mm", 3) for attitude in attitudes)),
     ]
     title = f"{name}: errors in {recipe[0].shape[1]:,} turns, worst | median"
     Table(title, ("quantity", "recipe", "default contact"), rows).print()
     error = np.abs(recipe[0][1] / recipe[0][0] - 1)
     slip, by_default = (np.abs(slips[1] - slips[0]).max() for _, slips, _ in (recipe, default))
-    report(name, [
-        Check(name, "b + D, worst", error.max(), 0.005),
-        Check(name, "b + D, median", float(np.median(error)), 0.0015),
-        Check(name, "slip, over that of the default contact", slip / by_default, 0.1),
-        Check(name, "load of a contact point", np.abs(loads[0][1] - loads[0][0]).max(), 0.05),
-    ])  # fmt: skip
+    report(
+        name,
+        [
+            Check(name, "b + D, worst", error.max(), 0.005),
+            Check(name, "b + D, median", float(np.median(error)), 0.0015),
+            Check(name, "slip, over that of the default contact", slip / by_default, 0.1),
+            Check(name, "load of a contact point", np.abs(loads[0][1] - loads[0][0]).max(), 0.05),
+        ],
+    )
 
 
 @pytest.mark.slow
@@ -124,9 +155,14 @@ def test_the_error_is_proportional_to_the_step_and_solvers_agree():
     own, exact = setup.robot().model.opt.timestep, end(REFERENCE)
     errors = {step: distance(end(step), exact) for step in (0.0005, 0.001, 0.002, 0.005, 0.01)}
     solvers = distance(end(own), end(own, "Newton"))
-    rows = [(f"physics step of {1e3 * step:g} ms", significant(1e3 * error, "mm")) for step, error in errors.items()]
+    rows = [
+        (f"physics step of {1e3 * step:g} ms", significant(1e3 * error, "mm"))
+        for step, error in errors.items()
+    ]
     rows.append(("CG and Newton, at the model's own step", significant(1e3 * solvers, "mm")))
-    Table("Distance after 30 s of random commands, largest of 8 robots", ("", "distance"), rows).print()
+    Table(
+        "Distance after 30 s of random commands, largest of 8 robots", ("", "distance"), rows
+    ).print()
     rates = np.array([error / (step - REFERENCE) for step, error in errors.items()])
     assert rates.min() > 0
     assert rates.max() < 2 * rates.min()

@@ -1,6 +1,8 @@
-"""Tracks on terrain against theory and statics: turning, slopes, tipping over, steps, stairs, rough ground.
+"""Tracks on terrain against theory and statics: turning, slopes, tipping over, steps, stairs, rough
+ground.
 
-The box in tests/sim/tracks has more: ground of a box, wide and small belts, motors, belts on moving bodies, batches.
+The box in tests/sim/tracks has more: ground of a box, wide and small belts, motors, belts on moving
+bodies, batches.
 """
 
 import numpy as np
@@ -18,7 +20,10 @@ from trackslip.skid_theory import steady_twist
 pytestmark = pytest.mark.slow
 PRESETS = ("accurate", "fast")
 ROBOTS = {"box": box, "rescue": rescue}
-CLIMBER = {"hull": ((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)), "centre_of_mass": (0.05, 0.12)}
+CLIMBER = {
+    "hull": ((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)),
+    "centre_of_mass": (0.05, 0.12),
+}
 """A box that can climb stairs."""
 SLOW, PIVOT = ((-0.04, 0.04), (0.0, 0.06), (0.04, 0.08), (0.1, 0.12)), ((-0.5, 0.5),)
 """Belt speeds [m/s]."""
@@ -53,7 +58,9 @@ def turning_error(robot, belts, by_default=False):
         headings.append(trial.heading())
     turned = np.diff(np.unwrap(headings, axis=0)[[0, -1]], axis=0)[0]
     expected = steady_twist(belts, robot.line_contact(0.7), 9.81)[:, 2]
-    half_width, theory = ((belts[:, 1] - belts[:, 0]) / (2 * rate) for rate in (turned / 2.0, expected))
+    half_width, theory = (
+        (belts[:, 1] - belts[:, 0]) / (2 * rate) for rate in (turned / 2.0, expected)
+    )
     offset, by_theory = half_width - robot.half_gauge, theory - robot.half_gauge
     return np.stack([half_width / theory, offset / by_theory]) - 1
 
@@ -88,7 +95,9 @@ def climbing_limit(robot, friction):
 
 
 def tipping_error(robot, sideways):
-    """Error of the slope on which a parked robot tips over that stands across it, or points uphill [rad]."""
+    """Error of the slope on which a parked robot tips over that stands across it, or points uphill
+    [rad].
+    """
     view = robot.view
     expected = np.arctan2(robot.half_gauge if sideways else view.ahead, view.height)
 
@@ -111,9 +120,15 @@ def tipping_error(robot, sideways):
 def test_slopes(preset):
     checks = []
     for name, robot in ROBOTS.items():
-        error = max(abs(climbing_limit(robot(LevelGround(mu), preset), mu)) for mu in (0.3, 0.5, 0.7, 0.9))
-        checks.append(Check(name, "climbing limit", error, np.radians(of_preset(preset, 0.1, 0.15)), "rad"))
-        parked = Trial(robot(LevelGround(), preset), 4, np.array([0.0, np.pi / 4, np.pi / 2, np.pi]))
+        error = max(
+            abs(climbing_limit(robot(LevelGround(mu), preset), mu)) for mu in (0.3, 0.5, 0.7, 0.9)
+        )
+        checks.append(
+            Check(name, "climbing limit", error, np.radians(of_preset(preset, 0.1, 0.15)), "rad")
+        )
+        parked = Trial(
+            robot(LevelGround(), preset), 4, np.array([0.0, np.pi / 4, np.pi / 2, np.pi])
+        )
         parked.tilt(np.full(4, np.radians(30.0)))
         parked.drive([0.0, 0.0])
         parked.advance(3.0)
@@ -121,7 +136,8 @@ def test_slopes(preset):
         parked.advance(5.0)
         creep = np.linalg.norm(parked.position - before, axis=1).max() / 5.0
         checks.append(Check(name, "creep on 30 degrees", creep, 0.5e-3, "m/s"))
-        for what, bound in (("sideways", 0.5), ("backwards", 3.0)):  # the contact gives way at the rear
+        # the contact gives way at the rear
+        for what, bound in (("sideways", 0.5), ("backwards", 3.0)):
             error = tipping_error(robot(LevelGround(4.0), preset), what == "sideways")
             checks.append(Check(name, f"tips over {what}", abs(error), np.radians(bound), "rad"))
     report(f"Slopes, {preset}", checks)
@@ -142,7 +158,8 @@ def step_error(robot, friction):
             trial.advance(0.1, trying)
             over |= trial.centre_of_mass() > FACE + 0.01
             steepest = np.maximum(steepest, trial.lean())
-            trying &= ~over & (trial.lean() > steepest - np.radians(5.0))  # one that falls back has failed
+            # one that falls back has failed
+            trying &= ~over & (trial.lean() > steepest - np.radians(5.0))
             if not trying.any():
                 break
         return over
@@ -163,7 +180,9 @@ def test_steps(preset):
 
 
 def driven_depths(trial, steps, belts=lambda k: None, goal=np.inf):
-    """Depths (K,) of all tracks that touch in each physics step, and the fastest speed [m], [m/s]."""
+    """Depths (K,) of all tracks that touch in each physics step, and the fastest speed [m],
+    [m/s].
+    """
     depths, fastest = [], 0.0
     for k in range(steps):
         belts(k)
@@ -179,7 +198,9 @@ def driven_depths(trial, steps, belts=lambda k: None, goal=np.inf):
 
 
 def on_stairs(name, preset, rise, by_default=False):
-    """Depths (K,) of tracks on ten stairs of 0.15 x 0.28 m at 0.3 m/s, and how many of three robots cross them."""
+    """Depths (K,) of tracks on ten stairs of 0.15 x 0.28 m at 0.3 m/s, and how many of three robots
+    cross them.
+    """
     course = Course((Stairs(rise=rise, run=0.28, number=10, width=1.2),), width=4.0, friction=1.0)
     robot = box(course, preset, **CLIMBER) if name == "box" else rescue(course, preset, STAIRS)
     if by_default:
@@ -192,8 +213,13 @@ def on_stairs(name, preset, rise, by_default=False):
 
 
 def on_rough_ground(name, preset):
-    """Depths (K,) and the fastest speed of six robots that drive at random for a minute on ground of 10 cm."""
-    course, rng = Course((Rough(length=30.0, amplitude=0.1, cell=0.1),), width=30.0), generator(0, f"{name} {preset}")
+    """Depths (K,) and the fastest speed of six robots that drive at random for a minute on ground
+    of 10 cm.
+    """
+    course, rng = (
+        Course((Rough(length=30.0, amplitude=0.1, cell=0.1),), width=30.0),
+        generator(0, f"{name} {preset}"),
+    )
     robot = ROBOTS[name](course, preset)
     trial = Trial(robot, 6, rng.uniform(-np.pi, np.pi, 6))
     trial.position[:, 0] = 30.0 * (np.arange(6) + 0.5) / 6
@@ -215,9 +241,13 @@ def test_stairs_and_rough_ground(preset):
         up, climbed = on_stairs(name, preset, 0.15)
         down, descended = on_stairs(name, preset, -0.15)
         rough, fastest = on_rough_ground(name, preset)
-        checks.append(Check(name, "robots that don't cross the stairs", 6.0 - climbed - descended, 0.0))
+        checks.append(
+            Check(name, "robots that don't cross the stairs", 6.0 - climbed - descended, 0.0)
+        )
         for where, depths in (("stairs up", up), ("stairs down", down), ("rough ground", rough)):
-            checks.append(Check(name, f"penetration, {where}, 99 %", np.quantile(depths, 0.99), typical, "m"))
+            checks.append(
+                Check(name, f"penetration, {where}, 99 %", np.quantile(depths, 0.99), typical, "m")
+            )
             checks.append(Check(name, f"penetration, {where}, largest", depths.max(), largest, "m"))
         checks.append(Check(name, "fastest on rough ground", fastest, 1.0, "m/s"))
     report(f"Stairs and rough ground, {preset}", checks)
@@ -228,12 +258,22 @@ def test_the_default_contact():
     rows = []
     for name, robot in ROBOTS.items():
         for what, belts in (("slow", SLOW), ("pivot at 0.5 m/s", PIVOT)):
-            errors = [turning_error(robot(LevelGround(), "accurate"), belts, default)[0] for default in (False, True)]
+            errors = [
+                turning_error(robot(LevelGround(), "accurate"), belts, default)[0]
+                for default in (False, True)
+            ]
             worst = [float(error[np.abs(error).argmax()]) for error in errors]
             rows.append((f"{name}: half width of the ICRs, {what}", *map(percent, worst)))
             assert worst[1] > 0.3 > 0.03 > abs(worst[0])
         for what, rise in (("up", 0.15), ("down", -0.15)):
-            depths = [on_stairs(name, "accurate", rise, default)[0].max() for default in (False, True)]
-            rows.append((f"{name}: largest penetration, stairs {what}", *(significant(1e3 * d, "mm") for d in depths)))
+            depths = [
+                on_stairs(name, "accurate", rise, default)[0].max() for default in (False, True)
+            ]
+            rows.append(
+                (
+                    f"{name}: largest penetration, stairs {what}",
+                    *(significant(1e3 * d, "mm") for d in depths),
+                )
+            )
             assert depths[1] > depths[0]
     Table("MuJoCo's default contact", ("quantity", "recipe", "default contact"), rows).print()

@@ -25,15 +25,16 @@ from trackslip.logs.table_reader import ReadRuns
 REPEATED = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
 _STRIDE = 1.0  # time step over which the motions of poses and wheels are compared [s]
 _MIN_STRIDES = 10  # number of strides up to which a comparison is inconclusive
-_EXACT = 5e-3  # largest relative residual of poses computed from the wheels; noise-free poses with slip reach 6e-3
+# largest relative residual of poses computed from the wheels; noise-free poses with slip reach 6e-3
+_EXACT = 5e-3
 _PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
 def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
     """Load the runs in a results folder, in a `.parquet` or `.csv` file, or in ROS 1 or ROS 2 bags.
 
-    Unreadable rows and runs are left out, each with a LogWarning that states the reason. `bag` chooses topics and
-    joints if these are ambiguous in a bag.
+    Unreadable rows and runs are left out, each with a LogWarning that states the reason. `bag`
+    chooses topics and joints if these are ambiguous in a bag.
 
     Raises:
         LogError: if no run can be read, or the file is damaged; the message is one line.
@@ -46,7 +47,9 @@ def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
 
 
 def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
-    """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no run can be read."""
+    """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no
+    run can be read.
+    """
     if holds_bags(path):
         return read_bags(path, bag)
     refuse_choice(path, bag)
@@ -62,7 +65,9 @@ def holds_bags(path: Path) -> bool:
 
 
 def refuse_choice(path: Path, bag: BagChoice) -> None:
-    """Raise InvalidValueError if any choice is made for a log that is not a bag: the choice would have no effect."""
+    """Raise InvalidValueError if any choice is made for a log that is not a bag: the choice would
+    have no effect.
+    """
     for name, value in vars(bag).items():
         if value is not None:
             raise InvalidValueError(name, value, f"left out: {path} is no bag")
@@ -94,31 +99,41 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
             else:
                 runs.append(log)
                 taken[sources] = None
-        notes += [*bag.notes, *(of_bag if len(bags) == 1 else (f"{name}: {line}" for line in of_bag))]
+        notes += [
+            *bag.notes,
+            *(of_bag if len(bags) == 1 else (f"{name}: {line}" for line in of_bag)),
+        ]
     if not runs:
         raise LogError(refused[0].reason if len(bags) == 1 else none_usable(refused))
     return ReadRuns(tuple(runs), tuple(refused), tuple(notes), tuple(taken))
 
 
 def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict[str, Bag]:
-    """The drives in a bag called `name`: a single drive, unless the clock of the encoders' topic restarts."""
+    """The drives in a bag called `name`: a single drive, unless the clock of the encoders' topic
+    restarts.
+    """
     topic = encoder_topics(bag, choice)[0][0].name
     starts = bag.table(topic, lambda _: (0.0,)).restarts()
     if not len(starts):
         return {name: bag}
     notes.append(f"topic {topic}: time goes back: read as {len(starts) + 1} drives")
     edges = [0, *starts.tolist(), np.iinfo(np.int64).max]
-    return {f"{name}, part {k}": bag.between(*ends) for k, ends in enumerate(pairwise(edges), start=1)}
+    return {
+        f"{name}, part {k}": bag.between(*ends) for k, ends in enumerate(pairwise(edges), start=1)
+    }
 
 
 def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tuple[RunLog, str]:
     """Read the log of a drive; returns it with a description of the sources used.
 
-    Adds a line to `notes` for each part left out and each doubt. Raises LogError, with topic and cause.
+    Adds a line to `notes` for each part left out and each doubt. Raises LogError, with topic and
+    cause.
     """
     encoders = read_encoders(bag, choice, notes)
     if choice.plate is not None:
-        return plate_log(bag, name, encoders, read_scans(bag, choice.scan, notes), choice.plate, notes)
+        return plate_log(
+            bag, name, encoders, read_scans(bag, choice.scan, notes), choice.plate, notes
+        )
     source = pose_source(bag, choice)
     poses = read_poses(bag, source.name, notes)
     notes += clocks_apart(encoders, poses)
@@ -128,12 +143,19 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
         if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
             topics = bag.of_type(IMU)
             headings = f", {topics[0].name} takes only the headings of an IMU" if topics else ""
-            raise LogError(f"{poses.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
+            raise LogError(
+                f"{poses.source}: {REPEATED}; --poses chooses others, or these if "
+                f"measured{headings}"
+            )
         notes.append(f"{poses.source}: {REPEATED}")
     elif moves:
-        notes.append(f"{poses.source}: its distances repeat those of the wheels: they say nothing about ε")
+        notes.append(
+            f"{poses.source}: its distances repeat those of the wheels: they say nothing about ε"
+        )
     has_poses = source.origin is not PoseOrigin.IMU or log.is_valid.any()
-    taken = encoders.taken + (f"; poses: {source.name} ({source.origin.value})" if has_poses else "; no poses")
+    taken = encoders.taken + (
+        f"; poses: {source.name} ({source.origin.value})" if has_poses else "; no poses"
+    )
     try:
         imu = read_imu(bag, choice, notes)
     except LogError as error:
@@ -146,10 +168,12 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
 
 
 def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
-    """Whether distances, and turns, of the poses follow the sprockets exactly; as tracks slip, measured poses don't.
+    """Whether distances, and turns, of the poses follow the sprockets exactly; as tracks slip,
+    measured poses don't.
 
-    Distances don't depend on whether dead reckoning used the heading at the start or the end of a step. Odometry may
-    be late: linear combinations of the wheels' motions at two delays approximate the motions at any delay.
+    Distances don't depend on whether dead reckoning used the heading at the start or the end of a
+    step. Odometry may be late: linear combinations of the wheels' motions at two delays approximate
+    the motions at any delay.
     """
     rows = np.flatnonzero(log.has_place & log.has_heading)
     if not len(rows):
@@ -158,7 +182,9 @@ def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
     ends = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _STRIDE)))
     if len(ends) <= _MIN_STRIDES:
         return False, False
-    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
+    sums = np.concatenate(
+        [np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)]
+    )
     ahead = se2.direction(pose[:-1, 2] + np.diff(pose[:, 2]) / 2)
     ways, turns = list[Array](), list[Array]()
     for late in (0.0, 0.05):
@@ -172,7 +198,11 @@ def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
 
 
 def _combines(motion: Array, by_wheels: list[Array]) -> bool:
-    """True if `motion` (n,) is a linear combination of `by_wheels` to within _EXACT; false if nothing moves."""
+    """True if `motion` (n,) is a linear combination of `by_wheels` to within _EXACT; false if
+    nothing moves.
+    """
     columns = np.stack(by_wheels, axis=-1)
     rest = motion - columns @ np.linalg.lstsq(columns, motion)[0]
-    return bool(motion.any() and columns.any() and np.linalg.norm(rest) <= _EXACT * np.linalg.norm(motion))
+    return bool(
+        motion.any() and columns.any() and np.linalg.norm(rest) <= _EXACT * np.linalg.norm(motion)
+    )

@@ -18,15 +18,19 @@ from trackslip.kinematics import Array, RobotGeometry, track_speeds
 from trackslip.logs.runlog import RunLog
 
 _MAX_ANGLE = 1e9  # angle above which a value isn't a measurement [rad]
-_TOLERANCE = 0.01  # margin by which wrapped positions may leave their range because of rounding [rad]
+# margin by which wrapped positions may leave their range because of rounding [rad]
+_TOLERANCE = 0.01
 _MOVES = 1e-3  # reported speed above which a joint should move [rad/s]
-_STILL = 0.01  # ratio to the largest turn of a wheel on the same side, below which an encoder counts as dead [-]
+# ratio to the largest turn of a wheel on the same side, below which an encoder counts as dead [-]
+_STILL = 0.01
 _MIN_WAY = 1.0  # largest turn of a wheel up to which no encoder counts as dead [rad]
 
 
 @dataclass(frozen=True)
 class Encoders(Readings):
-    """Sprocket speeds (T, 2), means since the previous reading [rad/s]; the first reading equals the second."""
+    """Sprocket speeds (T, 2), means since the previous reading [rad/s]; the first reading equals
+    the second.
+    """
 
     joints: Sides
 
@@ -39,7 +43,11 @@ class Encoders(Readings):
     @property
     def about(self) -> dict[str, Any]:
         """The topic and its joints, for a run's metadata."""
-        known = {"encoders": self.source, "left": list(self.joints[0]), "right": list(self.joints[1])}
+        known = {
+            "encoders": self.source,
+            "left": list(self.joints[0]),
+            "right": list(self.joints[1]),
+        }
         return {**known, "odometry": True} if self.joints == WHEELS else known
 
     @property
@@ -54,8 +62,9 @@ class Encoders(Readings):
 def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
     """Read the encoders in a bag.
 
-    Positions are preferred to velocities; speeds are averaged over the joints on a side. Adds a line to `notes` for
-    each part left out. Raises LogError if there are no encoders, or if their topics or joints are ambiguous.
+    Positions are preferred to velocities; speeds are averaged over the joints on a side. Adds a
+    line to `notes` for each part left out. Raises LogError if there are no encoders, or if their
+    topics or joints are ambiguous.
     """
     topics, names = encoder_topics(bag, choice)
     joints = _joints(bag, [topic.name for topic in topics], names, choice.wheels, notes)
@@ -65,13 +74,19 @@ def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
         notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
     angles = {name: _angles(name, joint, by_position) for name, joint in joints.items()}
     most = max(angles.values(), key=lambda angle: len(angle.stamp))
-    begin, end = (max(angle.stamp[0] for angle in angles.values()), min(angle.stamp[-1] for angle in angles.values()))
+    begin, end = (
+        max(angle.stamp[0] for angle in angles.values()),
+        min(angle.stamp[-1] for angle in angles.values()),
+    )
     common = most.take((most.stamp >= begin) & (most.stamp <= end))
     if len(common.stamp) < 2:
         raise LogError(f"{bag.path}: topic {topic}: fewer than 2 messages with the joints chosen")
     first = int(common.stamp[0])
     time = seconds(common.stamp, first)
-    turns = {name: np.diff(np.interp(time, seconds(a.stamp, first), a.values)) for name, a in angles.items()}
+    turns = {
+        name: np.diff(np.interp(time, seconds(a.stamp, first), a.values))
+        for name, a in angles.items()
+    }
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
     turned = np.stack([side_turns(topic, side, turns, notes) for side in names], axis=-1)
     omega = turned / np.diff(time)[:, None] * signs
@@ -81,7 +96,8 @@ def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
 def _joints(
     bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None, notes: list[str]
 ) -> dict[str, Readings]:
-    """Read positions [rad] and velocities [rad/s] (N, 2) of each joint by name; NaN where not measured.
+    """Read positions [rad] and velocities [rad/s] (N, 2) of each joint by name; NaN where not
+    measured.
 
     Raises LogError for a joint that is not in any message.
     """
@@ -89,17 +105,31 @@ def _joints(
     def states(content: Any) -> Iterable[tuple[str, Any, tuple[float, float]]]:
         if names == WHEELS and wheels is not None:
             twist = content.twist.twist
-            speeds = track_speeds((twist.linear.x, twist.angular.z), wheels.half_gauge) / wheels.sprocket_radius
-            return ((name, content.header, (np.nan, speed)) for (name,), speed in zip(names, speeds, strict=True))
+            speeds = (
+                track_speeds((twist.linear.x, twist.angular.z), wheels.half_gauge)
+                / wheels.sprocket_radius
+            )
+            return (
+                (name, content.header, (np.nan, speed))
+                for (name,), speed in zip(names, speeds, strict=True)
+            )
         none = np.full(len(content.name), np.nan)
-        position, velocity = (x if len(x) == len(none) else none for x in (content.position, content.velocity))
-        return ((name, content.header, (p, v)) for name, p, v in zip(content.name, position, velocity, strict=True))
+        position, velocity = (
+            x if len(x) == len(none) else none for x in (content.position, content.velocity)
+        )
+        return (
+            (name, content.header, (p, v))
+            for name, p, v in zip(content.name, position, velocity, strict=True)
+        )
 
     stated, joints = bag.readings(topics, states), {}
     for side, of_side in zip(SIDES, names, strict=True):
         for name in of_side:
             if name not in stated:
-                have = f"topic {' and '.join(topics)} has no such joint; its joints are {listed([*stated])}"
+                have = (
+                    f"topic {' and '.join(topics)} has no such joint; its joints are "
+                    f"{listed([*stated])}"
+                )
                 raise LogError(f"{side} = {name!r}: {have}")
             joint = stated[name].ascending(notes)
             measured = np.abs(joint.values) <= _MAX_ANGLE
@@ -108,7 +138,9 @@ def _joints(
 
 
 def _has_positions(position: Array, velocity: Array) -> bool:
-    """True if a joint's positions (N,) are measured: mostly finite, and not constant while velocities (N,) aren't 0."""
+    """True if a joint's positions (N,) are measured: mostly finite, and not constant while
+    velocities (N,) aren't 0.
+    """
     known = position[np.isfinite(position)]
     if 2 * len(known) <= len(position):
         return False
@@ -116,29 +148,45 @@ def _has_positions(position: Array, velocity: Array) -> bool:
 
 
 def _angles(name: str, joint: Readings, by_position: bool) -> Readings:
-    """Angles (n,) of a joint [rad]; raises LogError if most messages have neither positions nor velocities."""
+    """Angles (n,) of a joint [rad]; raises LogError if most messages have neither positions nor
+    velocities.
+    """
     values = joint.values[:, 0 if by_position else 1]
     rows = np.flatnonzero(np.isfinite(values))
     if 2 * len(rows) <= len(values):
-        raise LogError(f"topic {joint.source}: joint {name} states neither positions nor velocities")
+        raise LogError(
+            f"topic {joint.source}: joint {name} states neither positions nor velocities"
+        )
     rows = rows[without_bursts(joint.stamp[rows])]
     time = seconds(joint.stamp[rows], int(joint.stamp[rows[0]]))
-    angle = unwrapped(values[rows]) if by_position else cumulative_trapezoid(values[rows], time, initial=0.0)
+    angle = (
+        unwrapped(values[rows])
+        if by_position
+        else cumulative_trapezoid(values[rows], time, initial=0.0)
+    )
     return replace(joint.take(rows), values=angle)
 
 
 def unwrapped(position: Array) -> Array:
-    """Continuous angles (T,) from positions (T,) [rad]: positions within -π to π or 0 to 2π are unwrapped."""
+    """Continuous angles (T,) from positions (T,) [rad]: positions within -π to π or 0 to 2π are
+    unwrapped.
+    """
     low, high = position.min(), position.max()
-    wraps = any(start - _TOLERANCE <= low and high <= start + 2 * np.pi + _TOLERANCE for start in (-np.pi, 0.0))
+    wraps = any(
+        start - _TOLERANCE <= low and high <= start + 2 * np.pi + _TOLERANCE
+        for start in (-np.pi, 0.0)
+    )
     return np.unwrap(position) if wraps else position
 
 
-def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], notes: list[str]) -> Array:
-    """Mean turns (n,) [rad] of the wheels on a side in each interval, from the `turns` of each joint.
+def side_turns(
+    topic: str, side: Sequence[str], turns: Mapping[str, Array], notes: list[str]
+) -> Array:
+    """Mean turns (n,) [rad] of the wheels on a side in each interval, from the `turns` of each
+    joint.
 
-    An encoder that stands still while other wheels turn is left out, with a line in `notes`. Raises LogError, with
-    topic and joints, if wheels turn against each other.
+    An encoder that stands still while other wheels turn is left out, with a line in `notes`. Raises
+    LogError, with topic and joints, if wheels turn against each other.
     """
     ways = {name: float(np.abs(turns[name]).sum()) for name in side}
     most = max(ways, key=lambda name: ways[name])
@@ -147,8 +195,12 @@ def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], note
         kept = [name for name in side if ways[name] >= _STILL * ways[most]]
         for name in side:
             if name not in kept:
-                notes.append(f"topic {topic}: joint {name} left out: it stands still while {most} turns")
-            elif 2 * turns[name] @ turns[most] < -np.linalg.norm(turns[name]) * np.linalg.norm(turns[most]):
+                notes.append(
+                    f"topic {topic}: joint {name} left out: it stands still while {most} turns"
+                )
+            elif 2 * turns[name] @ turns[most] < -np.linalg.norm(turns[name]) * np.linalg.norm(
+                turns[most]
+            ):
                 raise LogError(
                     f"topic {topic}: joints {most} and {name} of one side turn against each other: "
                     "choose with --left NAMES --right NAMES"
@@ -157,7 +209,8 @@ def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], note
 
 
 def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
-    """Join encoders and poses (N, 3) in a log, with a row for each encoder reading and for each pose between readings.
+    """Join encoders and poses (N, 3) in a log, with a row for each encoder reading and for each
+    pose between readings.
 
     A pose's row has the sprocket speeds of the next reading.
     """

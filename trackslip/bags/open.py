@@ -25,7 +25,8 @@ K = TypeVar("K", bound=Hashable)
 
 _METADATA = "metadata.yaml"
 _STORAGES = (".bag", ".mcap", ".db3")
-_WRAPPINGS = (".zstd", ".active")  # suffixes of files that are compressed as a whole, or were not closed
+# suffixes of files that are compressed as a whole, or were not closed
+_WRAPPINGS = (".zstd", ".active")
 _REPAIRS = {
     ".bag": "rosbag reindex {file}",
     ".active": "rosbag reindex {file}",
@@ -45,7 +46,9 @@ class Message(NamedTuple):
     arrival: int
     """Time of recording [ns]."""
     content: Any
-    """The message's fields as attributes, such as `content.header.stamp.sec`; None if not decoded."""
+    """The message's fields as attributes, such as `content.header.stamp.sec`; None if not
+    decoded.
+    """
 
     @property
     def stamp(self) -> int:
@@ -58,7 +61,9 @@ def _stamp(header: Any) -> int:
 
 
 Read = Callable[[Collection[str], bool], Iterator[Message]]
-"""Yields the messages of some topics in order of recording; the flag is true to decode their content."""
+"""Yields the messages of some topics in order of recording; the flag is true to decode their
+content.
+"""
 
 
 @dataclass(frozen=True)
@@ -81,17 +86,23 @@ class Bag:
     notes: tuple[str, ...] = ()  # missing parts of the recording, one line each
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
-        """Look up a topic by name; raises LogError if it doesn't exist or its messages are not of type `kind`."""
+        """Look up a topic by name; raises LogError if it doesn't exist or its messages are not of
+        type `kind`.
+        """
         bare = name.strip("/")
         topic = self.topics.get(name) or self.topics.get(f"/{bare}") or self.topics.get(bare)
         if topic is None:
             raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed()}")
         if kind not in (None, topic.type):
-            raise LogError(f"{self.path}: topic {topic.name} has messages of {topic.type}, needs {kind}")
+            raise LogError(
+                f"{self.path}: topic {topic.name} has messages of {topic.type}, needs {kind}"
+            )
         return topic
 
     def only(self, names: Sequence[str], what: str, option: str) -> str:
-        """The only name in `names`; raises LogError, which suggests `option`, if there are several."""
+        """The only name in `names`; raises LogError, which suggests `option`, if there are
+        several.
+        """
         if len(names) > 1:
             raise LogError(f"{self.path}: {what} may be {', '.join(names)}: choose with {option}")
         return names[0]
@@ -101,7 +112,9 @@ class Bag:
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def between(self, begin: int, end: int) -> Bag:
-        """Limit the bag to static transforms and messages recorded from `begin` to before `end` [ns]."""
+        """Limit the bag to static transforms and messages recorded from `begin` to before `end`
+        [ns].
+        """
 
         def read(chosen: Collection[str], decode: bool) -> Iterator[Message]:
             for message in self.read(chosen, decode):
@@ -111,13 +124,19 @@ class Bag:
         return replace(self, read=read)
 
     def messages(self, *topics: str) -> Iterator[Message]:
-        """Yield decoded messages in order of recording; LogError for an unknown topic or a damaged bag."""
+        """Yield decoded messages in order of recording; LogError for an unknown topic or a damaged
+        bag.
+        """
         return self.read([self.topic(name).name for name in topics], True)
 
     def readings(
-        self, topics: Sequence[str], parts: Callable[[Any], Iterable[tuple[K, Any, Iterable[float]]]]
+        self,
+        topics: Sequence[str],
+        parts: Callable[[Any], Iterable[tuple[K, Any, Iterable[float]]]],
     ) -> dict[K, Readings]:
-        """Collect numbers (N, k) by key; `parts` returns (key, header, numbers) for each part of a message."""
+        """Collect numbers (N, k) by key; `parts` returns (key, header, numbers) for each part of a
+        message.
+        """
         times: dict[K, array[int]] = defaultdict(lambda: array("q"))
         numbers: dict[K, array[float]] = defaultdict(lambda: array("d"))
         for message in self.messages(*topics):
@@ -127,11 +146,15 @@ class Bag:
         found = {}
         for key in times:
             stamp, arrival = np.array(times[key], np.int64).reshape(-1, 2).T
-            found[key] = Readings(" and ".join(topics), stamp, arrival, np.array(numbers[key]).reshape(len(stamp), -1))
+            found[key] = Readings(
+                " and ".join(topics), stamp, arrival, np.array(numbers[key]).reshape(len(stamp), -1)
+            )
         return found
 
     def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> Readings:
-        """Collect the numbers (N, k) that `row` returns for a topic's messages; raises LogError without messages."""
+        """Collect the numbers (N, k) that `row` returns for a topic's messages; raises LogError
+        without messages.
+        """
         found = self.readings([topic], lambda content: [(topic, content.header, row(content))])
         if not found:
             raise LogError(f"topic {topic}: no messages")
@@ -176,13 +199,16 @@ def require_rosbags() -> None:
 
 
 def open_bags(path: str | Path) -> list[Bag]:
-    """Open the bag in a file, or all bags in a folder: subfolders with a metadata.yaml, and single files elsewhere.
+    """Open the bag in a file, or all bags in a folder: subfolders with a metadata.yaml, and single
+    files elsewhere.
 
-    Files are `.bag` for ROS 1, `.mcap` or `.db3` for ROS 2. An MCAP file whose end is missing is read as far as it
-    goes, see `Bag.notes`. Unreadable bags in a folder are left out, with a note, if another bag can be read.
+    Files are `.bag` for ROS 1, `.mcap` or `.db3` for ROS 2. An MCAP file whose end is missing is
+    read as far as it goes, see `Bag.notes`. Unreadable bags in a folder are left out, with a note,
+    if another bag can be read.
 
     Raises:
-        LogError: if there is no bag, or no bag can be read: the message names a command that may repair the file.
+        LogError: if there is no bag, or no bag can be read: the message names a command that may
+            repair the file.
         TrackslipError: if rosbags is not installed.
     """
     require_rosbags()
@@ -194,7 +220,9 @@ def open_bags(path: str | Path) -> list[Bag]:
     except OSError as error:
         raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     if not places:
-        raise LogError(f"{path}: holds no bag (.bag, .mcap or .db3)" if path.is_dir() else f"{path}: is no bag")
+        raise LogError(
+            f"{path}: holds no bag (.bag, .mcap or .db3)" if path.is_dir() else f"{path}: is no bag"
+        )
     bags, notes = [], []
     for place in places:
         try:
@@ -207,13 +235,19 @@ def open_bags(path: str | Path) -> list[Bag]:
 
 
 def bags_in(path: Path) -> list[Path]:
-    """Paths of the bags in a folder (subfolders with metadata, or single files), or the path of a single bag file."""
+    """Paths of the bags in a folder (subfolders with metadata, or single files), or the path of a
+    single bag file.
+    """
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
     patterns = ("/".join("*" * depth) for depth in range(1, _DEPTH + 1))
     entries = (entry for pattern in patterns for entry in sorted(path.glob(pattern)))
     files = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
-    return list(dict.fromkeys(file.parent if (file.parent / _METADATA).is_file() else file for file in files))
+    return list(
+        dict.fromkeys(
+            file.parent if (file.parent / _METADATA).is_file() else file for file in files
+        )
+    )
 
 
 def _is_bag_file(path: Path) -> bool:
@@ -223,7 +257,9 @@ def _is_bag_file(path: Path) -> bool:
 
 @contextmanager
 def _refusing(path: Path) -> Iterator[None]:
-    """Turn exceptions from readers into a one-line LogError with a command that may repair the file."""
+    """Turn exceptions from readers into a one-line LogError with a command that may repair the
+    file.
+    """
     try:
         yield
     except LogError:
@@ -232,7 +268,9 @@ def _refusing(path: Path) -> Iterator[None]:
         raise LogError(f"{path}: {error.strerror or first_line(error)}") from error
     except Exception as error:  # for damaged files, readers raise exceptions of any type
         reason = first_line(error).rstrip(".")
-        repair = _REPAIRS.get(path.suffix, "ros2 bag reindex {file}").format(file=shlex.quote(str(path)))
+        repair = _REPAIRS.get(path.suffix, "ros2 bag reindex {file}").format(
+            file=shlex.quote(str(path))
+        )
         raise LogError(f"{path}: can't be read ({reason}); this may repair it: {repair}") from error
 
 
@@ -247,7 +285,9 @@ def _open(path: Path) -> Bag:
 
 def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...] = ()) -> Bag:
     """Make a bag with all topics that have messages; raises LogError if there are none."""
-    by_name = {topic.name: topic for topic in sorted(topics, key=lambda topic: topic.name) if topic.count}
+    by_name = {
+        topic.name: topic for topic in sorted(topics, key=lambda topic: topic.name) if topic.count
+    }
     if not by_name:
         raise LogError(f"{path}: it has no messages")
     name = path.resolve().name
@@ -279,7 +319,9 @@ def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator
 
 
 def _reader(path: Path) -> Any:
-    """A reader for a file or folder; uses the message types of ROS 2 Humble if the bag doesn't define its own."""
+    """A reader for a file or folder; uses the message types of ROS 2 Humble if the bag doesn't
+    define its own.
+    """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
@@ -287,7 +329,9 @@ def _reader(path: Path) -> Any:
 
 
 def _streamed(path: Path) -> Bag:
-    """Open the bag in an MCAP file without an index, such as from a recorder with a flat battery."""
+    """Open the bag in an MCAP file without an index, such as from a recorder with a flat
+    battery.
+    """
     counts: Counter[tuple[str, str]] = Counter()
     with _refusing(path):
         size = regular_file(path).stat().st_size
@@ -299,7 +343,11 @@ def _streamed(path: Path) -> Bag:
         if not counts:
             raise ValueError("it has no whole message")
     topics = [Topic(name, kind, count) for (name, kind), count in counts.items()]
-    notes = () if is_complete else (f"{path}: its end is missing, as after a power cut: read as far as it goes",)
+    notes = (
+        ()
+        if is_complete
+        else (f"{path}: its end is missing, as after a power cut: read as far as it goes",)
+    )
     return _bag(path, topics, partial(_read_streamed, path), notes)
 
 
@@ -324,7 +372,9 @@ def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
 
     size = path.stat().st_size
     with path.open("rb") as file:
-        messages = NonSeekingReader(file, record_size_limit=size).iter_messages(log_time_order=False)
+        messages = NonSeekingReader(file, record_size_limit=size).iter_messages(
+            log_time_order=False
+        )
         try:
             for schema, channel, message in messages:
                 if file.tell() == size:

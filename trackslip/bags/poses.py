@@ -13,7 +13,14 @@ from trackslip.bags.choice import BagChoice
 from trackslip.bags.open import Bag, Topic
 from trackslip.bags.stamps import Readings, seconds
 from trackslip.bags.topics import FIX, IMU, POSE_TYPES, imu_topic
-from trackslip.bags.transforms import MAX_PLACE, MAX_TILT, are_unit, heading_and_tilt, pose_numbers, read_chain
+from trackslip.bags.transforms import (
+    MAX_PLACE,
+    MAX_TILT,
+    are_unit,
+    heading_and_tilt,
+    pose_numbers,
+    read_chain,
+)
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.checks import paired_turns
@@ -25,10 +32,11 @@ _MIN_WAY = 0.1  # extent of a path above which a constant heading is doubtful [m
 
 
 def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
-    """Read poses (N, 3) in the plane from a topic or from tf:PARENT:CHILD [m, m, rad]; NaN where not measured.
+    """Read poses (N, 3) in the plane from a topic or from tf:PARENT:CHILD [m, m, rad]; NaN where
+    not measured.
 
-    Headings are not unwrapped. Adds a line to `notes` for each part left out and each doubt. Raises LogError if there
-    are no poses.
+    Headings are not unwrapped. Adds a line to `notes` for each part left out and each doubt. Raises
+    LogError if there are no poses.
     """
     if source.startswith("tf:"):
         name = source
@@ -45,25 +53,35 @@ def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
 
 
 def _read(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
-    """Positions and quaternions (N, 7) from a topic, NaN where not measured; poses with invalid x or y are left out."""
+    """Positions and quaternions (N, 7) from a topic, NaN where not measured; poses with invalid x
+    or y are left out.
+    """
     if topic.type == FIX:
         return _fixes(bag, topic, notes)
     if topic.type == IMU:
         return bag.table(topic.name, _orientation)
     if topic.type not in POSE_TYPES:
         types = ", ".join((*POSE_TYPES, IMU))
-        raise LogError(f"{bag.path}: topic {topic.name} has messages of {topic.type}; poses are read from {types}")
+        raise LogError(
+            f"{bag.path}: topic {topic.name} has messages of {topic.type}; poses are read from "
+            f"{types}"
+        )
     poses = bag.table(topic.name, _place_and_turn)
     good = np.asarray((np.abs(poses.values[:, :2]) <= MAX_PLACE).all(axis=1))
     if not good.any():
         raise LogError(f"topic {topic.name}: no position is finite")
     if not good.all():
-        notes.append(f"topic {topic.name}: {(~good).sum()} of {len(good)} poses left out: x or y is not finite")
+        notes.append(
+            f"topic {topic.name}: {(~good).sum()} of {len(good)} poses left out: x or y is not "
+            "finite"
+        )
     return poses.take(good)
 
 
 def _orientation(imu: Any) -> tuple[float, ...]:
-    """An IMU's quaternion, after a NaN position; NaN, too, if a covariance of -1 marks it as not measured."""
+    """An IMU's quaternion, after a NaN position; NaN, too, if a covariance of -1 marks it as not
+    measured.
+    """
     turn, unknown = imu.orientation, (np.nan,) * 3
     measured = imu.orientation_covariance[0] != -1
     return (*unknown, turn.x, turn.y, turn.z, turn.w) if measured else (np.nan,) * 7
@@ -78,7 +96,9 @@ def _place_and_turn(content: Any) -> tuple[float, ...]:
 
 
 def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
-    """Positions of satellite fixes relative to the first fix (east, north, up) [m], with NaN quaternions."""
+    """Positions of satellite fixes relative to the first fix (east, north, up) [m], with NaN
+    quaternions.
+    """
     from pymap3d import geodetic2enu
 
     def numbers(fix: Any) -> tuple[float, ...]:
@@ -86,27 +106,39 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> Readings:
 
     fixes = bag.table(topic.name, numbers)
     table = fixes.values
-    there = (np.abs(table[:, :2]) <= [90, 360]).all(axis=1) & table[:, :2].any(axis=1)  # receivers start with zeros
+    # receivers start with zeros
+    there = (np.abs(table[:, :2]) <= [90, 360]).all(axis=1) & table[:, :2].any(axis=1)
     fixed = np.asarray((table[:, 3] >= _NO_FIX) & there)
     if not fixed.any():
-        raise LogError(f"{bag.path}: topic {topic.name}: none of its {len(fixed)} messages has a fix")
+        raise LogError(
+            f"{bag.path}: topic {topic.name}: none of its {len(fixed)} messages has a fix"
+        )
     if not fixed.all():
-        notes.append(f"topic {topic.name}: {(~fixed).sum()} of {len(fixed)} messages left out: they have no fix")
+        notes.append(
+            f"topic {topic.name}: {(~fixed).sum()} of {len(fixed)} messages left out: they have "
+            "no fix"
+        )
     latitude, longitude, altitude, _ = table[fixed].T
     altitude = np.where(np.abs(altitude) <= _MAX_ALTITUDE, altitude, 0.0)
     enu = geodetic2enu(latitude, longitude, altitude, latitude[0], longitude[0], altitude[0])
-    return replace(fixes.take(fixed), values=np.column_stack([*enu, np.full((len(latitude), 4), np.nan)]))
+    return replace(
+        fixes.take(fixed), values=np.column_stack([*enu, np.full((len(latitude), 4), np.nan)])
+    )
 
 
 def _headings(name: str, poses: Array, notes: list[str]) -> Array:
-    """Headings (N,) of poses (N, 7), NaN where not measured; invalid headings are also NaN, with a line in `notes`."""
+    """Headings (N,) of poses (N, 7), NaN where not measured; invalid headings are also NaN, with a
+    line in `notes`.
+    """
     place, turn = poses[:, :2], poses[:, 3:]
     heading = np.full(len(poses), np.nan)
     if np.isnan(turn).all():
         return heading
     good = are_unit(turn)
     if good.mean() <= 0.5:
-        notes.append(f"{name}: most of its quaternions are not of unit length: read without headings")
+        notes.append(
+            f"{name}: most of its quaternions are not of unit length: read without headings"
+        )
         return heading
     heading[good] = headings(turn[good], name, notes)
     known = heading[np.isfinite(heading)]
@@ -121,7 +153,8 @@ def _headings(name: str, poses: Array, notes: list[str]) -> Array:
 def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
     """Headings (n,) of the x axes of quaternions (n, 4), counter-clockwise seen from above [rad].
 
-    All headings are NaN if most rotations are tilted too much. Adds a line to `notes` for tilts above 20°.
+    All headings are NaN if most rotations are tilted too much. Adds a line to `notes` for tilts
+    above 20°.
     """
     heading, tilt = heading_and_tilt(Rotation.from_quat(quaternion))
     steep = tilt > MAX_TILT
@@ -132,19 +165,25 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
     if steep.mean() <= 0.5:
         notes.append(f"{source}: {tilted}: slip is identified in the plane")
         return heading
-    notes.append(f"{source}: its frame is {tilted}: headings left out; is it a camera's frame, or has it z downwards?")
+    notes.append(
+        f"{source}: its frame is {tilted}: headings left out; is it a camera's frame, or has it "
+        "z downwards?"
+    )
     return np.full(len(heading), np.nan)
 
 
 _MAX_GAP = 0.2  # longest interval between readings that counts as measured [s]
 _CLEARLY = 0.8  # least correlation of turns that leaves no doubt [-]
-_ALONG = 0.98  # component above which the yaw axis counts as an axis of the IMU, for an angle below 11° [-]
+# component above which the yaw axis counts as an axis of the IMU, for an angle below 11° [-]
+_ALONG = 0.98
 
 
 def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
-    """Read a gyro's angular velocities (n, 3) about its frame's axes [rad/s]; None if the bag has none.
+    """Read a gyro's angular velocities (n, 3) about its frame's axes [rad/s]; None if the bag has
+    none.
 
-    The readings' `source` contains topic and frame. Adds a line to `notes` for an IMU without angular velocities.
+    The readings' `source` contains topic and frame. Adds a line to `notes` for an IMU without
+    angular velocities.
     """
     topic = imu_topic(bag, choice)
     if topic is None:
@@ -155,7 +194,11 @@ def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
         notes.append(f"topic {topic.name}: it states no angular velocities: read without gyro")
         return None
     frame = bag.first(topic.name, 1)[0].content.header.frame_id
-    several = f", one of {len(bag.of_type(IMU))}" if len(bag.of_type(IMU)) > 1 and choice.imu is None else ""
+    several = (
+        f", one of {len(bag.of_type(IMU))}"
+        if len(bag.of_type(IMU)) > 1 and choice.imu is None
+        else ""
+    )
     return replace(rates.ascending(notes), source=f"{topic.name} in {frame or 'no frame'}{several}")
 
 
@@ -166,10 +209,12 @@ def _rates(imu: Any) -> tuple[float, ...]:
 
 
 def with_gyro(log: RunLog, imu: Readings, start: int, notes: list[str]) -> tuple[RunLog, str]:
-    """Add the IMU's yaw rate to a log that starts at `start` [ns]; returns the log and a description of the source.
+    """Add the IMU's yaw rate to a log that starts at `start` [ns]; returns the log and a
+    description of the source.
 
-    The yaw axis is the axis about which the IMU turns when headings (or, without these, sprockets) turn; it is z if
-    nothing turns. If no axis follows the turns, adds a line to `notes` and returns the log without gyro.
+    The yaw axis is the axis about which the IMU turns when headings (or, without these, sprockets)
+    turn; it is z if nothing turns. If no axis follows the turns, adds a line to `notes` and returns
+    the log without gyro.
     """
     time = seconds(imu.stamp, start)
     angle = cumulative_trapezoid(imu.values, time, axis=0, initial=0.0)
@@ -189,8 +234,12 @@ def with_gyro(log: RunLog, imu: Readings, start: int, notes: list[str]) -> tuple
         if np.corrcoef(axis @ by_axis, turns)[0, 1] < _CLEARLY:
             notes.append(f"gyro of {imu.source} left out: it doesn't follow the robot's turns")
             return log, ""
-    rate, share = (np.diff(values) / np.diff(log.time) for values in (axis @ np.stack(turned), known))
-    gyro = np.append(np.nan, np.where((share >= MEASURED) & (np.abs(rate) <= MAX_YAW_RATE), rate, np.nan))
+    rate, share = (
+        np.diff(values) / np.diff(log.time) for values in (axis @ np.stack(turned), known)
+    )
+    gyro = np.append(
+        np.nan, np.where((share >= MEASURED) & (np.abs(rate) <= MAX_YAW_RATE), rate, np.nan)
+    )
     about = log.metadata["bag"] | {"gyro": imu.source}
     shown = np.array2string(axis, precision=2, suppress_small=True)
     words = f"; gyro: {imu.source} about {shown} ({why})"

@@ -12,9 +12,12 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, restarts
 
 _SIMULATED = 10**17  # stamps before this time, in 1973, are from a simulation [ns]
-_APART = 1.0  # difference between delays above which clocks differ: matching a scan takes less time [s]
-_BURST = 0.1  # ratio to the usual interval below which readings are in a burst, with more than tenfold speeds
-_SHORTEST = 500_000  # least usual interval: half that of the fastest controllers, which run at 1 kHz [ns]
+# difference between delays above which clocks differ: matching a scan takes less time [s]
+_APART = 1.0
+# ratio to the usual interval below which readings are in a burst, with more than tenfold speeds
+_BURST = 0.1
+# least usual interval: half that of the fastest controllers, which run at 1 kHz [ns]
+_SHORTEST = 500_000
 
 
 @dataclass(frozen=True)
@@ -38,21 +41,27 @@ class Readings:
 
     def take(self, rows: np.ndarray) -> Self:
         """Select readings by rows (n,) or by a mask (N,)."""
-        return replace(self, stamp=self.stamp[rows], arrival=self.arrival[rows], values=self.values[rows])
+        return replace(
+            self, stamp=self.stamp[rows], arrival=self.arrival[rows], values=self.values[rows]
+        )
 
     def ascending(self, notes: list[str]) -> Self:
         """Select the largest set of readings whose stamps ascend in the order of recording.
 
-        Adds a line to `notes`, once, for each reason why readings are left out. Raises LogError if most stamps are 0.
+        Adds a line to `notes`, once, for each reason why readings are left out. Raises LogError if
+        most stamps are 0.
         """
         stamp, lines, zero = self.stamp, [], self.stamp == 0
         if zero.mean() > 0.5:
             raise LogError(
-                f"topic {self.source}: {zero.sum()} of its {len(stamp)} header stamps are 0: its publisher states no "
+                f"topic {self.source}: {zero.sum()} of its {len(stamp)} header stamps are 0: its "
+                "publisher states no "
                 "time, or runs on simulated time that nothing publishes"
             )
         if zero.any():
-            lines.append(f"{zero.sum()} of {len(stamp)} messages left out: their header stamps are 0")
+            lines.append(
+                f"{zero.sum()} of {len(stamp)} messages left out: their header stamps are 0"
+            )
         rows = np.argsort(self.arrival, kind="stable")
         rows = rows[~zero[rows]]
         kept = rows[in_order(stamp[rows])]
@@ -60,8 +69,12 @@ class Readings:
             k = int(np.argmax(np.diff(stamp[rows]) <= 0)) + 1
             what = "is stamped twice" if stamp[rows[k]] == stamp[rows[k - 1]] else "goes back"
             at = f"{(stamp[rows[k]] - stamp[rows[0]]) / 1e9:.6g} s"
-            lines.append(f"{len(rows) - len(kept)} of {len(rows)} messages left out: time {what} at {at}")
-        notes += [line for line in (f"topic {self.source}: {line}" for line in lines) if line not in notes]
+            lines.append(
+                f"{len(rows) - len(kept)} of {len(rows)} messages left out: time {what} at {at}"
+            )
+        notes += [
+            line for line in (f"topic {self.source}: {line}" for line in lines) if line not in notes
+        ]
         return self.take(kept)
 
     def restarts(self) -> np.ndarray:
@@ -78,10 +91,11 @@ def seconds(stamp: np.ndarray, origin: int) -> Array:
 
 
 def without_bursts(stamp: np.ndarray) -> np.ndarray:
-    """Rows of readings without bursts, given ascending stamps (N,) [ns]: only the last reading of each burst is kept.
+    """Rows of readings without bursts, given ascending stamps (N,) [ns]: only the last reading of
+    each burst is kept.
 
-    Messages that waited in a queue may be stamped microseconds apart. The last message is the latest reading, and a
-    mean since the last reading of the previous burst is a valid speed.
+    Messages that waited in a queue may be stamped microseconds apart. The last message is the
+    latest reading, and a mean since the last reading of the previous burst is a valid speed.
     """
     interval = np.diff(stamp)
     apart = interval[interval > _SHORTEST]
@@ -90,19 +104,24 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
 
 
 def clocks_apart(ours: Readings, theirs: Readings) -> list[str]:
-    """Notes (one, or none) on clocks of two topics that differ by a constant, according to the messages' delays.
+    """Notes (one, or none) on clocks of two topics that differ by a constant, according to the
+    messages' delays.
 
-    A delay is the time from the stamp in a header to the recording, which has a common clock for both topics. Raises
-    LogError if the stamps of the two topics do not overlap.
+    A delay is the time from the stamp in a header to the recording, which has a common clock for
+    both topics. Raises LogError if the stamps of the two topics do not overlap.
     """
     apart = abs(float(np.median(ours.delay) - np.median(theirs.delay)))
     spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))
-    line = f"clocks differ by {apart:.1f} s by their receive stamps" if apart > _APART + spread else ""
+    line = (
+        f"clocks differ by {apart:.1f} s by their receive stamps" if apart > _APART + spread else ""
+    )
     if ours.stamp[0] <= theirs.stamp[-1] and theirs.stamp[0] <= ours.stamp[-1]:
         return [f"topics {ours.source} and {theirs.source}: {line}"] if line else []
     if (ours.stamp[-1] < _SIMULATED) != (theirs.stamp[-1] < _SIMULATED):
         line = "different clocks, simulated and wall time"
-    first, second = (f"{topic.stamp[0] / 1e9:.3f} to {topic.stamp[-1] / 1e9:.3f} s" for topic in (ours, theirs))
+    first, second = (
+        f"{topic.stamp[0] / 1e9:.3f} to {topic.stamp[-1] / 1e9:.3f} s" for topic in (ours, theirs)
+    )
     raise LogError(
         f"topic {ours.source} is stamped from {first} and topic {theirs.source} from {second}: "
         f"{line or 'different clocks'}"

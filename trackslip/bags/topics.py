@@ -13,7 +13,11 @@ from trackslip.bags.transforms import frames_of, parents_of, path_up
 from trackslip.errors import LogError
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
-FIX, IMU, LASER_SCAN = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "sensor_msgs/msg/LaserScan"
+FIX, IMU, LASER_SCAN = (
+    "sensor_msgs/msg/NavSatFix",
+    "sensor_msgs/msg/Imu",
+    "sensor_msgs/msg/LaserScan",
+)
 POSE_TYPES = (
     ODOMETRY,
     "geometry_msgs/msg/PoseWithCovarianceStamped",
@@ -39,7 +43,8 @@ _LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc"
 _RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
 _FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
 _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
-_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000  # number of messages that are searched for names, from the start
+# number of messages that are searched for names, from the start
+_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000
 
 
 class PoseOrigin(Enum):
@@ -57,11 +62,12 @@ class PoseOrigin(Enum):
 
 
 _MARKS = {
-    PoseOrigin.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet|total_?station|leica",
+    PoseOrigin.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet"
+    r"|total_?station|leica",
     PoseOrigin.TRUTH: r"ground_?truth|\btruth|gazebo|p3d|perfect",
     PoseOrigin.FUSED: r"filtered|fused|ekf|ukf|kalman|imu",
-    PoseOrigin.MATCHED: r"slam|amcl|locali[sz]|lio|loam|icp|ndt|kiss|hdl|cartographer|rtabmap|vins|vio\b|visual"
-    r"|lidar|laser|\bzed|scan|t265",
+    PoseOrigin.MATCHED: r"slam|amcl|locali[sz]|lio|loam|icp|ndt|kiss|hdl|cartographer|rtabmap"
+    r"|vins|vio\b|visual|lidar|laser|\bzed|scan|t265",
 }
 
 
@@ -76,14 +82,16 @@ class PoseSource:
 def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
     """The topics with the encoders, and the joints on the left and on the right.
 
-    Raises LogError if the choice doesn't fit the bag or is ambiguous: the message lists the bag's topics or joints.
+    Raises LogError if the choice doesn't fit the bag or is ambiguous: the message lists the bag's
+    topics or joints.
     """
     if choice.encoders is not None:
         topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
         if [topic.type for topic in topics] == [ODOMETRY]:
             if choice.wheels is None:
                 raise LogError(
-                    f"{bag.path}: topic {topics[0].name}: speeds of wheels need the geometry that it assumes"
+                    f"{bag.path}: topic {topics[0].name}: speeds of wheels need the geometry "
+                    "that it assumes"
                 )
             return topics, WHEELS
         topics = [bag.topic(topic.name, JOINT_STATE) for topic in topics]
@@ -91,7 +99,9 @@ def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
         topics = bag.of_type(JOINT_STATE)
         if not topics:
             raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
-        topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
+        topics = [
+            topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)
+        ] or topics
         names = [topic.name for topic in topics if _joints(bag, [topic], choice) is not None]
         if names:  # otherwise each topic may have some of the joints
             names = [name for name in names if name.strip("/") == "joint_states"] or names
@@ -111,8 +121,10 @@ def _instead(bag: Bag) -> str:
     if ticks:
         named = listed([f"{topic.name} ({topic.type})" for topic in ticks])
         return (
-            f"; {named} may count ticks: publish 2π ticks / (ticks per turn) as positions of a JointState and record "
-            "again, or write a table (t, omega_l, omega_r, x, y, phi) in which omega is 2π times the ticks since the "
+            f"; {named} may count ticks: publish 2π ticks / (ticks per turn) as positions of a "
+            "JointState and record "
+            "again, or write a table (t, omega_l, omega_r, x, y, phi) in which omega is 2π times "
+            "the ticks since the "
             "last reading / (ticks per turn * time since then)"
         )
     reckoned = "; --encoders TOPIC takes odometry from the wheels" if bag.of_type(ODOMETRY) else ""
@@ -120,7 +132,9 @@ def _instead(bag: Bag) -> str:
 
 
 def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | None:
-    """The chosen joints or, by default, joints recognised by name; None if no joints are recognised."""
+    """The chosen joints or, by default, joints recognised by name; None if no joints are
+    recognised.
+    """
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
     return sides(_joint_names(bag, topics))
@@ -134,18 +148,25 @@ def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
 def sides(names: Sequence[str]) -> Sides | None:
     """Names of the driven joints on the left and on the right; None if these are not recognised.
 
-    Joints named after wheels or tracks are preferred; joints of arms, steering and similar parts are ignored.
+    Joints named after wheels or tracks are preferred; joints of arms, steering and similar parts
+    are ignored.
     """
-    candidates = [name for name in names if not any(_OTHER.fullmatch(word) for word in _words(name))]
+    candidates = [
+        name for name in names if not any(_OTHER.fullmatch(word) for word in _words(name))
+    ]
     for some in ([name for name in candidates if _DRIVES.search(name)], candidates):
-        left, right = (tuple(name for name in some if _side(name) == side) for side in ("left", "right"))
+        left, right = (
+            tuple(name for name in some if _side(name) == side) for side in ("left", "right")
+        )
         if left and len(left) == len(right):
             return left, right
     return None
 
 
 def _side(name: str) -> str:
-    """The side in a joint's name: left, right, or an empty string if the name contains neither or both."""
+    """The side in a joint's name: left, right, or an empty string if the name contains neither or
+    both.
+    """
     words, plain = _words(name), name.lower()
     left = bool(words & _LEFT) or "left" in plain
     right = bool(words & _RIGHT) or "right" in plain
@@ -161,13 +182,22 @@ def _words(name: str) -> set[str]:
 
 def pose_sources(bag: Bag) -> list[PoseSource]:
     """All sources of poses in a bag, best first."""
-    topics = [topic for topic in bag.of_type(*POSE_TYPES) if not re.search(_WANTED, topic.name, re.IGNORECASE)]
-    found = [*(PoseSource(topic.name, _origin(bag, topic)) for topic in topics), *_in_transforms(bag)]
+    topics = [
+        topic
+        for topic in bag.of_type(*POSE_TYPES)
+        if not re.search(_WANTED, topic.name, re.IGNORECASE)
+    ]
+    found = [
+        *(PoseSource(topic.name, _origin(bag, topic)) for topic in topics),
+        *_in_transforms(bag),
+    ]
     return sorted(found, key=lambda source: list(PoseOrigin).index(source.origin))
 
 
 def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
-    """The chosen pose source or, by default, the best; IMUs come last. LogError if there is none or no single best."""
+    """The chosen pose source or, by default, the best; IMUs come last. LogError if there is none or
+    no single best.
+    """
     if choice.poses is not None:
         name = choice.poses if choice.poses.startswith("tf:") else bag.topic(choice.poses).name
         return PoseSource(name, PoseOrigin.CHOSEN)
@@ -177,10 +207,14 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
         imu = imu_topic(bag, choice)
         if imu is not None:
             return PoseSource(imu.name, PoseOrigin.IMU)
-        needed = f"no other topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
+        needed = (
+            f"no other topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a "
+            "robot in a fixed frame"
+        )
         raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
     best = [source for source in sources if source.origin is sources[0].origin]
-    best = [source for source in best if source.name in bag.topics] or best  # transforms repeat topics' poses
+    # transforms repeat topics' poses
+    best = [source for source in best if source.name in bag.topics] or best
     bag.only([source.name for source in best], "poses", "--poses TOPIC")
     return best[0]
 
@@ -188,7 +222,10 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
 def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
     """The origin of a topic's poses, according to the topic's name, type and frame."""
     usual = {FIX: PoseOrigin.FIX, ODOMETRY: PoseOrigin.WHEELS}.get(topic.type, PoseOrigin.MATCHED)
-    origin = next((origin for origin, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
+    origin = next(
+        (origin for origin, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)),
+        usual,
+    )
     if origin in (PoseOrigin.FUSED, PoseOrigin.WHEELS) and topic.type == ODOMETRY:
         first = bag.first(topic.name, 1)
         if first and _last(first[0].content.header.frame_id) in _FIXED_FRAMES:
@@ -214,7 +251,9 @@ def _last(frame: str) -> str:
 
 
 def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
-    """The chosen IMU topic or, by default, the one with most messages; IMUs in other sensors come last. May be None."""
+    """The chosen IMU topic or, by default, the one with most messages; IMUs in other sensors come
+    last. May be None.
+    """
     if choice.imu is not None:
         return None if choice.imu == "none" else bag.topic(choice.imu, IMU)
 
@@ -225,7 +264,9 @@ def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
 
 
 def scan_topic(bag: Bag, name: str | None = None) -> Topic:
-    """The topic of scans called `name` or, by default, the only one; raises LogError if there is none, or several."""
+    """The topic of scans called `name` or, by default, the only one; raises LogError if there is
+    none, or several.
+    """
     if name is not None:
         return bag.topic(name, LASER_SCAN)
     topics = bag.of_type(LASER_SCAN)

@@ -18,20 +18,30 @@ from trackslip.kinematics import Array
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 MAX_PLACE = 1e9  # coordinate above which a place is invalid [m]
 MAX_TILT = np.radians(20.0)
-"""Tilt from the vertical above which the heading and the planar path of a robot or a scanner are doubtful [rad]."""
-_TOLERANCE = 0.02  # largest deviation of a quaternion's norm from 1: single precision and rounded text stay below
+"""Tilt from the vertical above which the heading and the planar path of a robot or a scanner are
+doubtful [rad].
+"""
+# largest deviation of a quaternion's norm from 1: single precision and rounded text stay below
+_TOLERANCE = 0.02
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
-_USUAL_GAPS = 5.0  # longest time in usual intervals of the transform; the longer of both limits applies [-]
+# longest time in usual intervals of the transform; the longer of both limits applies [-]
+_USUAL_GAPS = 5.0
 
 Pair = tuple[str, str]  # a parent frame, and the child frame with its pose in the parent
 Link = tuple[Readings, bool]
-"""Transforms (n, 7) between two frames (n = 1 if constant), and whether they lead from parent to child in a chain."""
+"""Transforms (n, 7) between two frames (n = 1 if constant), and whether they lead from parent to
+child in a chain.
+"""
 
 
 def frames_of(bag: Bag, most: int) -> list[Pair]:
     """Pairs of frames that the first `most` transform messages of each topic link."""
-    messages = (message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most))
-    return [*dict.fromkeys(_pair(link) for message in messages for link in message.content.transforms)]
+    messages = (
+        message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most)
+    )
+    return [
+        *dict.fromkeys(_pair(link) for message in messages for link in message.content.transforms)
+    ]
 
 
 def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:
@@ -50,9 +60,9 @@ def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
 def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
     """Read the poses of `child` in `parent`: places [m] and quaternions x, y, z, w (n, 7).
 
-    A pose is computed at each change of the link that changes least often (for example, map to odom changes when a scan
-    is matched); all other links are interpolated. Raises LogError if the frames are unknown or not connected, or no
-    transform between them can be read.
+    A pose is computed at each change of the link that changes least often (for example, map to odom
+    changes when a scan is matched); all other links are interpolated. Raises LogError if the frames
+    are unknown or not connected, or no transform between them can be read.
     """
     transforms = read_transforms(bag)
     if not transforms:
@@ -64,7 +74,8 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> Readings:
 
 
 def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rotation] | None:
-    """The outermost frame above a fixed frame, and the fixed frame's place (3,) [m] and rotation in it.
+    """The outermost frame above a fixed frame, and the fixed frame's place (3,) [m] and rotation in
+    it.
 
     None if the frame has no parent. Raises LogError if the frame moves in the outermost frame.
     """
@@ -89,7 +100,11 @@ def read_transforms(bag: Bag) -> dict[Pair, Readings]:
 
     def numbers(content: Any) -> Iterator[tuple[Pair, Any, tuple[float, ...]]]:
         for link in content.transforms:
-            yield _pair(link), link.header, pose_numbers(link.transform.translation, link.transform.rotation)
+            yield (
+                _pair(link),
+                link.header,
+                pose_numbers(link.transform.translation, link.transform.rotation),
+            )
 
     return bag.readings([topic.name for topic in bag.of_type(*TRANSFORMS)], numbers)
 
@@ -99,7 +114,9 @@ def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
-def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: str, notes: list[str]) -> list[Link]:
+def _links(
+    bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: str, notes: list[str]
+) -> list[Link]:
     """The links that lead from frame `parent` to frame `child`.
 
     Raises LogError if either frame doesn't exist or no links connect the frames.
@@ -107,13 +124,17 @@ def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: st
     frames = {frame for pair in transforms for frame in pair}
     for frame in (parent, child):
         if frame not in frames:
-            raise LogError(f"{bag.path}: frame {frame!r} is not in the transforms; they have {listed(sorted(frames))}")
+            raise LogError(
+                f"{bag.path}: frame {frame!r} is not in the transforms; they have "
+                f"{listed(sorted(frames))}"
+            )
     parents = parents_of(transforms)
     up, down = path_up(parent, parents), path_up(child, parents)
     common = next((frame for frame in up if frame in down), None)
     if common is None:
         raise LogError(
-            f"{bag.path}: frames {parent!r} and {child!r} are not connected by transforms: {parent!r} is in "
+            f"{bag.path}: frames {parent!r} and {child!r} are not connected by transforms: "
+            f"{parent!r} is in "
             f"{up[-1]!r}, {child!r} in {down[-1]!r}"
         )
     pairs = [((parents[frame], frame), False) for frame in up[: up.index(common)]]
@@ -122,9 +143,13 @@ def _links(bag: Bag, transforms: Mapping[Pair, Readings], parent: str, child: st
 
 
 def _link(pair: Pair, transforms: Readings, notes: list[str]) -> Readings:
-    """The valid transforms between two frames; only the last if they never change. LogError if none is valid."""
+    """The valid transforms between two frames; only the last if they never change. LogError if none
+    is valid.
+    """
     name = f"tf {pair[0]} -> {pair[1]}"
-    good = are_unit(transforms.values[:, 3:]) & (np.abs(transforms.values[:, :3]) <= MAX_PLACE).all(axis=1)
+    good = are_unit(transforms.values[:, 3:]) & (np.abs(transforms.values[:, :3]) <= MAX_PLACE).all(
+        axis=1
+    )
     if not good.any():
         raise LogError(f"{name}: no transform is finite")
     link = replace(transforms.take(good), source=name)
@@ -132,9 +157,13 @@ def _link(pair: Pair, transforms: Readings, notes: list[str]) -> Readings:
 
 
 def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:
-    """Headings (n,) of the x axes of rotations (n), counter-clockwise seen from above, and tilts (n,) of the z axes."""
+    """Headings (n,) of the x axes of rotations (n), counter-clockwise seen from above, and tilts
+    (n,) of the z axes.
+    """
     axes = turn.as_matrix()
-    return np.arctan2(axes[..., 1, 0], axes[..., 0, 0]), np.arccos(np.clip(axes[..., 2, 2], -1.0, 1.0))
+    return np.arctan2(axes[..., 1, 0], axes[..., 0, 0]), np.arccos(
+        np.clip(axes[..., 2, 2], -1.0, 1.0)
+    )
 
 
 def are_unit(quaternion: Array) -> np.ndarray:
@@ -171,7 +200,9 @@ def _composed(links: Sequence[Link], stamp: np.ndarray) -> tuple[Array, Rotation
 
 
 def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
-    """(n,) bool: true for stamps (n,) between two transforms of a link that are close enough for interpolation."""
+    """(n,) bool: true for stamps (n,) between two transforms of a link that are close enough for
+    interpolation.
+    """
     after = np.clip(np.searchsorted(link.stamp, stamp), 1, len(link.stamp) - 1)
     before, next_ = link.stamp[after - 1], link.stamp[after]
     longest = max(_MAX_GAP, _USUAL_GAPS * float(np.median(np.diff(link.stamp))) / 1e9)
@@ -180,7 +211,9 @@ def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
 
 
 def _at(link: Readings, stamp: np.ndarray) -> tuple[Array, Rotation]:
-    """Places (n, 3) and rotations (n) of a link at stamps (n,) in its range; a single place and rotation if fixed."""
+    """Places (n, 3) and rotations (n) of a link at stamps (n,) in its range; a single place and
+    rotation if fixed.
+    """
     place, turn = link.values[:, :3], Rotation.from_quat(link.values[:, 3:])
     if len(link.stamp) == 1:
         return place[0], turn[0]

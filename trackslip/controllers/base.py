@@ -17,16 +17,20 @@ T = TypeVar("T")
 
 
 class Controller(Protocol):
-    """A controller converts poses into body twists to drive. Slip is handled by `SlipLaw` and `compensation`.
+    """A controller converts poses into body twists to drive. Slip is handled by `SlipLaw` and
+    `compensation`.
 
-    A call may be for any number of robots, so a controller with state stores the state of each robot separately.
+    A call may be for any number of robots, so a controller with state stores the state of each
+    robot separately.
     """
 
     def reset(self) -> None:
         """Discard the controller's state before a new run."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Compute the twists (..., 2) to drive at `time` [s] for robots measured at poses (..., 3)."""
+        """Compute the twists (..., 2) to drive at `time` [s] for robots measured at poses (...,
+        3).
+        """
 
 
 @runtime_checkable
@@ -34,7 +38,9 @@ class SensesSprockets(Protocol):
     """A controller that also uses the measured sprocket speeds."""
 
     def sense(self, omega: Array) -> None:
-        """Pass the sprocket speeds (N, 2) [rad/s] measured over the last period to the controller, before `twist`."""
+        """Pass the sprocket speeds (N, 2) [rad/s] measured over the last period to the controller,
+        before `twist`.
+        """
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,9 @@ class ControlLaw:
 
 @dataclass(frozen=True)
 class Remembering(ControlLaw):
-    """Base class of control laws with state. The first call after `reset` fixes the number of robots."""
+    """Base class of control laws with state. The first call after `reset` fixes the number of
+    robots.
+    """
 
     _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -61,7 +69,9 @@ class Remembering(ControlLaw):
         self._kept.clear()
 
     def _elapsed(self, time: float, robots: tuple[int, ...]) -> float | None:
-        """Time since the last call [s], None in the first call. Raises InvalidValueError if `robots` has changed."""
+        """Time since the last call [s], None in the first call. Raises InvalidValueError if
+        `robots` has changed.
+        """
         before, last = self._kept.setdefault("robots", robots), self._kept.get("time")
         require(robots == before, "pose", (*robots, 3), f"of shape {(*before, 3)} until reset")
         self._kept["time"] = time
@@ -74,7 +84,9 @@ class OncePerReference(Generic[T]):
     _kept: tuple[Reference, T] | None = None
 
     def __call__(self, build: Callable[[Reference], T], reference: Reference) -> T:
-        """Return `build(reference)`, computed anew only if `reference` differs from that of the last call."""
+        """Return `build(reference)`, computed anew only if `reference` differs from that of the
+        last call.
+        """
         if self._kept is None or self._kept[0] is not reference:
             self._kept = (reference, build(reference))
         return self._kept[1]
@@ -82,9 +94,11 @@ class OncePerReference(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Scheduled(ControlLaw):
-    """Base class of laws with the gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference twist (Eqs. 28-30).
+    """Base class of laws with the gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference
+    twist (Eqs. 28-30).
 
-    With feedback gains proportional to 2 xi a, errors decay over a distance, not a time. The gain is 0 at standstill.
+    With feedback gains proportional to 2 xi a, errors decay over a distance, not a time. The gain
+    is 0 at standstill.
     """
 
     damping: float = 0.7

@@ -1,12 +1,14 @@
-"""Laws that use the reference twist and the pose error: body-frame feedback, dynamic linearisation and LQR.
+"""Laws that use the reference twist and the pose error: body-frame feedback, dynamic linearisation
+and LQR.
 
-Y. Kanayama, Y. Kimura, F. Miyazaki and T. Noguchi, "A stable tracking control method for an autonomous mobile robot",
-ICRA 1990; C. Samson and K. Ait-Abderrahim, "Feedback control of a nonholonomic wheeled cart in Cartesian space", ICRA
-1991; C. Canudas de Wit, B. Siciliano and G. Bastin (eds.), "Theory of Robot Control", Springer 1996; G. Oriolo, A. De
-Luca and M. Vendittelli, "WMR control via dynamic feedback linearization: design, implementation, and experimental
-validation", IEEE Trans. Control Systems Technology 10(6), 2002; B. D. O. Anderson and J. B. Moore, "Optimal Control:
-Linear Quadratic Methods", Prentice-Hall 1990, with weights from Bryson's rule: an error or correction that equals its
-scale costs 1.
+Y. Kanayama, Y. Kimura, F. Miyazaki and T. Noguchi, "A stable tracking control method for an
+autonomous mobile robot", ICRA 1990; C. Samson and K. Ait-Abderrahim, "Feedback control of a
+nonholonomic wheeled cart in Cartesian space", ICRA 1991; C. Canudas de Wit, B. Siciliano and G.
+Bastin (eds.), "Theory of Robot Control", Springer 1996; G. Oriolo, A. De Luca and M. Vendittelli,
+"WMR control via dynamic feedback linearization: design, implementation, and experimental
+validation", IEEE Trans. Control Systems Technology 10(6), 2002; B. D. O. Anderson and J. B. Moore,
+"Optimal Control: Linear Quadratic Methods", Prentice-Hall 1990, with weights from Bryson's rule: an
+error or correction that equals its scale costs 1.
 """
 
 from __future__ import annotations
@@ -48,21 +50,28 @@ class ErrorFeedback(ControlLaw, ABC):
 
     @abstractmethod
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
-        """v and w, each (...), for the reference twist `desired` (2,) and the errors (e_x, e_y, e_phi), each (...)."""
+        """v and w, each (...), for the reference twist `desired` (2,) and the errors (e_x, e_y,
+        e_phi), each (...).
+        """
 
 
 @dataclass(frozen=True)
 class LinearTimeVarying(Scheduled, ErrorFeedback):
-    """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the reference twist.
+    """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the
+    reference twist.
 
     Around the reference the closed loop has the characteristic polynomial
     (s + 2 xi a)(s^2 + 2 xi a s + a^2) with a = sqrt(w_d^2 + g v_d^2) (Eqs. 25-30).
     """
 
     def gains(self, twist: ArrayLike) -> Array:
-        """Gains (k1, k2, k3) (..., 3) [1/s, 1/(m s), 1/s] at reference twists (..., 2); Eqs. 29-30."""
+        """Gains (k1, k2, k3) (..., 3) [1/s, 1/(m s), 1/s] at reference twists (..., 2); Eqs.
+        29-30.
+        """
         k1 = self.speed_gain(twist)
-        return np.stack([k1, self.stiffness * np.abs(np.asarray(twist, float)[..., 0]), k1], axis=-1)
+        return np.stack(
+            [k1, self.stiffness * np.abs(np.asarray(twist, float)[..., 0]), k1], axis=-1
+        )
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         """v and w of Eq. 31."""
@@ -75,9 +84,9 @@ class LinearTimeVarying(Scheduled, ErrorFeedback):
 class Samson(Scheduled, ErrorFeedback):
     """Feedback v = v_d cos(e_phi) + k1 e_x, w = w_d + k2 v_d sin(e_phi) / e_phi e_y + k3 e_phi.
 
-    V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 decreases at the rate k1 k2 e_x^2 + k3 e_phi^2: the loop is stable from any
-    error while the reference moves, forwards or in reverse. With k1 = k3 = 2 xi sqrt(w_d^2 + g v_d^2) and k2 = g it
-    equals Eq. 31 to first order.
+    V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 decreases at the rate k1 k2 e_x^2 + k3 e_phi^2: the
+    loop is stable from any error while the reference moves, forwards or in reverse. With k1 = k3 =
+    2 xi sqrt(w_d^2 + g v_d^2) and k2 = g it equals Eq. 31 to first order.
     """
 
     def gains(self, twist: ArrayLike) -> Array:
@@ -88,15 +97,18 @@ class Samson(Scheduled, ErrorFeedback):
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         k1, k2, k3 = self.gains(desired)
-        return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * v_d * np.sinc(e_phi / np.pi) * e_y + k3 * e_phi
+        return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * v_d * np.sinc(
+            e_phi / np.pi
+        ) * e_y + k3 * e_phi
 
 
 @dataclass(frozen=True)
 class Kanayama(ErrorFeedback):
     """Feedback v = v_d cos(e_phi) + K_x e_x, w = w_d + v_d K_y e_y + |v_d| K_phi sin(e_phi).
 
-    The paper has v_d (K_y e_y + K_phi sin(e_phi)), for driving forwards only. With |v_d| in the last term, the Lyapunov
-    function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y also decreases in reverse.
+    The paper has v_d (K_y e_y + K_phi sin(e_phi)), for driving forwards only. With |v_d| in the
+    last term, the Lyapunov function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y also decreases in
+    reverse.
     """
 
     along: float = 1.0
@@ -104,7 +116,9 @@ class Kanayama(ErrorFeedback):
     across: float = 15.0
     """K_y, gain on the error across the robot [1/m^2]."""
     heading: float = 6.0
-    """K_phi, gain on the heading error [1/m]. The value 2 sqrt(K_y) gives critical damping on a straight line."""
+    """K_phi, gain on the heading error [1/m]. The value 2 sqrt(K_y) gives critical damping on a
+    straight line.
+    """
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
@@ -114,11 +128,13 @@ class Kanayama(ErrorFeedback):
 
 @dataclass(frozen=True)
 class OffsetPoint(ErrorFeedback):
-    """Law that steers a point ahead of the robot (behind it in reverse) onto the corresponding point of the reference.
+    """Law that steers a point ahead of the robot (behind it in reverse) onto the corresponding
+    point of the reference.
 
-    The point's velocity determines the twist, so the point's position error E obeys E' = -k E exactly. The heading is
-    not controlled: like a trailer's heading, it converges at the rate |v_d| / distance, and is stable only if the point
-    leads in the direction of travel. While the reference stands still, the point is ahead.
+    The point's velocity determines the twist, so the point's position error E obeys E' = -k E
+    exactly. The heading is not controlled: like a trailer's heading, it converges at the rate |v_d|
+    / distance, and is stable only if the point leads in the direction of travel. While the
+    reference stands still, the point is ahead.
     """
 
     distance: float = 0.2
@@ -141,15 +157,17 @@ ACCELERATION_STEP = 0.01
 
 @dataclass(frozen=True)
 class DynamicFeedback(Remembering):
-    """Law that turns the position into two double integrators, with the speed xi as a state of the controller.
+    """Law that turns the position into two double integrators, with the speed xi as a state of the
+    controller.
 
-    With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
-    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error along each axis obeys e'' + k_d e' + k_p e = 0, forwards and in
-    reverse.
+    With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and w = (u_2
+    cos(phi) - u_1 sin(phi)) / xi, the error along each axis obeys e'' + k_d e' + k_p e = 0,
+    forwards and in reverse.
 
-    The law is singular at xi = 0. If the reference speed, or xi in the reference's direction, is below `least_speed`, a
-    static law takes over and xi follows the static law's speed; up to 1.5 times `least_speed` the two laws are blended.
-    The initial difference between xi and that speed decays with `handover_time`, so the speed never jumps.
+    The law is singular at xi = 0. If the reference speed, or xi in the reference's direction, is
+    below `least_speed`, a static law takes over and xi follows the static law's speed; up to 1.5
+    times `least_speed` the two laws are blended. The initial difference between xi and that speed
+    decays with `handover_time`, so the speed never jumps.
     """
 
     stiffness: float = 1.0
@@ -164,7 +182,9 @@ class DynamicFeedback(Remembering):
     """The law used near standstill."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call since `reset`."""
+        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call
+        since `reset`.
+        """
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
         cos, sin = np.cos(e_phi), np.sin(e_phi)
@@ -173,10 +193,17 @@ class DynamicFeedback(Remembering):
 
         share = self._share(v_d, previous)
         tangential, centripetal = _speed_rate(reference, time), v_d * w_d
-        along = tangential * cos - centripetal * sin + self.damping * (v_d * cos - previous) + self.stiffness * e_x
+        along = (
+            tangential * cos
+            - centripetal * sin
+            + self.damping * (v_d * cos - previous)
+            + self.stiffness * e_x
+        )
         handing_over = static[..., 0] + offset * np.exp(-elapsed / self.handover_time)
         v = share * (previous + elapsed * along) + (1 - share) * handing_over
-        across = tangential * sin + centripetal * cos + self.damping * v_d * sin + self.stiffness * e_y
+        across = (
+            tangential * sin + centripetal * cos + self.damping * v_d * sin + self.stiffness * e_y
+        )
         share = np.minimum(share, self._share(v_d, v))
         w = share * across / np.where(share > 0, v, 1.0) + (1 - share) * static[..., 1]
 
@@ -184,12 +211,15 @@ class DynamicFeedback(Remembering):
         return np.stack([v, w], axis=-1)
 
     def _since_last_call(self, time: float, static_speed: Array) -> tuple[float, Array, Array]:
-        """Time since the last call [s], and from that call xi and xi minus the static law's speed, each (...) [m/s]."""
+        """Time since the last call [s], and from that call xi and xi minus the static law's speed,
+        each (...) [m/s].
+        """
         elapsed = self._elapsed(time, static_speed.shape)
         if elapsed is None:
             return 0.0, static_speed, np.zeros_like(static_speed)
         speed = self._kept["speed"]
-        known = np.isfinite(speed)  # without a pose in the last call, xi starts from the static law's speed
+        # without a pose in the last call, xi starts from the static law's speed
+        known = np.isfinite(speed)
         offset = np.where(known, speed - self._kept["static_speed"], 0.0)
         return elapsed, np.where(known, speed, static_speed), offset
 
@@ -200,7 +230,9 @@ class DynamicFeedback(Remembering):
 
 
 def _speed_rate(reference: Reference, time: float) -> float:
-    """Rate of change of the reference's speed [m/s^2]; one-sided at the start and end, where the speed may jump."""
+    """Rate of change of the reference's speed [m/s^2]; one-sided at the start and end, where the
+    speed may jump.
+    """
     last = np.nextafter(reference.duration, 0.0)
     before, after = np.clip([time - ACCELERATION_STEP, time + ACCELERATION_STEP], 0.0, last)
     if after <= before:
@@ -210,15 +242,19 @@ def _speed_rate(reference: Reference, time: float) -> float:
 
 
 STANDING = 5.0
-"""Duration of the standstill appended to the reference, so that gains do not decrease towards its end [s]."""
+"""Duration of the standstill appended to the reference, so that gains do not decrease towards its
+end [s].
+"""
 
 
 @dataclass(frozen=True)
 class Lqr(ControlLaw):
-    """Law (v, w) = (v_d cos(e_phi), w_d) - K_k e that minimises a weighted sum of squared errors and corrections.
+    """Law (v, w) = (v_d cos(e_phi), w_d) - K_k e that minimises a weighted sum of squared errors
+    and corrections.
 
-    The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, where u is the correction of the
-    twist, held for a period. K_k follows from the Riccati recursion backwards from the end of the reference.
+    The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, where u is the
+    correction of the twist, held for a period. K_k follows from the Riccati recursion backwards
+    from the end of the reference.
     """
 
     position_scale: float = 0.1
@@ -231,7 +267,9 @@ class Lqr(ControlLaw):
     """Correction of w that costs 1 [rad/s]."""
     period: float = 0.05
     """Time between two commands [s]."""
-    _gains: OncePerReference[Array] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
+    _gains: OncePerReference[Array] = field(
+        default_factory=OncePerReference, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -239,7 +277,9 @@ class Lqr(ControlLaw):
 
     @property
     def weights(self) -> tuple[Array, Array]:
-        """Q (3, 3) for the errors and R (2, 2) for the corrections, in reciprocal squared units of the scales."""
+        """Q (3, 3) for the errors and R (2, 2) for the corrections, in reciprocal squared units of
+        the scales.
+        """
         errors = np.array([self.position_scale, self.position_scale, self.heading_scale])
         return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
 
@@ -249,12 +289,15 @@ class Lqr(ControlLaw):
         k = min(max(int(np.floor(time / self.period + 1e-6)), 0), len(gains) - 1)
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
-        # The sums are written out because the rounding of a matrix product depends on the number of robots.
+        # The sums are written out because the rounding of a matrix product depends on the number of
+        # robots.
         along, turning = (row[0] * e_x + row[1] * e_y + row[2] * e_phi for row in gains[k])
         return np.stack([v_d * np.cos(e_phi) - along, w_d - turning], axis=-1)
 
     def gains(self, reference: Reference) -> Array:
-        """Gains K_k (S, 2, 3) for each period, from the start of `reference` to the first period after its end."""
+        """Gains K_k (S, 2, 3) for each period, from the start of `reference` to the first period
+        after its end.
+        """
         moving = int(np.ceil(reference.duration / self.period)) + 1
         steps = moving + int(np.ceil(STANDING / self.period))
         middles = (np.arange(steps) + 0.5) * self.period
@@ -268,9 +311,11 @@ class Lqr(ControlLaw):
 
 
 def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
-    """Matrices A (..., 3, 3), B (..., 3, 2) of the body-frame error over `period` [s] at reference twists (..., 2).
+    """Matrices A (..., 3, 3), B (..., 3, 2) of the body-frame error over `period` [s] at reference
+    twists (..., 2).
 
-    A and B come from the matrix exponential of the linearised Eq. 20 and are exact for constant twists and inputs.
+    A and B come from the matrix exponential of the linearised Eq. 20 and are exact for constant
+    twists and inputs.
     """
     v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
     rates = np.zeros((*v.shape, 5, 5))  # rates of the error and the inputs
@@ -281,7 +326,9 @@ def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
 
 
 def riccati_step(a: Array, b: Array, q: Array, r: Array, cost: Array) -> tuple[Array, Array]:
-    """Gain K (2, 3) and cost-to-go (3, 3) of a step, from the cost-to-go `cost` (3, 3) after that step."""
+    """Gain K (2, 3) and cost-to-go (3, 3) of a step, from the cost-to-go `cost` (3, 3) after that
+    step.
+    """
     gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
     earlier = q + a.T @ cost @ (a - b @ gain)
     return gain, (earlier + earlier.T) / 2

@@ -1,8 +1,10 @@
-"""Path following with a virtual target, which moves along the path with the robot and only loosely with time.
+"""Path following with a virtual target, which moves along the path with the robot and only loosely
+with time.
 
-D. Soetanto, L. Lapierre and A. Pascoal, "Adaptive, non-singular path-following control of dynamic wheeled robots",
-CDC 2003; the return to the reference's timing as in P. Encarnação and A. Pascoal, "Combined trajectory tracking and
-path following: an application to the coordinated control of autonomous marine craft", CDC 2001.
+D. Soetanto, L. Lapierre and A. Pascoal, "Adaptive, non-singular path-following control of dynamic
+wheeled robots", CDC 2003; the return to the reference's timing as in P. Encarnação and A. Pascoal,
+"Combined trajectory tracking and path following: an application to the coordinated control of
+autonomous marine craft", CDC 2001.
 """
 
 from __future__ import annotations
@@ -21,17 +23,21 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class PathFollowing(Remembering):
-    """Law that steers onto the path beside the robot instead of towards the reference's present pose.
+    """Law that steers onto the path beside the robot instead of towards the reference's present
+    pose.
 
-    Each robot has its own virtual target: the reference pose at a time tau. In the target's frame the robot is s ahead,
-    y to the left and turned by theta. The target stays beside the robot through v_d tau' = v cos(theta) + k_s s; where
-    the reference stands still, tau advances like time. The robot approaches the path at the angle
-    delta = -sign(v) theta_a tanh(k_delta y) by turning at theta' = delta' - k |v| (theta - delta)
-    - gamma y v (sin(theta) - sin(delta)) / (theta - delta). Near a straight line, errors decay with the distance x like
-    exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
+    Each robot has its own virtual target: the reference pose at a time tau. In the target's frame
+    the robot is s ahead, y to the left and turned by theta. The target stays beside the robot
+    through v_d tau' = v cos(theta) + k_s s; where the reference stands still, tau advances like
+    time. The robot approaches the path at the angle delta = -sign(v) theta_a tanh(k_delta y) by
+    turning at theta' = delta' - k |v| (theta - delta)
+    - gamma y v (sin(theta) - sin(delta)) / (theta - delta). Near a straight line, errors decay with
+    the distance x like exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a
+    k_delta.
 
-    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited to 1 +- `catch_up`, so a late robot speeds up
-    but doesn't cut corners. Where the reference almost stands still, the law changes to tau' = rho, v = -k_t s.
+    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited to 1 +- `catch_up`, so a
+    late robot speeds up but doesn't cut corners. Where the reference almost stands still, the law
+    changes to tau' = rho, v = -k_t s.
     """
 
     along: float = 3.0
@@ -39,7 +45,9 @@ class PathFollowing(Remembering):
     approach_angle: float = 0.8
     """theta_a, angle to the path at which a distant robot approaches [rad]."""
     approach: float = 4.0
-    """k_delta, inverse of the distance from the path below which the approach angle decreases [1/m]."""
+    """k_delta, inverse of the distance from the path below which the approach angle decreases
+    [1/m].
+    """
     across: float = 5.0
     """gamma, gain on the distance from the path [1/m^2]."""
     heading: float = 5.0
@@ -53,11 +61,18 @@ class PathFollowing(Remembering):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self.approach_angle < np.pi / 2, "approach_angle", self.approach_angle, "less than pi/2 rad")
+        require(
+            self.approach_angle < np.pi / 2,
+            "approach_angle",
+            self.approach_angle,
+            "less than pi/2 rad",
+        )
         require(self.catch_up < 1, "catch_up", self.catch_up, "less than 1")
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call since `reset`."""
+        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call
+        since `reset`.
+        """
         pose = np.asarray(pose, float)
         elapsed = self._elapsed(time, pose.shape[:-1])
         if elapsed is None:
@@ -68,7 +83,8 @@ class PathFollowing(Remembering):
         theta = wrap_angle(theta)
         v_d, w_d = np.moveaxis(reference.twist(target), -1, 0)
         hurry = 1 + np.clip(self.timing * (time - target), -self.catch_up, self.catch_up)
-        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)  # weight of the standstill law
+        # weight of the standstill law
+        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)
         v = hurry * v_d - standing * self.timing * s
         moving = (v * np.cos(theta) + self.along * s) / np.where(v_d == 0, 1.0, v_d)
         rate = standing * hurry + (1 - standing) * moving
@@ -76,7 +92,8 @@ class PathFollowing(Remembering):
         self._kept.update(target=target, rate=rate)
         steepest = np.sign(v) * self.approach_angle
         delta = -steepest * np.tanh(self.approach * y)
-        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # derivative of delta with respect to y
+        # derivative of delta with respect to y
+        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2
         off, middle = theta - delta, (theta + delta) / 2
         steering = slope * (v * np.sin(theta) - w_d * rate * s)
         steering -= self.across * y * v * np.cos(middle) * np.sinc(off / (2 * np.pi))

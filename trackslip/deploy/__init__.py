@@ -1,1 +1,3 @@
-"""Identified laws for other programs: parameters for ros2_control, JSON, and code in C and Python."""
+"""Identified laws for other programs: parameters for ros2_control, JSON, and code in C and
+Python.
+"""

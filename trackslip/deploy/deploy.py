@@ -1,7 +1,8 @@
 """Export of laws to other programs, as code, parameters or JSON.
 
-The code is a C header that needs only <math.h>, or a Python module that needs only `math`. Functions from the folder
-`templates` implement the equations of `trackslip.laws`; the law's numbers precede the functions as constants.
+The code is a C header that needs only <math.h>, or a Python module that needs only `math`.
+Functions from the folder `templates` implement the equations of `trackslip.laws`; the law's numbers
+precede the functions as constants.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 
 def c_text(stored: StoredLaws, law: str) -> str:
-    """Write a header for C99 and C++ with the functions trackslip_sprocket_speeds and trackslip_body_twist."""
+    """Write a header for C99 and C++ with the functions trackslip_sprocket_speeds and
+    trackslip_body_twist.
+    """
     lines = [
         f"static const double trackslip_{name} = {value!r}; /* {about} */\n"
         for name, (value, about) in _constants(stored, law).items()
@@ -38,13 +41,17 @@ def c_text(stored: StoredLaws, law: str) -> str:
     guard = f"TRACKSLIP_{law.upper()}_H"
     opening = f"#ifndef {guard}\n#define {guard}\n\n#include <math.h>\n\n"
     return (
-        f"/*\n{comment(fact_lines(stored, law), ' *')} */\n{opening}{''.join(lines)}\n{_template(law, 'h')}\n#endif\n"
+        f"/*\n{comment(fact_lines(stored, law), ' *')} "
+        f"*/\n{opening}{''.join(lines)}\n{_template(law, 'h')}\n#endif\n"
     )
 
 
 def python_text(stored: StoredLaws, law: str) -> str:
     """Write a Python module with the functions `sprocket_speeds` and `body_twist` for a law."""
-    lines = [f"{name.upper()} = {value!r}  # {about}\n" for name, (value, about) in _constants(stored, law).items()]
+    lines = [
+        f"{name.upper()} = {value!r}  # {about}\n"
+        for name, (value, about) in _constants(stored, law).items()
+    ]
     functions = _template(law, "py")
     imports = "import math\n\n" if "math." in functions else ""
     return f"{comment(fact_lines(stored, law), '#')}\n{imports}{''.join(lines)}\n\n{functions}"
@@ -61,11 +68,21 @@ def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
     radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
     if expressible(law):
         sides = list(zip(("left", "right"), constant_icrs(stored, law), strict=True))
-        arms = {f"reach_{side}": (geometry.half_gauge + offset, "b + D [m]") for side, (offset, _) in sides}
-        return radius | arms | {f"scale_{side}": (1 + error, "1 + epsilon [-]") for side, (_, error) in sides}
+        arms = {
+            f"reach_{side}": (geometry.half_gauge + offset, "b + D [m]")
+            for side, (offset, _) in sides
+        }
+        return (
+            radius
+            | arms
+            | {f"scale_{side}": (1 + error, "1 + epsilon [-]") for side, (_, error) in sides}
+        )
     values = stored.values(law)
     errors = [value for name, value in values.items() if name.startswith("radius_error")]
-    scales = {"scale_left": (1 + errors[0], "1 + epsilon [-]"), "scale_right": (1 + errors[-1], "1 + epsilon [-]")}
+    scales = {
+        "scale_left": (1 + errors[0], "1 + epsilon [-]"),
+        "scale_right": (1 + errors[-1], "1 + epsilon [-]"),
+    }
     reach = {"reach": (geometry.half_gauge + values["offset"], "b + D [m]")}
     return radius | reach | scales | {"turn_loss": (values["turn_loss"], "g [-]")}
 
@@ -80,7 +97,9 @@ TARGETS: dict[str, Callable[..., str]] = {
     "c": c_text,
     "python": python_text,
 }
-"""Functions by deployment target that return the text of a file, given stored laws and the name of a law."""
+"""Functions by deployment target that return the text of a file, given stored laws and the name of
+a law.
+"""
 
 
 @dataclass(frozen=True)
@@ -102,18 +121,20 @@ def deploy_law(
     controller: str = CONTROLLER,
     accept: bool = False,
 ) -> str:
-    """Write the text of a file with which another program drives and computes odometry according to a slip law.
+    """Write the text of a file with which another program drives and computes odometry according to
+    a slip law.
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification.
-        to: `ros2_control` (parameters of diff_drive_controller as YAML), `ros_control` (YAML for ROS 1), `json`, `c` (a
-            header) or `python` (a module).
-        law: name of the law; by default the best law if the target can express it, else the best expressible law.
+        to: `ros2_control` (parameters of diff_drive_controller as YAML), `ros_control` (YAML for
+            ROS 1), `json`, `c` (a header) or `python` (a module).
+        law: name of the law; by default the best law if the target can express it, else the best
+            expressible law.
         controller: name of the robot's controller, used for ros2_control and ros_control.
         accept: whether to deploy a law even if its identification raised an alarm.
 
-    Raises TrackslipError for a source without laws, for an unknown target or law, for an invalid controller name, for a
-    law that the target can't express, and for an alarm that isn't accepted.
+    Raises TrackslipError for a source without laws, for an unknown target or law, for an invalid
+    controller name, for a law that the target can't express, and for an alarm that isn't accepted.
     """
     return deployed(source, to, law, controller, accept).text
 
@@ -130,12 +151,17 @@ def deployed(
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))
     else:
-        from trackslip.identification.result import identification_to_json  # imported late because it needs SciPy
+        # imported late because it needs SciPy
+        from trackslip.identification.result import identification_to_json
 
         stored = stored_laws(identification_to_json(source), "the identification")
     name = stored.law_named(best_expressible(stored, to) if law is None else law)
     if to not in FAMILIES[name].targets:
-        what = "can express constant ICRs and turn loss" if to in ("c", "python") else "can only express constant ICRs"
+        what = (
+            "can express constant ICRs and turn loss"
+            if to in ("c", "python")
+            else "can only express constant ICRs"
+        )
         raise TrackslipError(f"law = {name!r}: {to} {what}; {nearest(stored, to)}")
     if (alarms := alarms_of(stored)) and not accept:
         raise TrackslipError(f"law {name}: ALARM {alarms[0]}: --accept deploys it all the same")

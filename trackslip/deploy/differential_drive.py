@@ -20,18 +20,27 @@ _RATE = 50.0  # default rate at which the controller publishes odometry [Hz]
 _UNKNOWN = 1e6  # variance of velocities that the tracks can't measure [m^2/s^2, rad^2/s^2]
 
 
-def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2) -> str:
-    """Write YAML parameters with which diff_drive_controller drives and computes odometry according to the law.
+def diff_drive_text(
+    stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2
+) -> str:
+    """Write YAML parameters with which diff_drive_controller drives and computes odometry according
+    to the law.
 
-    The controller's wheels are at the ICRs: the wheel separation is the distance between the ICRs, and the wheels have
-    the effective radii. If D differs between the tracks, odometry describes the point midway between the ICRs, as a
-    comment in the file explains. Twist variances are included for laws fitted to drives, whose varying slip is known.
+    The controller's wheels are at the ICRs: the wheel separation is the distance between the ICRs,
+    and the wheels have the effective radii. If D differs between the tracks, odometry describes the
+    point midway between the ICRs, as a comment in the file explains. Twist variances are included
+    for laws fitted to drives, whose varying slip is known.
 
     `controller` is the name of the robot's controller, and `ros` the ROS version, 1 or 2. Raises
     InvalidValueError if `controller` isn't a valid name.
     """
     is_name = controller.isidentifier() and controller.isascii()
-    require(is_name, "controller", controller, "a name of letters, digits and _, as in platform_velocity_controller")
+    require(
+        is_name,
+        "controller",
+        controller,
+        "a name of letters, digits and _, as in platform_velocity_controller",
+    )
     b = stored.geometry.half_gauge
     (left, left_error), (right, right_error) = constant_icrs(stored, law)
     parameters: dict[str, float | list[float]] = {
@@ -47,48 +56,64 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
     if abs(middle) >= _NEGLIGIBLE:
         side = "left" if middle > 0 else "right"
         comments += [
-            "The tracks' D differ: wheel_separation_multiplier is that of their mean. Yaw rates are the law's; speeds",
-            f"are those of the point midway between the ICRs, {abs(middle):.6f} m to the {side} of the middle of the",
+            "The tracks' D differ: wheel_separation_multiplier is that of their mean. Yaw rates "
+            "are the law's; speeds",
+            f"are those of the point midway between the ICRs, {abs(middle):.6f} m to the {side} "
+            "of the middle of the",
             "tracks: base_frame_id belongs there.",
         ]
     variances = _twist_variances(stored, law)
     if variances:
         parameters["twist_covariance_diagonal"] = variances
         comments.append(
-            f"twist_covariance_diagonal is for 1 m/s and {_RATE:g} messages a second; it is proportional to both."
+            f"twist_covariance_diagonal is for 1 m/s and {_RATE:g} messages a second; it is "
+            "proportional to both."
         )
     comments += [
-        "Put these lines among the parameters of your controller. A wheel_radius_multiplier there overrides those of",
+        "Put these lines among the parameters of your controller. A wheel_radius_multiplier "
+        "there overrides those of",
         "left and right: delete it.",
     ]
     head, indent = ("  ros__parameters:\n", "    ") if ros == 2 else ("", "  ")
     lines = []
     for key, value in parameters.items():
         about = f"  # {meaning[key]}" if key in meaning else ""
-        text = f"[{', '.join(map(yaml_number, value))}]" if isinstance(value, list) else yaml_number(value)
+        text = (
+            f"[{', '.join(map(yaml_number, value))}]"
+            if isinstance(value, list)
+            else yaml_number(value)
+        )
         lines.append(f"{indent}{key}: {text}{about}\n")
     return comment(comments, "#") + f"{controller}:\n{head}" + "".join(lines)
 
 
 def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
-    """Variances of the x, y, z, roll, pitch and yaw rates that match the varying slip; empty if unknown."""
+    """Variances of the x, y, z, roll, pitch and yaw rates that match the varying slip; empty if
+    unknown.
+    """
     deviations = [
         number(stored.content, "drive", "laws", law, "noise", f"slip_{what}")
         for what in ("forward", "sideways", "turn")
     ]
     if stored.content.get("method") != "drive" or None in deviations:
         return []
-    forward, sideways, turn = (float(f"{_RATE * size**2:.3g}") for size in deviations if size is not None)
+    forward, sideways, turn = (
+        float(f"{_RATE * size**2:.3g}") for size in deviations if size is not None
+    )
     return [forward, sideways, _UNKNOWN, _UNKNOWN, _UNKNOWN, turn]
 
 
 def expressible(law: str) -> bool:
-    """Whether a differential drive can express a law, which requires sprocket speeds that are linear in the twist."""
+    """Whether a differential drive can express a law, which requires sprocket speeds that are
+    linear in the twist.
+    """
     return "ros2_control" in FAMILIES[law].targets
 
 
 def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """D [m] and epsilon [-] of the left track and of the right track, for a law of constant ICRs."""
+    """D [m] and epsilon [-] of the left track and of the right track, for a law of constant
+    ICRs.
+    """
     values = stored.values(law)
 
     def of(name: str, side: str) -> float:
@@ -99,13 +124,17 @@ def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tu
 
 
 def best_expressible(stored: StoredLaws, target: str) -> str:
-    """Name of the best law if a target can express it, otherwise of the best identified law of constant ICRs."""
+    """Name of the best law if a target can express it, otherwise of the best identified law of
+    constant ICRs.
+    """
     best, other = stored.law_named(None), text(stored.content, "expressible")
     return other if target not in FAMILIES[best].targets and other in stored.laws else best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:
-    """A sentence if `law` isn't the best law; empty if `law` is the best law or the best law is unknown."""
+    """A sentence if `law` isn't the best law; empty if `law` is the best law or the best law is
+    unknown.
+    """
     best = text(stored.content, "best")
     return f"The best law is {best}: this is {law}" if best not in ("", law) else ""
 
@@ -119,4 +148,8 @@ def nearest(stored: StoredLaws, target: str) -> str:
 def yaml_number(value: float) -> str:
     """Format a number so that even YAML 1.1 reads it exactly, as a float."""
     mantissa, _, exponent = repr(float(value)).partition("e")
-    return mantissa if not exponent else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"
+    return (
+        mantissa
+        if not exponent
+        else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"
+    )

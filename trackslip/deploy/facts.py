@@ -14,7 +14,16 @@ from trackslip.laws.file import StoredLaws, entry, laws_content, number, text
 _MAX_LENGTH = 200  # maximum length of a line from a file [characters]
 _SPELLED = str.maketrans(
     {
-        **{"±": "+/-", "°": " deg", "ε": "epsilon", "τ": "tau", "ψ": "psi", "²": "^2", "·": "*", "×": "x"},
+        **{
+            "±": "+/-",
+            "°": " deg",
+            "ε": "epsilon",
+            "τ": "tau",
+            "ψ": "psi",
+            "²": "^2",
+            "·": "*",
+            "×": "x",
+        },
         **{"−": "-", "–": "-", "—": "-", "’": "'", "…": "...", "µ": "u", "\\": "/"},
     }
 )
@@ -23,16 +32,22 @@ _SPELLED = str.maketrans(
 def alarms_of(stored: StoredLaws) -> list[str]:
     """Alarms raised in the identification, one line each."""
     found = entry(stored.content, "alarms")
-    return [line for alarm in found if (line := text(alarm, "line"))] if isinstance(found, list | tuple) else []
+    return (
+        [line for alarm in found if (line := text(alarm, "line"))]
+        if isinstance(found, list | tuple)
+        else []
+    )
 
 
 def fact_lines(stored: StoredLaws, law: str) -> list[str]:
     """Facts about a law as lines of ASCII, for comments."""
     robot = stored.geometry
     lines = [
-        f"Slip law {law}: {FAMILIES[law].title}. Written by trackslip {installed_version()}; SI units, radians.",
+        f"Slip law {law}: {FAMILIES[law].title}. Written by trackslip {installed_version()}; SI "
+        "units, radians.",
         *_parameter_lines(stored, law),
-        f"Robot: half gauge b = {robot.half_gauge!r} m, sprocket radius r = {robot.sprocket_radius!r} m",
+        f"Robot: half gauge b = {robot.half_gauge!r} m, sprocket radius r = "
+        f"{robot.sprocket_radius!r} m",
         _origin_line(stored),
         *(f"ALARM: {line}" for line in alarms_of(stored)),
     ]
@@ -44,7 +59,9 @@ def json_text(stored: StoredLaws, law: str) -> str:
     values = stored.values(law)
     intervals = {name: stored.interval95(law, name) for name in values}
     stderr = {name: number(stored.content, "slip_laws", law, "stderr", name) for name in values}
-    described = {law: {"values": values, "stderr": stderr, "interval95": intervals}} if values else {}
+    described = (
+        {law: {"values": values, "stderr": stderr, "interval95": intervals}} if values else {}
+    )
     content: dict[str, Any] = {"law": law, "title": FAMILIES[law].title, "best": law}
     content |= laws_content(described, stored.geometry)
     content["units"] = {name: FAMILIES[law].parameters[name].unit or "-" for name in values}
@@ -62,8 +79,12 @@ def _parameter_lines(stored: StoredLaws, law: str) -> list[str]:
     lines = []
     for name, value in stored.values(law).items():
         parameter, ends = FAMILIES[law].parameters[name], stored.interval95(law, name)
-        interval = "no interval" if ends is None else f"95 % interval {ends[0]:.6g} to {ends[1]:.6g}"
-        lines.append(f"  {name} = {value!r} [{parameter.unit or '-'}], {interval}: {parameter.meaning}")
+        interval = (
+            "no interval" if ends is None else f"95 % interval {ends[0]:.6g} to {ends[1]:.6g}"
+        )
+        lines.append(
+            f"  {name} = {value!r} [{parameter.unit or '-'}], {interval}: {parameter.meaning}"
+        )
     return lines
 
 
@@ -71,7 +92,11 @@ def _origin_line(stored: StoredLaws) -> str:
     manifest = stored.manifest
     arguments, version = entry(manifest, "arguments"), text(manifest, "versions", "trackslip")
     known = isinstance(arguments, list) and arguments
-    command = shlex.join(["trackslip", *map(str, arguments)]) if known else text(stored.content, "made_by")
+    command = (
+        shlex.join(["trackslip", *map(str, arguments)])
+        if known
+        else text(stored.content, "made_by")
+    )
     made = [f"made by `{command}`" if command else "", f"trackslip {version}" if version else ""]
     return ", ".join(filter(None, [f"Laws from {stored.name}", *made, text(manifest, "created")]))
 

@@ -1,4 +1,5 @@
-"""The offset between the encoder and pose clocks, from the correlations of speeds and of turns at all time shifts.
+"""The offset between the encoder and pose clocks, from the correlations of speeds and of turns at
+all time shifts.
 
 The offset is independent of gains and of the signs of turns.
 """
@@ -14,9 +15,12 @@ from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.checks import unwrapped
 
-NEAR = 2.0  # largest offset that a fit finds by itself; also the prior's standard deviation in `path.EXTRAS` [s]
+# largest offset that a fit finds by itself; also the prior's standard deviation in `path.EXTRAS`
+# [s]
+NEAR = 2.0
 GRID = 0.1  # step of the common time grid, and the clock error that gains allow for [s]
-_HALF = 0.5  # half the time over which velocities are computed: noise of 2 cm then becomes 3 cm/s [s]
+# half the time over which velocities are computed: noise of 2 cm then becomes 3 cm/s [s]
+_HALF = 0.5
 _FITS = 0.5  # least share of the variance that a credible clock offset explains
 
 
@@ -25,17 +29,27 @@ class Clock:
     """The offset between the encoder and pose clocks of a drive."""
 
     offset: float  # encoder clock minus pose clock [s]; 0 if the motion doesn't determine it
-    share: float = 0.0  # share of the variance in speeds and yaw rates that the wheels explain at this offset
-    distinct: bool = False  # true if every other offset leaves at least twice as much variance unexplained
+    # share of the variance in speeds and yaw rates that the wheels explain at this offset
+    share: float = 0.0
+    # true if every other offset leaves at least twice as much variance unexplained
+    distinct: bool = False
 
 
 def median_offset(clocks: Iterable[Clock]) -> float:
-    """Median of the clock offsets up to NEAR that could be determined from motion [s]; 0 if there are none."""
-    return float(np.median([each.offset for each in clocks if each.share > 0 and abs(each.offset) <= NEAR] or [0.0]))
+    """Median of the clock offsets up to NEAR that could be determined from motion [s]; 0 if there
+    are none.
+    """
+    return float(
+        np.median(
+            [each.offset for each in clocks if each.share > 0 and abs(each.offset) <= NEAR] or [0.0]
+        )
+    )
 
 
 def clock_of_drive(drive: PreparedDrive) -> Clock:
-    """The clock offset at which a drive's encoders and poses match best; offsets above NEAR must match much better."""
+    """The clock offset at which a drive's encoders and poses match best; offsets above NEAR must
+    match much better.
+    """
     poses = np.column_stack([drive.time, drive.pose])
     if drive.beyond is not None:
         poses = np.concatenate([poses, drive.beyond])
@@ -49,7 +63,12 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
     left, right = (drive.angles(of_wheels + half) - drive.angles(of_wheels - half)) / (2 * half)
     speed, turn = _velocities(time, poses[:, 1:], of_poses, half)
     least = round(10 * _HALF / step)
-    shares = np.stack([_shared(speed, np.abs(right + left), least, positive=True), _shared(turn, right - left, least)])
+    shares = np.stack(
+        [
+            _shared(speed, np.abs(right + left), least, positive=True),
+            _shared(turn, right - left, least),
+        ]
+    )
     weights = shares.max(axis=1)
     share = weights @ shares / max(weights.sum(), 1e-9)
     offset = drive.edges[0] - time[0] + np.arange(1 - len(of_poses), len(of_wheels)) * step
@@ -70,16 +89,23 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
 
 
 def _velocities(time: Array, pose: Array, grid: Array, half: float) -> tuple[Array, Array]:
-    """Measured speeds (N,) [m/s] and yaw rates (N,) [rad/s] around the times `grid` (N,); NaN where unknown."""
+    """Measured speeds (N,) [m/s] and yaw rates (N,) [rad/s] around the times `grid` (N,); NaN where
+    unknown.
+    """
     placed, headed = np.isfinite(pose[:, 0]), np.isfinite(pose[:, 2])
     speed, turn = np.full(len(grid), np.nan), np.full(len(grid), np.nan)
     if placed.sum() > 2:
         place = pose[placed, 0] + 1j * pose[placed, 1]
-        before, here, after = (np.interp(grid + at, time[placed], place) for at in (-half, 0.0, half))
+        before, here, after = (
+            np.interp(grid + at, time[placed], place) for at in (-half, 0.0, half)
+        )
         speed = np.abs(after - before) / (2 * half)
         course = np.angle((after - here) * np.conj(here - before))
         course = wrap_angle(2 * course) / 2  # a robot may reverse
-        slow = np.minimum(np.abs(after - here), np.abs(here - before)) < 0.3 * np.sqrt(np.mean(speed**2)) * half
+        slow = (
+            np.minimum(np.abs(after - here), np.abs(here - before))
+            < 0.3 * np.sqrt(np.mean(speed**2)) * half
+        )
         turn = np.where(slow, np.nan, course / half)
         speed[_far(time[placed], grid, half)] = turn[_far(time[placed], grid, half)] = np.nan
     if headed.sum() > 2:
@@ -98,15 +124,19 @@ def _limited(values: Array) -> Array:
 
 
 def _far(time: Array, grid: Array, half: float) -> np.ndarray:
-    """(N,) bool: true for times `grid` (N,) that lie in a gap between successive values of `time`."""
+    """(N,) bool: true for times `grid` (N,) that lie in a gap between successive values of
+    `time`.
+    """
     row = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     return np.asarray(time[row] - time[row - 1] > 2 * half)
 
 
 def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Array:
-    """Squared correlation (S,) of values (N,) with the wheels' values `by` (M,), at each shift (S = N + M - 1).
+    """Squared correlation (S,) of values (N,) with the wheels' values `by` (M,), at each shift (S =
+    N + M - 1).
 
-    It is 0 if fewer than `least` points or half the shorter series overlap and, with `positive`, if it is negative.
+    It is 0 if fewer than `least` points or half the shorter series overlap and, with `positive`, if
+    it is negative.
     """
     known = np.isfinite(values)
     if known.sum() < least:
@@ -120,10 +150,15 @@ def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Arr
 
     count = np.maximum(sums(present, everywhere), 0.5)
     mean, mean_by = sums(values, everywhere) / count, sums(present, by) / count
-    variance, variance_by = sums(values**2, everywhere) / count - mean**2, sums(present, by**2) / count - mean_by**2
+    variance, variance_by = (
+        sums(values**2, everywhere) / count - mean**2,
+        sums(present, by**2) / count - mean_by**2,
+    )
     covariance = sums(values, by) / count - mean * mean_by
     if positive:
         covariance = covariance.clip(min=0.0)
     enough = count >= max(least, 0.5 * min(known.sum(), len(by)))
-    enough &= (variance > 0.1 * np.mean(values[known] ** 2)) & (variance_by > 1e-3 * by.var() + 1e-12)
+    enough &= (variance > 0.1 * np.mean(values[known] ** 2)) & (
+        variance_by > 1e-3 * by.var() + 1e-12
+    )
     return np.where(enough, covariance**2 / np.where(enough, variance * variance_by, 1.0), 0.0)

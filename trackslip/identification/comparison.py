@@ -1,4 +1,6 @@
-"""Laws with 95 % intervals, compared on the same data: the best law, and the best that odometry can express."""
+"""Laws with 95 % intervals, compared on the same data: the best law, and the best that odometry can
+express.
+"""
 
 from __future__ import annotations
 
@@ -51,9 +53,14 @@ class FittedLaw:
 def uncertainty(
     names: Sequence[str], values: Array, covariance: Array, quantile: Array | float, limits: Array
 ) -> dict[str, Any]:
-    """The fields stderr, interval95 and correlation of a FittedLaw, for fitted parameters (f,) with limits (2, f)."""
+    """The fields stderr, interval95 and correlation of a FittedLaw, for fitted parameters (f,) with
+    limits (2, f).
+    """
     error = np.sqrt(np.diag(covariance))
-    low, high = np.maximum(values - quantile * error, limits[0]), np.minimum(values + quantile * error, limits[1])
+    low, high = (
+        np.maximum(values - quantile * error, limits[0]),
+        np.minimum(values + quantile * error, limits[1]),
+    )
     with np.errstate(invalid="ignore"):
         correlation = covariance / np.outer(error, error)
     return {
@@ -64,18 +71,22 @@ def uncertainty(
 
 
 def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
-    """Newton steps (G, f) of f parameters from the minimum without each of G data parts to the minimum with all data.
+    """Newton steps (G, f) of f parameters from the minimum without each of G data parts to the
+    minimum with all data.
 
-    `rest` (G, f, f) has the normal equations without each part, `score` (G, f) the right-hand side from each part.
-    Steps are 0 where the remaining data determine nothing.
+    `rest` (G, f, f) has the normal equations without each part, `score` (G, f) the right-hand side
+    from each part. Steps are 0 where the remaining data determine nothing.
     """
     scale = np.sqrt(np.maximum(np.einsum("gaa->ga", rest), 1e-200))
-    inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True)
+    inverse = np.linalg.pinv(
+        rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True
+    )
     return np.asarray(np.einsum("gab,gb->ga", inverse, score / scale) / scale)
 
 
 def cr3(apart: Array) -> Array:
-    """Covariance (f, f) of parameters from their changes `apart` (G, f) without each block; NaN for too few blocks.
+    """Covariance (f, f) of parameters from their changes `apart` (G, f) without each block; NaN for
+    too few blocks.
 
     CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.
     """
@@ -85,10 +96,12 @@ def cr3(apart: Array) -> Array:
 
 
 def student(blocks: Array, normal: Array) -> Array:
-    """Student's t (f,) for 95 % intervals of f parameters, from normal equations: per block (G, f, f) and total (f, f).
+    """Student's t (f,) for 95 % intervals of f parameters, from normal equations: per block (G, f,
+    f) and total (f, f).
 
-    A parameter that few blocks determine has few degrees of freedom: the effective number of blocks, from their shares
-    of the information, minus one (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
+    A parameter that few blocks determine has few degrees of freedom: the effective number of
+    blocks, from their shares of the information, minus one (G. W. Imbens and M. Kolesár, *Robust
+    Standard Errors in Small Samples*, 2016).
     """
     inverse = np.linalg.inv(normal)
     share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
@@ -97,9 +110,13 @@ def student(blocks: Array, normal: Array) -> Array:
 
 
 REFERENCE = "icr_radius"
-"""The law that is fitted first, as the start for other laws; it is also the best law if laws can't be compared."""
+"""The law that is fitted first, as the start for other laws; it is also the best law if laws can't
+be compared.
+"""
 LEAST_ERROR = 1e-3
-"""Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or relative]."""
+"""Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or
+relative].
+"""
 Fit = TypeVar("Fit", bound=FittedLaw)
 
 
@@ -107,11 +124,15 @@ Fit = TypeVar("Fit", bound=FittedLaw)
 class Choice:
     """The best law among several."""
 
-    best: str  # the law that predicts motion best or, among laws that predict it equally well, the simplest
+    # the law that predicts motion best or, among laws that predict it equally well, the simplest
+    best: str
     reason: str  # why `best` is best, in one sentence
-    score: Mapping[str, float]  # by law: mean error relative to the smallest of any law, averaged over criteria [-]
+    # by law: mean error relative to the smallest of any law, averaged over criteria [-]
+    score: Mapping[str, float]
     expressible: str | None = None
-    """The law, chosen like `best`, that a differential drive's odometry can express; None if there is none."""
+    """The law, chosen like `best`, that a differential drive's odometry can express; None if there
+    is none.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,10 +152,12 @@ class Criterion:
     unnoticed: float  # largest difference between mean errors that doesn't matter
 
     def as_good_as(self, errors: Array, leader: int) -> np.ndarray:
-        """(L,) bool: true for laws whose mean of `errors` (L, n) exceeds the leader's mean by no more than chance.
+        """(L,) bool: true for laws whose mean of `errors` (L, n) exceeds the leader's mean by no
+        more than chance.
 
-        A difference up to `unnoticed` doesn't count. Chance is one standard error, from the scatter of block sums. With
-        fewer than five blocks, whose scatter is unknown, chance is a quarter of the leader's mean error.
+        A difference up to `unnoticed` doesn't count. Chance is one standard error, from the scatter
+        of block sums. With fewer than five blocks, whose scatter is unknown, chance is a quarter of
+        the leader's mean error.
         """
         worse = errors - errors[leader]
         mean, (number, block) = worse.mean(axis=1), np.unique(self.block, return_inverse=True)
@@ -146,29 +169,43 @@ class Criterion:
         return np.asarray(mean <= np.maximum(chance, self.unnoticed))
 
 
-def choose(laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]) -> Choice | None:
-    """Choose the best law and the best that odometry can express, according to `rank`; None if `rank` returns None.
+def choose(
+    laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]
+) -> Choice | None:
+    """Choose the best law and the best that odometry can express, according to `rank`; None if
+    `rank` returns None.
 
-    A law that odometry can't express is best only if a parameter that no law for odometry has differs from zero.
+    A law that odometry can't express is best only if a parameter that no law for odometry has
+    differs from zero.
     """
     linear = {name: law for name, law in laws.items() if is_expressible(name)}
     choice, among = rank(laws), rank(linear) if linear else None
     if choice is None or among is None or choice.best in linear:
-        return choice and replace(choice, expressible=choice.best if choice.best in linear else None)
-    own = [name for name in laws[choice.best].values if not any(name in law.values for law in linear.values())]
+        return choice and replace(
+            choice, expressible=choice.best if choice.best in linear else None
+        )
+    own = [
+        name
+        for name in laws[choice.best].values
+        if not any(name in law.values for law in linear.values())
+    ]
     ends = [laws[choice.best].interval95.get(name, (-np.inf, np.inf)) for name in own]
     if not all(low <= 0 <= high for low, high in ends):
         return replace(choice, expressible=among.best)
     terms = " and ".join(own)
-    reason = f"{choice.best} predicts best, but its {terms} may be 0; of laws for odometry, {among.reason}"
+    reason = (
+        f"{choice.best} predicts best, but its {terms} may be 0; of laws for odometry, "
+        f"{among.reason}"
+    )
     return replace(choice, best=among.best, reason=reason, expressible=among.best)
 
 
 def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choice | None:
     """Choose the best law according to criteria, one per prediction horizon; None without criteria.
 
-    The leader has the smallest errors by most criteria. Laws that are as good as the leader by most criteria, within
-    one standard error of the mean difference over blocks, count as equal; the simplest of these laws is best.
+    The leader has the smallest errors by most criteria. Laws that are as good as the leader by most
+    criteria, within one standard error of the mean difference over blocks, count as equal; the
+    simplest of these laws is best.
     """
     if not criteria:
         return None
@@ -178,12 +215,20 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
     score = np.mean([(mean + 1e-9) / (mean.min() + 1e-9) for mean in means], axis=0)
     wins = np.bincount([int(mean.argmin()) for mean in means], minlength=len(names))
     leader = min(range(len(names)), key=lambda k: (-wins[k], score[k]))
-    as_good = np.sum([c.as_good_as(each, leader) for c, each in zip(criteria, errors, strict=True)], axis=0)
+    as_good = np.sum(
+        [c.as_good_as(each, leader) for c, each in zip(criteria, errors, strict=True)], axis=0
+    )
     good = np.flatnonzero(2 * as_good > len(means)).tolist()
     best = min(good, key=lambda k: (_terms(names[k], laws[names[k]]), k != leader, score[k]))
-    why = f"{names[leader]} has the smallest errors at {wins[leader]} of {counted(len(means), 'time')} ahead"
+    why = (
+        f"{names[leader]} has the smallest errors at {wins[leader]} of "
+        f"{counted(len(means), 'time')} ahead"
+    )
     if best != leader:
-        why += f"; {names[best]} is as good at {as_good[best]}, within one standard error, and simpler to use"
+        why += (
+            f"; {names[best]} is as good at {as_good[best]}, within one standard error, and "
+            "simpler to use"
+        )
     return Choice(best=names[best], reason=why, score=dict(zip(names, score.tolist(), strict=True)))
 
 
@@ -198,6 +243,8 @@ def is_expressible(name: str) -> bool:
 
 
 def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
-    """True if sprocket speeds (n, 2) [rad/s] often imply lateral accelerations that may affect slip (> 0.5 m/s²)."""
+    """True if sprocket speeds (n, 2) [rad/s] often imply lateral accelerations that may affect slip
+    (> 0.5 m/s²).
+    """
     v, w = body_twist(omega, 0.0, geometry).T
     return bool(np.mean(np.abs(v * w) > 0.5) > 0.05)

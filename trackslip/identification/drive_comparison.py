@@ -1,4 +1,6 @@
-"""Comparison of laws fitted to whole drives by their predictions, and reasons to doubt the best law."""
+"""Comparison of laws fitted to whole drives by their predictions, and reasons to doubt the best
+law.
+"""
 
 from __future__ import annotations
 
@@ -50,25 +52,42 @@ def compare_drives(
 ) -> DriveComparison:
     """Fit laws to the drives of a first look and compare their predictions of held-out driving.
 
-    `names` are the laws, by default all families made for drives. `step(1.0)` is called after each fitted law. Raises
-    LogError if no law can be fitted.
+    `names` are the laws, by default all families made for drives. `step(1.0)` is called after each
+    fitted law. Raises LogError if no law can be fitted.
     """
-    fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
+    fast = names is not None or turns_fast(
+        np.concatenate([drive.omega for drive in look.drives]), geometry
+    )
     start = look.gains.start(geometry, look.clock)
     reference = fit_drives(REFERENCE, look.drives, geometry, sensor, start=start, lag=lag)
     laws, notes = dict[str, DriveFit](), list(look.notes)
     for name in names or drive_laws():
         if "offset_left" in FAMILIES[name].names and reference.sits_aside:
-            aside = f"{1000 * reference.extras['sensor_y']:.0f} mm to the left, where {REFERENCE} has it"
-            notes.append(f"law {name} takes the sensor {aside}: else it looks like unequal ICRs; give --sensor")
+            aside = (
+                f"{1000 * reference.extras['sensor_y']:.0f} mm to the left, where "
+                f"{REFERENCE} has it"
+            )
+            notes.append(
+                f"law {name} takes the sensor {aside}: else it looks like unequal ICRs; give "
+                "--sensor"
+            )
         if fast or not FAMILIES[name].fast:
-            laws[name] = fit_drives(name, look.drives, geometry, sensor, reference=reference, lag=lag)
+            laws[name] = fit_drives(
+                name, look.drives, geometry, sensor, reference=reference, lag=lag
+            )
         step(1.0)
     pairs, missed = reference.pairs, {name: law.missed for name, law in laws.items()}
-    place = {} if sensor is None else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
+    place = (
+        {}
+        if sensor is None
+        else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
+    )
     two = _gains_fit(look, reference)
     plain = {TODAY: place, GAINS: place | two.values}
-    known = {name: pairs.errors(two.fit.model, _of_model(two.fit.model, only)[None]) for name, only in plain.items()}
+    known = {
+        name: pairs.errors(two.fit.model, _of_model(two.fit.model, only)[None])
+        for name, only in plain.items()
+    }
     errors = {name: pairs.summaries(error) for name, error in {**known, **missed}.items()}
 
     def rank(some: Mapping[str, DriveFit]) -> Choice | None:
@@ -97,10 +116,13 @@ def compare_drives(
 def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
     """The first look's gains in the form of a fitted law."""
     model, values = reference.fit.model, look.gains.law(reference.fit.model.geometry)
-    speed, turn = (gain or Gain(1.0, np.nan, np.nan) for gain in (look.gains.speed, look.gains.turn))
+    speed, turn = (
+        gain or Gain(1.0, np.nan, np.nan) for gain in (look.gains.speed, look.gains.turn)
+    )
     wide = model.geometry.half_gauge * speed.value / turn.value
     slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
-    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # from the intervals' half-widths
+    # from the intervals' half-widths
+    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T
     return replace(
         reference,
         name=GAINS,
@@ -108,7 +130,11 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
         values=values,
         fit=replace(reference.fit, values=_of_model(model, reference.extras | values)),
         **uncertainty(
-            tuple(values), np.array([*values.values()]), covariance / 4, 2.0, model.limits[:2, : len(values)]
+            tuple(values),
+            np.array([*values.values()]),
+            covariance / 4,
+            2.0,
+            model.limits[:2, : len(values)],
         ),
     )
 
@@ -119,18 +145,30 @@ def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
 
 
 def _alarms(law: DriveFit, known: Mapping[str, Array]) -> list[Alarm]:
-    """Reasons not to trust the best law; `known` has the prediction errors (n, 3) of TODAY and GAINS."""
+    """Reasons not to trust the best law; `known` has the prediction errors (n, 3) of TODAY and
+    GAINS.
+    """
     alarms = [
-        Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}") for name in law.at_limit
+        Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}")
+        for name in law.at_limit
     ]
     if law.blocks < FEWEST_BLOCKS:
-        what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
+        what = (
+            f"{law.blocks} independent parts of driving are too few for an interval, which "
+            f"takes {FEWEST_BLOCKS}"
+        )
         return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
-    fitted = law.pairs.errors(law.fit.model, law.fit.values[None])  # GAINS are fitted to all driving, too
-    for name, ours, others in ((TODAY, law.missed, "the robot does today"), (GAINS, fitted, "two gains do")):
+    # GAINS are fitted to all driving, too
+    fitted = law.pairs.errors(law.fit.model, law.fit.values[None])
+    for name, ours, others in (
+        (TODAY, law.missed, "the robot does today"),
+        (GAINS, fitted, "two gains do"),
+    ):
         for criterion in law.pairs.criteria({name: known[name], law.name: ours}):
             both = np.stack([criterion.errors[name], criterion.errors[law.name]])
             if both[1].mean() > 1.1 * both[0].mean() and not criterion.as_good_as(both, 0)[1]:
-                alarms.append(Alarm(name, f"law {law.name} predicts worse than {others}: don't use it"))
+                alarms.append(
+                    Alarm(name, f"law {law.name} predicts worse than {others}: don't use it")
+                )
                 break
     return alarms

@@ -1,8 +1,10 @@
-"""A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the driving can determine.
+"""A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the
+driving can determine.
 
-Unusable logs are refused in one line that names the quantity, its value and a remedy. Other findings are only reported:
-a gain far from 1 is no error, as wheels may slip on ice or be smaller than assumed. Poses that leave the wheels' path
-and soon return are wild and left out; where poses stay off it, as after a relocalisation, the drive is cut.
+Unusable logs are refused in one line that names the quantity, its value and a remedy. Other
+findings are only reported: a gain far from 1 is no error, as wheels may slip on ice or be smaller
+than assumed. Poses that leave the wheels' path and soon return are wild and left out; where poses
+stay off it, as after a relocalisation, the drive is cut.
 """
 
 from __future__ import annotations
@@ -22,16 +24,19 @@ from trackslip.identification.misread import matches_of, refuse_cells, refuse_re
 from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
-MOST_WILD = 3  # most successive poses that may be wild or placeholders; a longer series is a path of its own
+# most successive poses that may be wild or placeholders; a longer series is a path of its own
+MOST_WILD = 3
 _NOISE = 0.1  # largest share of outlying motions; above it, all outliers count as noise
 
 Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]
-"""Maps the indices (n,) of the first and last poses of n motions to deviations from the wheels' path (2, n), and to the
-largest deviations that slip explains (2, n) [m, rad]."""
+"""Maps the indices (n,) of the first and last poses of n motions to deviations from the wheels'
+path (2, n), and to the largest deviations that slip explains (2, n) [m, rad].
+"""
 
 
 def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], list[int]]:
-    """Find the wild poses among `count` poses and the first pose after each lasting jump; returns their indices.
+    """Find the wild poses among `count` poses and the first pose after each lasting jump; returns
+    their indices.
 
     A motion isn't a jump if slip explains its deviation to within `limit` (2,) [m, rad].
     """
@@ -53,7 +58,8 @@ def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], lis
     return wild, lasting
 
 
-_OUTLYING = 10.0  # limit for jumps [robust standard deviations]: bursts of slip reach 6, relocalisations exceed 10
+# limit for jumps [robust standard deviations]: bursts of slip reach 6, relocalisations exceed 10
+_OUTLYING = 10.0
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,8 @@ class Look:
     """Findings from drives before any law is fitted."""
 
     drives: tuple[PreparedDrive, ...]  # without wild poses, cut at lasting jumps
-    gains: Gains  # ratios of measured distances and turns to the wheels', and the sensor's approximate place
+    # ratios of measured distances and turns to the wheels', and the sensor's approximate place
+    gains: Gains
     clock: float  # encoder clock minus pose clock for the best match, a start value for fits [s]
     left_turns: float  # sum of all turns to the left [rad]
     right_turns: float  # sum of all turns to the right, as a positive angle [rad]
@@ -79,7 +86,9 @@ class Look:
 
     def to_json(self) -> dict[str, Any]:
         """The fields, except `drives`, as plain numbers and strings, with None for NaN."""
-        content = {name: value for name, value in vars(self).items() if name not in ("drives", "gains")}
+        content = {
+            name: value for name, value in vars(self).items() if name not in ("drives", "gains")
+        }
         content["alarms"] = [vars(alarm) for alarm in self.alarms]
         gains = ("speed", self.gains.speed), ("turn", self.gains.turn)
         return content | {name: gain and gain.to_json() for name, gain in gains}
@@ -94,7 +103,10 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     poses = np.bincount(Steps.of(Drives.of(drives), geometry, clock).drive, minlength=len(drives))
     covered = [drive for drive, count in zip(drives, poses, strict=True) if count > 1]
     if not covered:
-        raise LogError(f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record both together")
+        raise LogError(
+            f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record "
+            "both together"
+        )
     together = Drives.of(covered)
     gains = gains_of(together, geometry, clock)
     window = windows_of(together, geometry, clock)
@@ -107,9 +119,12 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     cut = [without_jumps(drive, geometry, gains, clock) for drive in drives]
     parts = tuple(part for kept, _ in cut for part in kept)
     if not parts:
-        raise LogError(f"run {drives[0].name!r}: its poses jump so often that too few lie between jumps")
+        raise LogError(
+            f"run {drives[0].name!r}: its poses jump so often that too few lie between jumps"
+        )
     others = [
-        f"run {drive.name!r}: add {own.offset - clock:.2f} s to the times of its poses: other runs have other clocks"
+        f"run {drive.name!r}: add {own.offset - clock:.2f} s to the times of its poses: other "
+        "runs have other clocks"
         for drive, own in zip(drives, clocks, strict=True)
         if own.distinct and abs(own.offset - clock) > 2 * GRID
     ]
@@ -120,46 +135,86 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         left,
         right,
         duration,
-        (*_notes(covered, gains, left, right), *others, *(line for _, lines in cut for line in lines)),
-        tuple(_alarms(covered, gains, duration, matches_of(windows_of(Drives.of(parts), geometry, clock)))),
+        (
+            *_notes(covered, gains, left, right),
+            *others,
+            *(line for _, lines in cut for line in lines),
+        ),
+        tuple(
+            _alarms(
+                covered, gains, duration, matches_of(windows_of(Drives.of(parts), geometry, clock))
+            )
+        ),
     )
 
 
 def _checked_clock(drive: PreparedDrive) -> Clock:
-    """A drive's clock offset; raises LogError if encoders and poses are too far apart for fits to align them."""
+    """A drive's clock offset; raises LogError if encoders and poses are too far apart for fits to
+    align them.
+    """
     clock = clock_of_drive(drive)
     ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
     if clock.distinct and differ > NEAR:
         raise LogError(
-            f"run {drive.name!r}: the clocks differ by {differ:.1f} s, as the {ahead} clock is ahead: subtract that "
+            f"run {drive.name!r}: the clocks differ by {differ:.1f} s, as the {ahead} clock is "
+            "ahead: subtract that "
             f"from the times of the {ahead}s"
         )
-    time = np.sort(drive.time if drive.beyond is None else np.append(drive.time, drive.beyond[:, 0]))
+    time = np.sort(
+        drive.time if drive.beyond is None else np.append(drive.time, drive.beyond[:, 0])
+    )
     if time[0] > drive.edges[-1] + NEAR or time[-1] < drive.edges[0] - NEAR:
         raise LogError(
-            f"run {drive.name!r}: encoders (t = {drive.edges[0]:.12g} to {drive.edges[-1]:.12g} s) and poses "
-            f"({time[0]:.12g} to {time[-1]:.12g} s) don't overlap: subtract the difference of their clocks"
+            f"run {drive.name!r}: encoders (t = {drive.edges[0]:.12g} to {drive.edges[-1]:.12g} "
+            "s) and poses "
+            f"({time[0]:.12g} to {time[-1]:.12g} s) don't overlap: subtract the difference of "
+            "their clocks"
         )
     return clock
 
 
-def _alarms(drives: Sequence[PreparedDrive], gains: Gains, duration: float, matches: Array) -> list[Alarm]:
+def _alarms(
+    drives: Sequence[PreparedDrive], gains: Gains, duration: float, matches: Array
+) -> list[Alarm]:
     """Reasons to doubt any law fitted to the drives."""
     alarms = list[Alarm]()
     match = float(np.abs(matches).mean()) if len(matches) else 1.0
     if match < 0.5:
-        line = f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?"
+        line = (
+            f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?"
+        )
         alarms.append(Alarm("match", line))
     for gain, what, unit in ((gains.speed, "move", "x and y"), (gains.turn, "turn", "phi")):
         if gain is not None and not 0.1 <= abs(gain.value) <= 3.0:
             times = f"the poses {what} {gain.value:.3g} times as far as the wheels"
-            alarms.append(Alarm("units", f"{times}: check the units of {unit} and omega, the gear and sprocket_radius"))
-    if all(drive.whole for drive in drives) and gains.speed is not None and not 0.8 <= abs(gains.speed.value) <= 1.2:
-        what = f"omega_l and omega_r are whole numbers, and the poses move {gains.speed.value:.3g} times as far"
-        alarms.append(Alarm("units", f"{what}: of counts, omega is 2 pi counts / (counts per turn * their time)"))
+            alarms.append(
+                Alarm(
+                    "units",
+                    f"{times}: check the units of {unit} and omega, the gear and sprocket_radius",
+                )
+            )
+    if (
+        all(drive.whole for drive in drives)
+        and gains.speed is not None
+        and not 0.8 <= abs(gains.speed.value) <= 1.2
+    ):
+        what = (
+            "omega_l and omega_r are whole numbers, and the poses move "
+            f"{gains.speed.value:.3g} times as far"
+        )
+        alarms.append(
+            Alarm(
+                "units", f"{what}: of counts, omega is 2 pi counts / (counts per turn * their time)"
+            )
+        )
     if sum(int(drive.blocks(drive.time[-1:])[0]) + 1 for drive in drives) < FEWEST_BLOCKS:
         least = FEWEST_BLOCKS * BLOCK
-        alarms.append(Alarm("little", f"{duration:.0f} s of driving are too few for intervals: drive {least:.0f} s"))
+        alarms.append(
+            Alarm(
+                "little",
+                f"{duration:.0f} s of driving are too few for intervals: drive {least:.0f} s",
+            )
+        )
     return alarms
 
 
@@ -168,36 +223,54 @@ def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: fl
     headed, placed = (np.mean([np.isfinite(d.pose[:, k]).any() for d in drives]) for k in (2, 0))
     interval = float(np.median([drive.interval for drive in drives]))
     step = float(np.median(np.concatenate([np.diff(drive.edges) for drive in drives])))
-    kind = "positions without headings" if headed == 0 else "headings without positions" if placed == 0 else "poses"
+    kind = (
+        "positions without headings"
+        if headed == 0
+        else "headings without positions"
+        if placed == 0
+        else "poses"
+    )
     notes = [f"{kind} every {interval:.3g} s, encoders every {step:.3g} s"]
     if 0 < headed < 1 or 0 < placed < 1:
         notes.append("some runs lack headings or positions")
     if repeated := sum(drive.repeated for drive in drives):
         notes.append(f"{repeated:,} poses repeat the one before: each counts once")
     if between := sum(drive.interpolated for drive in drives):
-        notes.append(f"poses are interpolated: {between:,} rows between the measured ones are left out")
+        notes.append(
+            f"poses are interpolated: {between:,} rows between the measured ones are left out"
+        )
     if any(drive.held for drive in drives):
         notes.append("encoders are read less often than logged: held readings count once")
     if gains.speed is None and placed:
-        notes.append("gains of distances can't be determined: the robot hardly drives, or poses are too rare")
+        notes.append(
+            "gains of distances can't be determined: the robot hardly drives, or poses are too rare"
+        )
     if gains.turn is None:
-        notes.append("gains of turns can't be determined: the robot hardly turns, or poses are too rare")
+        notes.append(
+            "gains of turns can't be determined: the robot hardly turns, or poses are too rare"
+        )
     elif min(left, right) < 0.1 * (left + right):
         side = "left" if left > right else "right"
-        notes.append(f"turns to the {side} only: unequal sides can't be distinguished from the turns")
+        notes.append(
+            f"turns to the {side} only: unequal sides can't be distinguished from the turns"
+        )
     return notes
 
 
 def without_jumps(
     drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
 ) -> tuple[list[PreparedDrive], list[str]]:
-    """Drop wild poses and cut the drive at lasting jumps; returns all parts that are long enough, and notes."""
+    """Drop wild poses and cut the drive at lasting jumps; returns all parts that are long enough,
+    and notes.
+    """
     wild, lasting = _jumps(drive, geometry, gains, clock)
     notes, cut = [], ": the drive is cut there"
     for rows, what, then in ((wild, "wild pose", ""), (lasting, "lasting jump", cut)):
         if len(rows):
             said = f"{counted(len(rows), what)} {'of its poses' if then else 'left out'}"
-            notes.append(f"run {drive.name!r}: {said}, first at t = {drive.time[rows[0]]:.12g} s{then}")
+            notes.append(
+                f"run {drive.name!r}: {said}, first at t = {drive.time[rows[0]]:.12g} s{then}"
+            )
     if not notes:
         return [drive], []
     good = np.ones(len(drive.time), bool)
@@ -205,23 +278,36 @@ def without_jumps(
     parts = list[PreparedDrive]()
     for first, end in pairwise([0, *lasting.tolist(), len(drive.time)]):
         rows = np.flatnonzero(good[first:end]) + first
-        if len(rows) > MOST_WILD and np.ptp(drive.angles(drive.time[rows[[0, -1]]] + clock), axis=1).any():
+        if (
+            len(rows) > MOST_WILD
+            and np.ptp(drive.angles(drive.time[rows[[0, -1]]] + clock), axis=1).any()
+        ):
             parts.append(_part(drive, rows, clock))
     return parts, notes
 
 
-def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of wild poses and of the first pose after each lasting jump, judged by dead reckoning with gains.
+def _jumps(
+    drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of wild poses and of the first pose after each lasting jump, judged by dead reckoning
+    with gains.
 
-    A deviation isn't a jump if complete slip of the wheels or a stamp that is off by one step can explain it.
+    A deviation isn't a jump if complete slip of the wheels or a stamp that is off by one step can
+    explain it.
     """
     steps = Steps.of(Drives.of([drive]), geometry, clock, margin=NEAR)
     speed, turn = gains.factors
     heading = turn * (steps.turn - steps.turn[:1])
     ahead = np.exp(0.5j * (heading[1:] + heading[:-1]))
-    path = np.append(0.0, np.cumsum(speed * np.diff(steps.distance) * ahead)) + gains.arm * np.exp(1j * heading)
+    path = np.append(0.0, np.cumsum(speed * np.diff(steps.distance) * ahead)) + gains.arm * np.exp(
+        1j * heading
+    )
     path = path * np.exp(-1j * gains.heading)
-    driven = np.append(np.zeros((2, 1)), np.cumsum(np.abs(np.diff([speed * steps.distance, heading])), axis=1), axis=1)
+    driven = np.append(
+        np.zeros((2, 1)),
+        np.cumsum(np.abs(np.diff([speed * steps.distance, heading])), axis=1),
+        axis=1,
+    )
 
     def missed(first: np.ndarray, then: np.ndarray) -> tuple[Array, Array]:
         by_wheels, moved = path[then] - path[first], steps.place[then] - steps.place[first]
@@ -235,14 +321,17 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
     if len(steps.time) < 2:
         return steps.rows[:0], steps.rows[:0]
     step = np.arange(1, len(steps.time))
-    harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # jumps small enough for a robust loss [m, rad]
+    # jumps small enough for a robust loss [m, rad]
+    harmless = np.array([0.3 * geometry.half_gauge, 0.2])
     limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed(step - 1, step)[0], axis=1), harmless)
     wild, lasting = find_jumps(len(steps.time), missed, limit)
     return steps.rows[wild], steps.rows[lasting]
 
 
 def _part(drive: PreparedDrive, rows: np.ndarray, clock: float) -> PreparedDrive:
-    """The drive limited to some rows of poses, and to encoder intervals within three seconds of these poses."""
+    """The drive limited to some rows of poses, and to encoder intervals within three seconds of
+    these poses.
+    """
     first, last = drive.time[rows[[0, -1]]] + clock + np.array([-3.0, 3.0])
     begin = max(int(np.searchsorted(drive.edges, first)) - 1, 0)
     end = min(int(np.searchsorted(drive.edges, last)) + 1, len(drive.edges))
@@ -250,5 +339,9 @@ def _part(drive: PreparedDrive, rows: np.ndarray, clock: float) -> PreparedDrive
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = np.unwrap(pose[headed, 2])  # a wild heading may have added a turn
     return replace(
-        drive, edges=drive.edges[begin:end], omega=drive.omega[begin : end - 1], time=drive.time[rows], pose=pose
+        drive,
+        edges=drive.edges[begin:end],
+        omega=drive.omega[begin : end - 1],
+        time=drive.time[rows],
+        pose=pose,
     )

@@ -1,7 +1,8 @@
-"""Gains: how far a robot moves and turns per metre and radian of its wheels, by robust regression over windows.
+"""Gains: how far a robot moves and turns per metre and radian of its wheels, by robust regression
+over windows.
 
-By hand, a gain is the measured distance (or turn) divided by that of the wheels. Without headings, a turn is the angle
-between successive chords of the path.
+By hand, a gain is the measured distance (or turn) divided by that of the wheels. Without headings,
+a turn is the angle between successive chords of the path.
 """
 
 from __future__ import annotations
@@ -18,8 +19,11 @@ from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW = 2.0
-"""Duration of windows [s]: noise of 2 cm is then 5 % of a slow robot's distance, and arcs are below half a circle."""
-_HUBER = 1.345  # [standard deviations]: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
+"""Duration of windows [s]: noise of 2 cm is then 5 % of a slow robot's distance, and arcs are below
+half a circle.
+"""
+# [standard deviations]: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
+_HUBER = 1.345
 
 
 @dataclass(frozen=True)
@@ -33,11 +37,15 @@ class Gains:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Values of the gains of distances and of turns; 1 if the driving doesn't determine a gain."""
+        """Values of the gains of distances and of turns; 1 if the driving doesn't determine a
+        gain.
+        """
         return self.speed.value if self.speed else 1.0, self.turn.value if self.turn else 1.0
 
     def law(self, geometry: RobotGeometry) -> dict[str, float]:
-        """The gains as constant ICRs: 1 + ε is the gain of speed, (1 + ε) b / (b + D) that of yaw rate."""
+        """The gains as constant ICRs: 1 + ε is the gain of speed, (1 + ε) b / (b + D) that of yaw
+        rate.
+        """
         speed = self.factors[0]
         turn = self.turn.value if self.turn else speed
         if min(speed, turn) <= 0:  # the poses hardly match the wheels
@@ -45,7 +53,9 @@ class Gains:
         return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
 
     def start(self, geometry: RobotGeometry, clock: float) -> dict[str, float]:
-        """Start values for fits, by name, including a clock offset [s]; law parameters only if `speed` is known."""
+        """Start values for fits, by name, including a clock offset [s]; law parameters only if
+        `speed` is known.
+        """
         place = {"sensor_x": self.arm.real, "sensor_y": self.arm.imag, "sensor_yaw": self.heading}
         return (self.law(geometry) if self.speed else {}) | place | {"clock_offset": clock}
 
@@ -54,15 +64,21 @@ class Window(NamedTuple):
     """Motion of drives in n windows."""
 
     distance: Array  # (n,) distance of the wheels [m]
-    turn: Array  # (n,) turn of the wheels [rad]; without headings, between mean directions of this window and the next
-    moved: np.ndarray  # (n,) measured motion in the sensor frame, complex [m]; without headings, the chord's length
-    turned: Array  # (n,) measured turn [rad]; without headings, from this chord to the next; NaN where unknown
+    # (n,) turn of the wheels [rad]; without headings, between mean directions of this window and
+    # the next
+    turn: Array
+    # (n,) measured motion in the sensor frame, complex [m]; without headings, the chord's length
+    moved: np.ndarray
+    # (n,) measured turn [rad]; without headings, from this chord to the next; NaN where unknown
+    turned: Array
     block: np.ndarray  # (n,) index of the block of driving
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The poses between the first and last encoder readings of drives, and the wheels' motion up to each pose."""
+    """The poses between the first and last encoder readings of drives, and the wheels' motion up to
+    each pose.
+    """
 
     rows: np.ndarray  # (K,) indices of the poses
     drive: np.ndarray  # (K,) index of the drive
@@ -75,9 +91,16 @@ class Steps:
 
     @classmethod
     def of(
-        cls, drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, margin: float = 0.0
+        cls,
+        drives: Drives,
+        geometry: RobotGeometry,
+        clock: float,
+        shift: float = 0.0,
+        margin: float = 0.0,
     ) -> Steps:
-        """Steps of drives, with wheels read `shift` [s] later than by `clock`, and `margin` [s] added at both ends."""
+        """Steps of drives, with wheels read `shift` [s] later than by `clock`, and `margin` [s]
+        added at both ends.
+        """
         of, at = drives.drive, drives.time + clock
         placed = (np.bincount(of, drives.known[0], len(drives.drives)) > 1)[of]
         edges, ends = drives.edges.copy(), np.append(drives.begins[1:], len(drives.edges)) - 1
@@ -100,13 +123,17 @@ class Steps:
 
     @property
     def moved(self) -> np.ndarray:
-        """Measured motions (K - 1,) along arcs, relative to the headings, complex [m]; NaN where unknown."""
+        """Measured motions (K - 1,) along arcs, relative to the headings, complex [m]; NaN where
+        unknown.
+        """
         turn = np.diff(self.heading)
         chord = np.diff(self.place) * np.exp(-0.5j * (self.heading[1:] + self.heading[:-1]))
         return chord / np.maximum(np.sinc(turn / (2 * np.pi)), 0.1)
 
     def ends(self, length: Array) -> np.ndarray:
-        """Poses (n + 1,) that bound windows of about `length` (K,) [s]; windows end with their drive."""
+        """Poses (n + 1,) that bound windows of about `length` (K,) [s]; windows end with their
+        drive.
+        """
         begin = self.time[np.searchsorted(self.drive, self.drive)]
         number = np.floor((self.time - begin + 1e-9) / length)
         other = np.diff(self.drive) != 0
@@ -115,14 +142,22 @@ class Steps:
 
 
 def windows_of(
-    drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
+    drives: Drives,
+    geometry: RobotGeometry,
+    clock: float,
+    shift: float = 0.0,
+    turn_gain: float = 1.0,
 ) -> Window:
-    """Motion of drives in windows, with wheels read `shift` [s] later than by the clock offset `clock` [s].
+    """Motion of drives in windows, with wheels read `shift` [s] later than by the clock offset
+    `clock` [s].
 
-    If no drive has headings, distances are chord lengths of arcs that turn by `turn_gain` times the wheels' turn.
+    If no drive has headings, distances are chord lengths of arcs that turn by `turn_gain` times the
+    wheels' turn.
     """
     steps = Steps.of(drives, geometry, clock, shift)
-    length = np.maximum(WINDOW, 2 * np.array([drive.interval for drive in drives.drives]))[steps.drive]
+    length = np.maximum(WINDOW, 2 * np.array([drive.interval for drive in drives.drives]))[
+        steps.drive
+    ]
     ends = steps.ends(length)
     if len(ends) < 2:
         none = np.zeros(0)
@@ -133,26 +168,42 @@ def windows_of(
     good = ~np.logical_or.reduceat(lost, ends[:-1])[whole]
     good &= steps.time[end] - steps.time[begin] > 0.49 * length[end]
     block = drives.blocks(WINDOW)[steps.rows[(begin + end) // 2]]
-    distance, turn = steps.distance[end] - steps.distance[begin], steps.turn[end] - steps.turn[begin]
+    distance, turn = (
+        steps.distance[end] - steps.distance[begin],
+        steps.turn[end] - steps.turn[begin],
+    )
     chord = steps.place[end] - steps.place[begin]
     good &= ~(np.abs(chord) > _longest(chord, distance, geometry.half_gauge * turn))
     if drives.known[1].any():
         turned = steps.heading[end] - steps.heading[begin]
         moved = np.add.reduceat(steps.moved, ends[:-1])[whole]
     else:
-        moving = good & (np.abs(chord) > 0.3 * rms(chord[good])) & (np.abs(distance) > 0.3 * rms(distance))
-        along = np.where(distance < 0, -chord, chord)  # a robot that reverses moves against its heading
+        moving = (
+            good
+            & (np.abs(chord) > 0.3 * rms(chord[good]))
+            & (np.abs(distance) > 0.3 * rms(distance))
+        )
+        # a robot that reverses moves against its heading
+        along = np.where(distance < 0, -chord, chord)
         turned = np.append(np.angle(along[1:] * np.conj(along[:-1])), np.nan)
         turned[~(moving & np.append(moving[1:] & (begin[1:] == end[:-1]), False))] = np.nan
         direction = (steps.moment[end] - steps.moment[begin]) / np.where(moving, distance, 1.0)
-        distance, moved = np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))), np.abs(chord) + 0j
+        distance, moved = (
+            np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))),
+            np.abs(chord) + 0j,
+        )
         turn = np.append(np.diff(direction), 0.0)
-        turned[np.abs(turn) > 2.0] = np.nan  # chords are ambiguous for turns by half a circle or more
-    return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
+        # chords are ambiguous for turns by half a circle or more
+        turned[np.abs(turn) > 2.0] = np.nan
+    return Window(
+        distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block
+    )
 
 
 def _longest(chord: np.ndarray, distance: Array, aside: Array) -> float:
-    """Largest plausible length of chords (n,) [m], given the wheels' `distance` (n,) and motion `aside` (n,) [m]."""
+    """Largest plausible length of chords (n,) [m], given the wheels' `distance` (n,) and motion
+    `aside` (n,) [m].
+    """
     moving = np.isfinite(chord) & (np.abs(distance) > 0.3 * rms(distance))
     usual = np.median(np.abs(chord[moving] / distance[moving])) if moving.any() else 0.0
     return float(3 * usual * (np.abs(distance) + np.abs(aside)).max(initial=0.0)) or np.inf
@@ -163,13 +214,23 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     headed = [drive for drive in drives.drives if drive.has_heading]
     if 0 < len(headed) < len(drives.drives):
         drives = Drives.of(headed)
-    before, window, after = (windows_of(drives, geometry, clock, shift) for shift in (-GRID, 0.0, GRID))
-    late = np.column_stack([after.distance - before.distance, after.turn - before.turn]) / (2 * GRID)
+    before, window, after = (
+        windows_of(drives, geometry, clock, shift) for shift in (-GRID, 0.0, GRID)
+    )
+    late = np.column_stack([after.distance - before.distance, after.turn - before.turn]) / (
+        2 * GRID
+    )
     turn = speed = None
     heading, arm = 0.0, 0j
     known = np.isfinite(window.turned) & np.isfinite(late[:, 1])
     if _tells(window.turn[known], 0.1) and window.turned[known].any():
-        fit = _regression(np.column_stack([window.turn, late[:, 1]]), window.turned, window, known, (0.0, GRID**-2))
+        fit = _regression(
+            np.column_stack([window.turn, late[:, 1]]),
+            window.turned,
+            window,
+            known,
+            (0.0, GRID**-2),
+        )
         turn = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
     if not headed:
         window = windows_of(drives, geometry, clock, turn_gain=turn.value if turn else 1.0)
@@ -192,7 +253,9 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
 
 
 def _tells(values: Array, least: float) -> bool:
-    """True if there are more than two values (n,) and their absolute values sum to more than `least`."""
+    """True if there are more than two values (n,) and their absolute values sum to more than
+    `least`.
+    """
     return len(values) > 2 and np.abs(values).sum() > least
 
 
@@ -211,14 +274,18 @@ class _Regression(NamedTuple):
 def _regression(
     columns: Array, values: np.ndarray, window: Window, rows: np.ndarray, prior: Sequence[float]
 ) -> _Regression:
-    """Regress values (n,) on columns (n, k) with Huber's loss, over the windows selected by `rows` (n,).
+    """Regress values (n,) on columns (n, k) with Huber's loss, over the windows selected by `rows`
+    (n,).
 
-    Complex values have complex coefficients. `prior` (k,) has the precisions of the coefficients' priors around 0.
+    Complex values have complex coefficients. `prior` (k,) has the precisions of the coefficients'
+    priors around 0.
     """
     columns, values = columns[rows], values[rows]
     weight, scale = np.ones(len(values)), 0.0
     for _ in range(20):  # enough for the weights to converge
-        normal = columns.T @ (weight[:, None] * columns) + np.diag(np.multiply(prior, scale**2) + 1e-12)
+        normal = columns.T @ (weight[:, None] * columns) + np.diag(
+            np.multiply(prior, scale**2) + 1e-12
+        )
         fit = np.linalg.solve(normal, columns.T @ (weight * values))
         size = np.abs(values - columns @ fit)
         scale = max(1.4826 * float(np.median(size)), 1e-9)
@@ -236,6 +303,8 @@ def _regression(
 
 
 def _gain(value: float, without: Array, quantile: float) -> Gain:
-    """A gain with its interval, from the values (G,) without each block of driving and Student's t."""
+    """A gain with its interval, from the values (G,) without each block of driving and Student's
+    t.
+    """
     half = float(quantile * np.sqrt(cr3(without[:, None] - value)[0, 0]))
     return Gain(float(value), float(value) - half, float(value) + half)

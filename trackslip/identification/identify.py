@@ -38,18 +38,21 @@ def identify(
     """Identify slip laws from steady runs or from any driving.
 
     Args:
-        source: a results folder, a `.parquet` or `.csv` file of traces or steady samples, a ROS 1 or ROS 2 bag, a
-            folder of bags, or runs in memory.
+        source: a results folder, a `.parquet` or `.csv` file of traces or steady samples, a ROS 1
+            or ROS 2 bag, a folder of bags, or runs in memory.
         geometry: the robot's geometry; needed if the log does not state it.
-        method: "steady" uses stretches of constant sprocket speeds, "drive" whole drives. The default is "steady" if
-            most of the driving is steady, otherwise "drive".
-        sensor: place and yaw, in the robot's frame, of the sensor that measured the poses, if known.
-        lag: whether to estimate the time by which the motion lags behind the belts; only from whole drives.
+        method: "steady" uses stretches of constant sprocket speeds, "drive" whole drives. The
+            default is "steady" if most of the driving is steady, otherwise "drive".
+        sensor: place and yaw, in the robot's frame, of the sensor that measured the poses, if
+            known.
+        lag: whether to estimate the time by which the motion lags behind the belts; only from whole
+            drives.
         gear, settle, motion, bag, multiplier: see `ReadOptions`.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
-        InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the geometry.
+        InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the
+            geometry.
     """
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
     reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, multiplier)
@@ -67,7 +70,9 @@ def identify_source(
     step: Callable[[float], None] = lambda _: None,
     lag: bool = False,
 ) -> Identification:
-    """Identify laws as `identify` does, from a source in memory; `step(1.0)` is called after each stage or law."""
+    """Identify laws as `identify` does, from a source in memory; `step(1.0)` is called after each
+    stage or law.
+    """
     require(method in (None, "steady", "drive"), "method", method, "steady or drive")
     if method == "drive" and not source.logs:
         raise LogError("holds steady samples, not traces: only method steady can be used")
@@ -89,18 +94,27 @@ def identify_source(
     try:
         return replace(steady, drive=of_drives(("none", REFERENCE))[0])
     except LogError as error:
-        return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
+        return replace(
+            steady,
+            warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"),
+        )
 
 
-def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:
-    """Fit laws to steady samples and compare them; raises LogError if the samples determine no law."""
+def identify_samples(
+    sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()
+) -> Identification:
+    """Fit laws to steady samples and compare them; raises LogError if the samples determine no
+    law.
+    """
     steady = compare_laws(sampling.samples.along_robot(geometry), geometry)
     warnings = (*sampling.notes, *map(str, sampling.refused), *steady.warnings)
     return Identification(geometry, "steady", steady, None, sampling.refused, warnings, logs)
 
 
 def _steady_runs(source: Source) -> bool:
-    """True if runs are mostly steady, with one stretch each as in the paper's grid, and at least four can be used."""
+    """True if runs are mostly steady, with one stretch each as in the paper's grid, and at least
+    four can be used.
+    """
     open_loop = [log for log in source.logs if "controller" not in log.metadata]
     if sum(map(turning_stretches, open_loop)) > len(source.logs):
         return False

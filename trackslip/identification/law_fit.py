@@ -1,4 +1,6 @@
-"""Fits of laws to drives in windows: window length, start values, intervals, and undetermined parameters."""
+"""Fits of laws to drives in windows: window length, start values, intervals, and undetermined
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -19,35 +21,43 @@ from trackslip.laws.families import FAMILIES, family
 from trackslip.se2 import Mounting
 
 _LENGTHS = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
-_COMPARED = (1.0, 5.0)  # prediction horizons that decide the window length and show how slip varies [s]
+# prediction horizons that decide the window length and show how slip varies [s]
+_COMPARED = (1.0, 5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveFit(FittedLaw):
     """A law fitted to whole drives."""
 
-    extras: dict[str, float]  # values of the parameters in `path.EXTRAS`, held or fitted, in m, s and rad
-    held: dict[str, str]  # the reason for each parameter that was held or that the driving doesn't determine
+    # values of the parameters in `path.EXTRAS`, held or fitted, in m, s and rad
+    extras: dict[str, float]
+    # the reason for each parameter that was held or that the driving doesn't determine
+    held: dict[str, str]
     noise: dict[str, float]
-    """Standard deviations. Poses: position [m], heading [rad]. Varying slip: slip_forward and slip_sideways [m/√m],
-    slip_turn [rad/√m]. With a gyro: gyro [rad/√s]."""
+    """Standard deviations. Poses: position [m], heading [rad]. Varying slip: slip_forward and
+    slip_sideways [m/√m], slip_turn [rad/√m]. With a gyro: gyro [rad/√s].
+    """
     poses: int  # number of poses used
     blocks: int  # number of blocks of driving, whose scatter determines the standard errors
     fit: WindowFit  # the complete fit
-    missed: Array  # (n, 3) prediction errors for `pairs`, from fits without each pair's own block [m, m, rad]
+    # (n, 3) prediction errors for `pairs`, from fits without each pair's own block [m, m, rad]
+    missed: Array
     pairs: Pairs  # pairs of poses for predictions
 
     @property
     def at_limit(self) -> tuple[str, ...]:
         """Names of law parameters at or very near a limit, except a lower limit of 0."""
         low, high, scale = self.fit.model.limits[:, : len(self.values)]
-        values, near = self.fit.values[: len(self.values)], 0.3 * scale  # a fit may stop before it reaches a limit
+        # a fit may stop before it reaches a limit
+        values, near = self.fit.values[: len(self.values)], 0.3 * scale
         bound = ((values < low + near) & (low != 0)) | (values > high - near)
         return tuple(name for name, at in zip(self.values, bound, strict=True) if at)
 
     @property
     def sits_aside(self) -> bool:
-        """True if the driving shows that the sensor is off-centre, or that the sides' ICRs differ with that effect."""
+        """True if the driving shows that the sensor is off-centre, or that the sides' ICRs differ
+        with that effect.
+        """
         low, high = self.interval95.get("sensor_y", (-np.inf, np.inf))
         matters = EXTRAS["sensor_y"].scale
         return low > matters or high < -matters
@@ -62,11 +72,13 @@ def fit_drives(
     start: Mapping[str, float] | None = None,
     lag: bool = False,
 ) -> DriveFit:
-    """Fit a law to whole drives prepared by `drives_of`; raises InvalidValueError for an unknown law.
+    """Fit a law to whole drives prepared by `drives_of`; raises InvalidValueError for an unknown
+    law.
 
-    A given `sensor` isn't estimated; the motion's lag behind the belts is estimated only with `lag`. `reference` is an
-    existing fit of REFERENCE to the same drives; without it, REFERENCE is fitted first, from the values by name in
-    `start` (by default gains and clock from regression). Without radius_error in `start`, the prior for it is narrow.
+    A given `sensor` isn't estimated; the motion's lag behind the belts is estimated only with
+    `lag`. `reference` is an existing fit of REFERENCE to the same drives; without it, REFERENCE is
+    fitted first, from the values by name in `start` (by default gains and clock from regression).
+    Without radius_error in `start`, the prior for it is narrow.
     """
     if reference is None:
         reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
@@ -74,21 +86,32 @@ def fit_drives(
         return reference
     first = reference.fit
     model = replace(first.model, family=family(name))
-    values = np.concatenate([_law_start(name, geometry, reference.values), [*reference.extras.values()]])
+    values = np.concatenate(
+        [_law_start(name, geometry, reference.values), [*reference.extras.values()]]
+    )
     held, mean = held_parameters(model, first.drives, sensor, lag), _means(model, sensor)
     if "offset_left" in model.names and not reference.sits_aside:
         values[model.index("sensor_y")] = mean[model.index("sensor_y")]
-    return _described(fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs)
+    return _described(
+        fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs
+    )
 
 
 def _reference(
-    drives: Drives, geometry: RobotGeometry, sensor: Mounting | None, start: Mapping[str, float] | None, lag: bool
+    drives: Drives,
+    geometry: RobotGeometry,
+    sensor: Mounting | None,
+    start: Mapping[str, float] | None,
+    lag: bool,
 ) -> DriveFit:
-    """Fit REFERENCE with the longest windows that predict as well as shorter windows and leave enough blocks."""
+    """Fit REFERENCE with the longest windows that predict as well as shorter windows and leave
+    enough blocks.
+    """
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # a machined radius, if unobservable
+    # a machined radius, if unobservable
+    prior = DriveModel.radius_prior if "radius_error" in start else 0.02
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()
@@ -96,7 +119,8 @@ def _reference(
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
     starts = values[None]
-    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):  # front and rear may look alike: try both
+    # front and rear may look alike: try both
+    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):
         starts = np.tile(values, (2, 1))
         starts[:, model.index("sensor_x")] = geometry.half_gauge, -geometry.half_gauge
     pairs = Pairs.of(drives, geometry)
@@ -112,20 +136,36 @@ def _reference(
 
 
 def _lengths(drives: Drives) -> list[float]:
-    """Window lengths [s], longest first, that fit into the drives and leave enough blocks for confidence intervals."""
+    """Window lengths [s], longest first, that fit into the drives and leave enough blocks for
+    confidence intervals.
+    """
     longest = max(float(drive.time[-1] - drive.time[0]) for drive in drives.drives)
     blocks = [int(drives.blocks(2 * length)[-1]) + 1 for length in _LENGTHS]
     least = min(FEWEST_BLOCKS, blocks[-1])
-    lengths = [length for length, count in zip(_LENGTHS, blocks, strict=True) if length <= longest and count >= least]
+    lengths = [
+        length
+        for length, count in zip(_LENGTHS, blocks, strict=True)
+        if length <= longest and count >= least
+    ]
     return lengths or [_LENGTHS[-1]]
 
 
 def _size(fit: DriveFit) -> float:
-    """Geometric mean of a fit's mean errors in position and heading at the compared horizons; 0 without errors."""
+    """Geometric mean of a fit's mean errors in position and heading at the compared horizons; 0
+    without errors.
+    """
     size, horizon = sizes(fit.missed), fit.pairs.horizon
     ahead = set(horizon) & set(_COMPARED) or set(horizon)
-    columns = [column[np.isfinite(column)] for h in sorted(ahead) for column in size[horizon == h].T]
-    return float(np.exp(np.mean([np.log(column.mean() + 1e-12) for column in columns if len(column)] or [-np.inf])))
+    columns = [
+        column[np.isfinite(column)] for h in sorted(ahead) for column in size[horizon == h].T
+    ]
+    return float(
+        np.exp(
+            np.mean(
+                [np.log(column.mean() + 1e-12) for column in columns if len(column)] or [-np.inf]
+            )
+        )
+    )
 
 
 def held_parameters(
@@ -136,8 +176,12 @@ def held_parameters(
     if not drives.known[1].any():
         held["sensor_yaw"] = "no headings were measured"
     if not drives.known[0].any():
-        lengths = [name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))]
-        held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured")
+        lengths = [
+            name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))
+        ]
+        held |= dict.fromkeys(
+            ("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured"
+        )
     if np.diff(drives.first).max() <= 2:
         ends = ("sensor_x", "sensor_y", "drift", "clock_offset")
         held |= dict.fromkeys(ends, "poses at both ends of runs don't determine it")
@@ -146,7 +190,8 @@ def held_parameters(
     if "offset_left" in model.names:
         held["sensor_y"] = "an offset of the sensor and unequal ICRs can't be told apart"
     if sensor is not None:
-        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # sensor_x, from the turning centre, is fitted
+        # sensor_x, from the turning centre, is fitted
+        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")
     return held
 
 
@@ -154,38 +199,55 @@ def _means(model: DriveModel, sensor: Mounting | None) -> Array:
     """Prior means (p,) of the parameters."""
     mean = np.zeros(len(model.names))
     if sensor is not None:
-        mean[[model.index(f"sensor_{key}") for key in ("x", "y", "yaw")]] = sensor.x, sensor.y, sensor.yaw
+        mean[[model.index(f"sensor_{key}") for key in ("x", "y", "yaw")]] = (
+            sensor.x,
+            sensor.y,
+            sensor.yaw,
+        )
     return mean
 
 
 def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float]) -> list[float]:
     """Start values with which a law predicts nearly the same motion as the reference law."""
-    starts = zip(FAMILIES[name].names, FAMILIES[name].starts(geometry.half_gauge)[0].tolist(), strict=True)
-    return [reference.get(key.removesuffix("_left").removesuffix("_right"), value) for key, value in starts]
+    starts = zip(
+        FAMILIES[name].names, FAMILIES[name].starts(geometry.half_gauge)[0].tolist(), strict=True
+    )
+    return [
+        reference.get(key.removesuffix("_left").removesuffix("_right"), value)
+        for key, value in starts
+    ]
 
 
 def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:
     """Make a DriveFit from a fit in windows: the law's values, intervals and prediction errors."""
     model, covariance = fit.model, fit.covariance
     names = [model.names[k] for k in fit.free]
-    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # standard errors above half the prior's
+    # standard errors above half the prior's
+    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)
     unknown = [name for name, is_vague in zip(names, vague, strict=True) if is_vague]
     values = dict(zip(model.names, fit.values.tolist(), strict=True))
     parameters = {name: values.pop(name) for name in model.family.names}
     missed = pairs.held_out_errors(fit)
     position, heading, turn = fit.spread.tolist()
-    noise = {"position": position, "heading": heading, **slip_noise(missed, pairs, fit.spread, _COMPARED)}
+    noise = {
+        "position": position,
+        "heading": heading,
+        **slip_noise(missed, pairs, fit.spread, _COMPARED),
+    }
     return DriveFit(
         name=next(name for name, family in FAMILIES.items() if family is model.family),
         law=model.family.build(parameters, model.geometry),
         values=parameters,
         extras=values,
         held={**held, **dict.fromkeys(unknown, "the driving doesn't determine it")},
-        noise=noise | ({"gyro": turn / np.sqrt(fit.drives.drives[0].interval)} if model.gyro else {}),
+        noise=noise
+        | ({"gyro": turn / np.sqrt(fit.drives.drives[0].interval)} if model.gyro else {}),
         poses=int(fit.drives.known.any(axis=0).sum()),
         blocks=len(fit.score),
         fit=fit,
         missed=missed,
         pairs=pairs,
-        **uncertainty(names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free]),
+        **uncertainty(
+            names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free]
+        ),
     )

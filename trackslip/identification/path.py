@@ -1,8 +1,10 @@
-"""The drive model: a law, and how the sensor's mounting, its clock and the robot's lag affect the poses.
+"""The drive model: a law, and how the sensor's mounting, its clock and the robot's lag affect the
+poses.
 
-The model's parameters are those of the law, followed by EXTRAS. The turning centre may lie ahead of the middle of the
-tracks; sensor_x is the sensor's distance ahead of the turning centre. A drift c causes a lateral speed of -c v w.
-Encoder readings stamped t + clock_offset belong to poses stamped t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
+The model's parameters are those of the law, followed by EXTRAS. The turning centre may lie ahead of
+the middle of the tracks; sensor_x is the sensor's distance ahead of the turning centre. A drift c
+causes a lateral speed of -c v w. Encoder readings stamped t + clock_offset belong to poses stamped
+t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
 """
 
 from __future__ import annotations
@@ -49,7 +51,8 @@ class DriveModel:
 
     family: LawFamily
     geometry: RobotGeometry
-    gyro: bool = False  # true for drives with a gyro; otherwise the model is without the GYRO parameters
+    # true for drives with a gyro; otherwise the model is without the GYRO parameters
+    gyro: bool = False
     radius_prior: float = 0.1  # prior standard deviation of the sprockets' radius errors [-]
 
     @property
@@ -74,14 +77,18 @@ class DriveModel:
 
     @property
     def prior(self) -> Array:
-        """Prior standard deviations (p,); those of law parameters are too wide to matter with informative data."""
+        """Prior standard deviations (p,); those of law parameters are too wide to matter with
+        informative data.
+        """
         scale, b = self.family.limits(self.geometry.half_gauge)[2], self.geometry.half_gauge
         extras = [extra.prior * (b if extra.unit == "m" else 1.0) for extra in self.extras.values()]
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 
     def path(self, values: Array, drives: Drives, free: np.ndarray) -> Path:
-        """The sensor's path at the pose times for `values` (p,), with derivatives by the parameters `free` (f,)."""
+        """The sensor's path at the pose times for `values` (p,), with derivatives by the parameters
+        `free` (f,).
+        """
         law = len(self.family.names)
         extra = dict(zip(self.extras, values[law:], strict=True))
         moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
@@ -90,7 +97,10 @@ class DriveModel:
         path = path_at(drives.edges, motion, slope, time, drives.intervals(time))
         ahead = np.exp(1j * path.heading)
         arm = (extra["sensor_x"] + 1j * extra["sensor_y"]) * ahead
-        place_slope, heading_slope = np.zeros((len(free), len(time)), complex), np.zeros((len(free), len(time)))
+        place_slope, heading_slope = (
+            np.zeros((len(free), len(time)), complex),
+            np.zeros((len(free), len(time))),
+        )
         place_slope[moving], heading_slope[moving] = path.place_slope, path.heading_slope
         clock = free == self.index("clock_offset")
         place_slope[clock], heading_slope[clock] = path.velocity, path.yaw_rate
@@ -101,8 +111,12 @@ class DriveModel:
         place, heading = path.place + arm, path.heading + extra["sensor_yaw"]
         return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
 
-    def gyro_turns(self, values: Array, drives: Drives, free: np.ndarray) -> tuple[Array, Array, Array]:
-        """Bias-free gyro turns (K,) up to each pose [rad], derivatives (f, K), and durations of readings (K,) [s]."""
+    def gyro_turns(
+        self, values: Array, drives: Drives, free: np.ndarray
+    ) -> tuple[Array, Array, Array]:
+        """Bias-free gyro turns (K,) up to each pose [rad], derivatives (f, K), and durations of
+        readings (K,) [s].
+        """
         assert drives.gyro is not None
         time = drives.time + values[self.index("clock_offset")]
         turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
@@ -113,24 +127,34 @@ class DriveModel:
     def _motion(
         self, values: Array, extra: Mapping[str, float], drives: Drives, free: np.ndarray
     ) -> tuple[Array, Array]:
-        """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
+        """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters
+        `free` (f,).
+        """
         lag, drift, of_law = extra["lag"], extra["drift"], free[free < len(values)]
-        belts = np.moveaxis(self.family.law(values, self.geometry).twist(drives.omega, self.geometry), -1, 0)
+        belts = np.moveaxis(
+            self.family.law(values, self.geometry).twist(drives.omega, self.geometry), -1, 0
+        )
         v, w = motion = _lagging(belts, drives, lag)
         slope = np.zeros((3, len(free), len(drives.omega)))
         if len(of_law):
             by_law = self.family.twist_slopes(values[None], drives.omega, self.geometry)[0]
-            slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), drives, lag)
+            slope[::2, free < len(values)] = _lagging(
+                np.moveaxis(by_law[..., of_law], 0, -1), drives, lag
+            )
         if (at_lag := free == self.index("lag")).any():
             change = 1e-3  # [s], small relative to any noticeable lag
-            slope[::2, at_lag] = ((_lagging(belts, drives, lag + change) - motion) / change)[:, None]
+            slope[::2, at_lag] = ((_lagging(belts, drives, lag + change) - motion) / change)[
+                :, None
+            ]
         slope[1] = -drift * (v * slope[2] + w * slope[0])
         slope[1, free == self.index("drift")] = -v * w
         return np.stack([v, -drift * v * w, w]), slope
 
 
 def _lagging(values: Array, drives: Drives, lag: float) -> Array:
-    """Apply a first-order lag [s] to interval means (..., M); each drive starts in a settled state."""
+    """Apply a first-order lag [s] to interval means (..., M); each drive starts in a settled
+    state.
+    """
     if lag <= 0:
         return values
     step, begins = np.diff(drives.edges), drives.begins
@@ -139,7 +163,9 @@ def _lagging(values: Array, drives: Drives, lag: float) -> Array:
     driven[..., begins] += kept[begins] * values[..., begins]
     bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
     bands[1, begins[1:] - 1] = 0.0
-    ends = scipy.linalg.solve_banded((1, 0), bands, driven.reshape(-1, len(step)).T).T.reshape(driven.shape)
+    ends = scipy.linalg.solve_banded((1, 0), bands, driven.reshape(-1, len(step)).T).T.reshape(
+        driven.shape
+    )
     before = np.roll(ends, 1, axis=-1)
     before[..., begins] = values[..., begins]
     return values + (before - values) * ((lag / step) * (1 - kept))
@@ -158,10 +184,12 @@ class Path:
 
 
 def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
-    """Path of a robot from the origin, at times `time` (K,), with motion at constant twists between `edges` (M + 1,).
+    """Path of a robot from the origin, at times `time` (K,), with motion at constant twists between
+    `edges` (M + 1,).
 
-    `motion` (3, M) has forward speeds, speeds to the left and yaw rates; `slope` (3, f, M) has the derivatives. `row`
-    (K,) is the interval that contains each time, or the interval whose motion continues up to that time.
+    `motion` (3, M) has forward speeds, speeds to the left and yaw rates; `slope` (3, f, M) has the
+    derivatives. `row` (K,) is the interval that contains each time, or the interval whose motion
+    continues up to that time.
     """
     step = np.diff(edges)
     turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
@@ -183,9 +211,11 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
 def _displaced(
     motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World displacements (M,) for motions (3, M) that last `step` (M,) from headings (M,), and derivatives (f, M).
+    """World displacements (M,) for motions (3, M) that last `step` (M,) from headings (M,), and
+    derivatives (f, M).
 
-    An arc's chord points along the mean heading. It is sin(t/2) / (t/2) times as long as the arc, where t is the turn.
+    An arc's chord points along the mean heading. It is sin(t/2) / (t/2) times as long as the arc,
+    where t is the turn.
     """
     turn = motion[2] * step
     chord = np.sinc(turn / (2 * np.pi))

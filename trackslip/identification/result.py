@@ -24,7 +24,8 @@ from trackslip.logs.runlog import Refused, RunLog
 
 Method = Literal["steady", "drive"]
 """How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
-_VAGUE = 0.5  # largest half-width of a useful interval for a multiplier, which is 1 to 2 for tracks [-]
+# largest half-width of a useful interval for a multiplier, which is 1 to 2 for tracks [-]
+_VAGUE = 0.5
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,9 @@ class Identification:
     warnings: tuple[str, ...]
     """Remarks on runs and fits, one line each."""
     logs: tuple[RunLog, ...] = ()
-    """The runs from which the laws were identified; empty if the log has samples instead of traces."""
+    """The runs from which the laws were identified; empty if the log has samples instead of
+    traces.
+    """
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -63,36 +66,58 @@ class Identification:
         """Return an alarm if odometry with an unknown multiplier was used in place of encoders."""
         for log in self.logs:
             bag = log.metadata.get("bag")
-            if isinstance(bag, Mapping) and bag.get("odometry") and "multiplier" not in log.metadata:
+            if (
+                isinstance(bag, Mapping)
+                and bag.get("odometry")
+                and "multiplier" not in log.metadata
+            ):
                 times = self.answer.get("wheel_separation_multiplier")
                 then = f"; the answer is then current × {times.value:.2f}" if times else ""
                 line = (
-                    f"odometry {bag.get('encoders')} was computed with a wheel_separation_multiplier that the log does "
+                    f"odometry {bag.get('encoders')} was computed with a "
+                    "wheel_separation_multiplier that the log does "
                     f"not state: give --multiplier (1 if it had none){then}"
                 )
                 return [Alarm("multiplier", line)]
         return []
 
     def _contradiction(self) -> list[Alarm]:
-        """Return an alarm if values from steady stretches and whole drives differ and intervals don't overlap."""
-        both = [by.laws[REFERENCE] for by in (self.steady, self.drive) if by is not None and REFERENCE in by.laws]
+        """Return an alarm if values from steady stretches and whole drives differ and intervals
+        don't overlap.
+        """
+        both = [
+            by.laws[REFERENCE]
+            for by in (self.steady, self.drive)
+            if by is not None and REFERENCE in by.laws
+        ]
         if len(both) < 2:
             return []
         (steady, drive), apart = both, []
-        for name, change in zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True):
-            lows, highs = zip(*(fit.interval95.get(name, (-np.inf, np.inf)) for fit in both), strict=True)
-            if max(lows) > min(highs) and abs(steady.values[name] - drive.values[name]) > 0.1 * change:
+        for name, change in zip(
+            drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True
+        ):
+            lows, highs = zip(
+                *(fit.interval95.get(name, (-np.inf, np.inf)) for fit in both), strict=True
+            )
+            if (
+                max(lows) > min(highs)
+                and abs(steady.values[name] - drive.values[name]) > 0.1 * change
+            ):
                 apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
         contradict = f"steady stretches and whole drives contradict each other ({', '.join(apart)})"
-        return [Alarm("contradiction", f"{contradict}: look at both in the report")] if apart else []
+        return (
+            [Alarm("contradiction", f"{contradict}: look at both in the report")] if apart else []
+        )
 
     @property
     def answer(self) -> dict[str, Gain]:
-        """The main values, with 95 % intervals: multipliers for a differential drive's odometry, D [m] and ε.
+        """The main values, with 95 % intervals: multipliers for a differential drive's odometry, D
+        [m] and ε.
 
-        The keys are `wheel_separation_multiplier`, `left_wheel_radius_multiplier`, `right_wheel_radius_multiplier`,
-        `offset` and `radius_error`. The values come from the best law that odometry can express. An interval's ends are
-        NaN if the parameter isn't part of the law or there is too little driving.
+        The keys are `wheel_separation_multiplier`, `left_wheel_radius_multiplier`,
+        `right_wheel_radius_multiplier`, `offset` and `radius_error`. The values come from the best
+        law that odometry can express. An interval's ends are NaN if the parameter isn't part of the
+        law or there is too little driving.
         """
         if self.expressible is None:
             return {}
@@ -101,7 +126,10 @@ class Identification:
         radii = {side: _mean(fit, "radius_error", side) for side in ("left", "right")}
         return {
             "wheel_separation_multiplier": Gain(*(1 + end / b for end in offset)),
-            **{f"{side}_wheel_radius_multiplier": Gain(*(1 + end for end in error)) for side, error in radii.items()},
+            **{
+                f"{side}_wheel_radius_multiplier": Gain(*(1 + end for end in error))
+                for side, error in radii.items()
+            },
             "offset": offset,
             "radius_error": _mean(fit, "radius_error"),
         }
@@ -115,7 +143,9 @@ class Identification:
     def comparison(self) -> SteadyComparison:
         """The fits to steady samples; raises TrackslipError if there are none."""
         if self.steady is None:
-            raise TrackslipError("the laws were identified from whole drives: there are no steady samples")
+            raise TrackslipError(
+                "the laws were identified from whole drives: there are no steady samples"
+            )
         return self.steady
 
     @property
@@ -125,7 +155,9 @@ class Identification:
 
     @property
     def best(self) -> str:
-        """Name of the law that predicts motion best or, among laws that predict it equally well, the simplest."""
+        """Name of the law that predicts motion best or, among laws that predict it equally well,
+        the simplest.
+        """
         return self.main.best
 
     @property
@@ -140,11 +172,14 @@ class Identification:
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
-        """95 % intervals of all fitted parameters, by law and parameter, in the parameters' units."""
+        """95 % intervals of all fitted parameters, by law and parameter, in the parameters'
+        units.
+        """
         return {name: fit.interval95 for name, fit in self.main.laws.items()}
 
     def report(self, path: str | Path) -> Path:
-        """Write the report, a self-contained HTML page, to a file or to `report.html` in a folder; returns its path.
+        """Write the report, a self-contained HTML page, to a file or to `report.html` in a folder;
+        returns its path.
 
         Raises:
             TrackslipError: if no installed package renders reports.
@@ -154,7 +189,10 @@ class Identification:
         file = file / "report.html" if file.is_dir() else file
         renderers = tuple(entry_points(group="trackslip.reports", name="identification"))
         if not renderers:
-            raise TrackslipError("report: no package with an entry point in the group 'trackslip.reports' is installed")
+            raise TrackslipError(
+                "report: no package with an entry point in the group 'trackslip.reports' is "
+                "installed"
+            )
         html: str = renderers[0].load()(self)
         try:
             file.write_text(html, encoding="utf-8")
@@ -164,12 +202,17 @@ class Identification:
 
     def __repr__(self) -> str:
         drive = self.drive if self.method == "drive" else None
-        source = counted(len(drive.look.drives), "drive") if drive else counted(len(self.samples), "steady sample")
+        source = (
+            counted(len(drive.look.drives), "drive")
+            if drive
+            else counted(len(self.samples), "steady sample")
+        )
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
         lines = [f"Slip laws from {source} ({size}); best: {self.best}"]
         lines += [f"ALARM: {alarm.line}" for alarm in self.alarms]
         lines += [
-            f"{name:<28}  {gain.value:.5f} ({gain.low:.5f} to {gain.high:.5f})" for name, gain in self.answer.items()
+            f"{name:<28}  {gain.value:.5f} ({gain.low:.5f} to {gain.high:.5f})"
+            for name, gain in self.answer.items()
         ]
         if self.warnings:
             lines.append(f"{counted(len(self.warnings), 'warning')}, see .warnings")
@@ -177,7 +220,8 @@ class Identification:
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
-    """A parameter, or its mean over both sides, with a 95 % interval; 0 if the law has no such parameter.
+    """A parameter, or its mean over both sides, with a 95 % interval; 0 if the law has no such
+    parameter.
 
     The interval's ends are NaN if the parameter was not fitted.
     """
@@ -187,13 +231,16 @@ def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
     if not fitted:
         return Gain(value, np.nan, np.nan)
     rows = [list(fit.stderr).index(name) for name in fitted]
-    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]  # limits cut one end
+    # limits cut one end
+    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]
     wide = float(np.sqrt(half @ fit.correlation[np.ix_(rows, rows)] @ half)) / len(names)
     return Gain(value, value - wide, value + wide)
 
 
 def identification_to_json(result: Identification) -> dict[str, Any]:
-    """The content of summary.json: laws in the form that `load_laws` reads, their details, predictions and outliers."""
+    """The content of summary.json: laws in the form that `load_laws` reads, their details,
+    predictions and outliers.
+    """
     steady, drive = result.steady, result.drive
     stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values}
     content: dict[str, Any] = laws_content(stored, result.geometry) | {
@@ -206,7 +253,9 @@ def identification_to_json(result: Identification) -> dict[str, Any]:
         content["samples"] = len(steady.samples)
         content["laws"] = {name: _content(law) for name, law in steady.laws.items()}
         for name, errors in steady.validation.items():
-            content["laws"][name] |= {f"cv_{key}": error for key, error in vars(errors).items()} if errors else {}
+            content["laws"][name] |= (
+                {f"cv_{key}": error for key, error in vars(errors).items()} if errors else {}
+            )
     if drive is not None:
         content["drive"] = {
             "best": drive.best,
@@ -228,7 +277,9 @@ def identification_to_json(result: Identification) -> dict[str, Any]:
 
 
 def _stored(law: FittedLaw) -> dict[str, Any]:
-    """A law in the form that `load_laws` reads; standard errors are None for values that were held."""
+    """A law in the form that `load_laws` reads; standard errors are None for values that were
+    held.
+    """
     errors = {name: law.stderr.get(name) for name in law.values}
     return {"values": law.values, "stderr": errors, "interval95": law.interval95}
 
@@ -236,5 +287,7 @@ def _stored(law: FittedLaw) -> dict[str, Any]:
 def _content(law: FittedLaw) -> dict[str, Any]:
     """The fields of a fit that summary.json contains."""
     unstored = ("name", "law", "fit", "missed", "pairs")
-    content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
+    content = {
+        field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored
+    }
     return content | {"correlation": law.correlation.tolist()}

@@ -1,4 +1,6 @@
-"""Steady slip samples: mean slip in stretches with constant sprocket speeds, from measured or true motion."""
+"""Steady slip samples: mean slip in stretches with constant sprocket speeds, from measured or true
+motion.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
-from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip, track_speeds
+from trackslip.kinematics import (
+    Array,
+    RobotGeometry,
+    body_twist,
+    curvature,
+    track_slip,
+    track_speeds,
+)
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.arc import arc, bundle
 from trackslip.motion.steady import (
@@ -26,7 +35,8 @@ from trackslip.motion.steady_twist import MotionMethod, paper
 MOTION_METHODS: dict[str, MotionMethod] = {"paper": paper, "arc": arc, "bundle": bundle}
 """Methods that estimate the twist of a steady run, from the paper's own to the most accurate."""
 _REPEATED = 0.01  # largest angle between a command and its repeats (test_steady) [rad]
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # plausible ratios to the sprockets' speed and yaw rate (test_steady)
+# plausible ratios to the sprockets' speed and yaw rate (test_steady)
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])
 
 
 @dataclass(frozen=True)
@@ -38,8 +48,10 @@ class SlipSamples:
     slip: Array  # (n, 2) slip of the left and right track [-]
     run: tuple[str, ...]  # (n,) names
     covariance: Array | None = None  # (n, 2, 2) error covariances of the twists, if known
-    lateral: Array | None = None  # (n,) speed to the left of the measured heading, if measured [m/s]
-    load: Array | None = None  # (n, 2) mean tractions per unit load, forwards and to the left, if known [-]
+    # (n,) speed to the left of the measured heading, if measured [m/s]
+    lateral: Array | None = None
+    # (n, 2) mean tractions per unit load, forwards and to the left, if known [-]
+    load: Array | None = None
 
     def __len__(self) -> int:
         return len(self.run)
@@ -66,20 +78,29 @@ class SlipSamples:
         lateral: Array | None = None,
         load: Array | None = None,
     ) -> SlipSamples:
-        """Make samples from steady sprocket speeds, twists (n, 2) and any other known fields; Eqs. 2-3.
+        """Make samples from steady sprocket speeds, twists (n, 2) and any other known fields; Eqs.
+        2-3.
 
-        Slip is undefined (NaN) for a track whose sprocket hardly turns. Raises LogError if both sprockets stand still
-        or the motion is implausible.
+        Slip is undefined (NaN) for a track whose sprocket hardly turns. Raises LogError if both
+        sprockets stand still or the motion is implausible.
         """
         size = np.abs(omega)
-        slip = np.where(size < 0.02 * size.max(axis=1, keepdims=True), np.nan, track_slip(omega, twist, geometry))
+        slip = np.where(
+            size < 0.02 * size.max(axis=1, keepdims=True),
+            np.nan,
+            track_slip(omega, twist, geometry),
+        )
         samples = cls(omega, twist, slip, tuple(run), covariance, lateral, load)
         _require_plausible(samples, geometry)
         return samples
 
     def arrays(self) -> dict[str, Array]:
         """The known fields except `run`, by name."""
-        return {name: values for name, values in vars(self).items() if name != "run" and values is not None}
+        return {
+            name: values
+            for name, values in vars(self).items()
+            if name != "run" and values is not None
+        }
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
@@ -87,12 +108,16 @@ class SlipSamples:
         arrays = [part.arrays() for part in parts]
         names = set.intersection(*map(set, arrays))
         run = tuple(name for part in parts for name in part.run)
-        return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
+        return cls(
+            run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names}
+        )
 
     def along_robot(self, geometry: RobotGeometry) -> SlipSamples:
-        """Correct speeds for the sensor's yaw, if this is above 0.02 rad and significant, to be along the robot.
+        """Correct speeds for the sensor's yaw, if this is above 0.02 rad and significant, to be
+        along the robot.
 
-        A sensor X ahead moves to the left at X w; a further leftward speed, proportional to v, comes from its yaw.
+        A sensor X ahead moves to the left at X w; a further leftward speed, proportional to v,
+        comes from its yaw.
         """
         if self.lateral is None or not np.isfinite(self.lateral).all() or len(self) < 4:
             return self
@@ -103,20 +128,28 @@ class SlipSamples:
             return self
         moved = (self.twist[:, 0] + 1j * self.lateral) * np.exp(-1j * np.arctan(left))
         twist = np.column_stack([moved.real, self.twist[:, 1]])
-        return SlipSamples.of(self.omega, twist, geometry, self.run, self.covariance, moved.imag, self.load)
+        return SlipSamples.of(
+            self.omega, twist, geometry, self.run, self.covariance, moved.imag, self.load
+        )
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples in `rows`."""
         run = tuple(np.array(self.run, object)[rows])
-        return SlipSamples(run=run, **{name: values[rows] for name, values in self.arrays().items()})
+        return SlipSamples(
+            run=run, **{name: values[rows] for name, values in self.arrays().items()}
+        )
 
     def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Track speed errors (n, 2) of predicted twists (n, 2), relative to the belt speed of the faster sprocket."""
+        """Track speed errors (n, 2) of predicted twists (n, 2), relative to the belt speed of the
+        faster sprocket.
+        """
         missed = track_speeds(twist - self.twist, geometry.half_gauge)
         return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
 
     def by_command(self, geometry: RobotGeometry) -> np.ndarray:
-        """Ordered labels (n,), equal for runs with nearly the same ratio of sprocket speeds, hence path radius."""
+        """Ordered labels (n,), equal for runs with nearly the same ratio of sprocket speeds, hence
+        path radius.
+        """
         commanded = body_twist(self.omega, 0.0, geometry)
         angle = np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0])
         labels, label, first = np.zeros(len(angle), int), -1, -np.inf
@@ -128,7 +161,8 @@ class SlipSamples:
 
 
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
-    """Raise LogError for a run with a motion unlike its sprockets', as from wrong units, signs, sides or gears.
+    """Raise LogError for a run with a motion unlike its sprockets', as from wrong units, signs,
+    sides or gears.
 
     A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
     """
@@ -136,19 +170,28 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     commanded = body_twist(samples.omega, 0.0, geometry)
     along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
     size = length * np.abs(commanded)
-    covariance = 0.0 if samples.covariance is None else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
+    covariance = (
+        0.0
+        if samples.covariance is None
+        else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
+    )
     error = 4 * length * np.sqrt(covariance)  # beyond chance
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
     fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
-    plausible |= np.abs(along - size) <= 0.1 * fastest  # where the sprockets differ or the sensor is off-centre
+    # where the sprockets differ or the sensor is off-centre
+    plausible |= np.abs(along - size) <= 0.1 * fastest
     standing = np.asarray(~samples.omega.any(axis=1))
     for k in np.flatnonzero(standing | ~plausible.all(axis=1))[:1]:
         if standing[k]:
             raise LogError(f"run {samples.run[k]!r}: the sprockets stand still")
-        moves, says = (f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (samples.twist[k], commanded[k]))
+        moves, says = (
+            f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (samples.twist[k], commanded[k])
+        )
         raise LogError(
-            f"run {samples.run[k]!r}: it moves at {moves}, but its sprockets say {says}: check the units (rad/s, m/s), "
-            f"the gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and the signs"
+            f"run {samples.run[k]!r}: it moves at {moves}, but its sprockets say {says}: check "
+            "the units (rad/s, m/s), "
+            f"the gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and "
+            "the signs"
         )
 
 
@@ -163,7 +206,11 @@ class Sampling:
 
     @classmethod
     def of(
-        cls, usable: Sequence[SlipSamples], refused: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
+        cls,
+        usable: Sequence[SlipSamples],
+        refused: Sequence[Refused],
+        notes: Sequence[str] = (),
+        share: float = 1.0,
     ) -> Sampling:
         """Join the usable samples into a sampling; raises LogError if there are none."""
         if not usable:
@@ -179,13 +226,16 @@ def usable_samples(
     refused: Sequence[Refused] = (),
     longest: bool = False,
 ) -> Sampling:
-    """Samples from the steady stretches of all runs, and the reasons why some stretches yield no sample.
+    """Samples from the steady stretches of all runs, and the reasons why some stretches yield no
+    sample.
 
-    The first `settle` [s] of each stretch are left out. `refused` lists runs that were refused before. `method` is one
-    of MOTION_METHODS, by default the most accurate that each run allows. With `longest`, only the longest stretch of
-    each run is used; otherwise each stretch of a run yields a sample, which is named after the stretch's start time.
+    The first `settle` [s] of each stretch are left out. `refused` lists runs that were refused
+    before. `method` is one of MOTION_METHODS, by default the most accurate that each run allows.
+    With `longest`, only the longest stretch of each run is used; otherwise each stretch of a run
+    yields a sample, which is named after the stretch's start time.
 
-    Raises LogError if no run yields a sample, InvalidValueError for an invalid `settle` or `method`.
+    Raises LogError if no run yields a sample, InvalidValueError for an invalid `settle` or
+    `method`.
     """
     require_non_negative("settle", settle)
     if method is not None and method not in MOTION_METHODS:
@@ -203,17 +253,27 @@ def usable_samples(
             for piece in pieces:
                 try:
                     require_steady_motion(piece)
-                    usable.append(_sample(piece, geometry, method or ("arc" if piece.log.scans is None else "bundle")))
+                    usable.append(
+                        _sample(
+                            piece,
+                            geometry,
+                            method or ("arc" if piece.log.scans is None else "bundle"),
+                        )
+                    )
                     steady += np.ptp(piece.window) + (max(settle, MARGIN) + MARGIN) / len(pieces)
                 except LogError as error:
                     left_out.append(replace(Refused.of(log.run, error), run=piece.name))
         notes += parts[0].notes if len(usable) > before else ()
     turning = [np.abs(log.omega[1:]).max(axis=1) > STANDING for log in logs]
-    moving = sum(float(np.diff(log.time)[rows].sum()) for log, rows in zip(logs, turning, strict=True))
+    moving = sum(
+        float(np.diff(log.time)[rows].sum()) for log, rows in zip(logs, turning, strict=True)
+    )
     return Sampling.of(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
-def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
+def true_samples(
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE
+) -> SlipSamples:
     """Samples from the true motion in the longest steady stretch of each simulated run.
 
     Raises LogError for a run without truth or without a steady stretch.
@@ -235,5 +295,11 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
     lateral = None if steady.lateral is None else np.array([steady.lateral])
     load = None if part.load is None else part.load[None]
     return SlipSamples.of(
-        part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
+        part.omega[None],
+        steady.twist[None],
+        geometry,
+        [part.name],
+        steady.covariance[None],
+        lateral,
+        load,
     )

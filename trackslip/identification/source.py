@@ -1,4 +1,6 @@
-"""Runs and steady samples from any log: traces or samples, in a folder, a file, a bag or in memory."""
+"""Runs and steady samples from any log: traces or samples, in a folder, a file, a bag or in
+memory.
+"""
 
 from __future__ import annotations
 
@@ -23,20 +25,27 @@ from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS = (0.1, 10.0)
-"""Least and largest wheel_separation_multiplier of a robot: the distance of its ICRs is within ten times the gauge."""
+"""Least and largest wheel_separation_multiplier of a robot: the distance of its ICRs is within ten
+times the gauge.
+"""
 
 
 @dataclass(frozen=True)
 class ReadOptions:
     """Options for reading a log."""
 
-    half_gauge: float | None = None  # half the distance between the tracks [m]; None to read it from the log
-    sprocket_radius: float | None = None  # radius of the sprockets [m]; None to read it from the log
-    gear: float = 1.0  # turns of the encoder per turn of the sprocket, if omega is the encoder's speed [-]
+    # half the distance between the tracks [m]; None to read it from the log
+    half_gauge: float | None = None
+    # radius of the sprockets [m]; None to read it from the log
+    sprocket_radius: float | None = None
+    # turns of the encoder per turn of the sprocket, if omega is the encoder's speed [-]
+    gear: float = 1.0
     settle: float = SETTLE  # time skipped at the start of each steady stretch [s]
-    motion: str | None = None  # name of a motion method; None for the most accurate that each run allows
+    # name of a motion method; None for the most accurate that each run allows
+    motion: str | None = None
     bag: BagChoice = AUTOMATIC  # topics to read from bags
-    multiplier: float | None = None  # wheel_separation_multiplier of odometry that replaces encoders, if known [-]
+    # wheel_separation_multiplier of odometry that replaces encoders, if known [-]
+    multiplier: float | None = None
 
     def __post_init__(self) -> None:
         require_within("gear", self.gear, *GEARS)
@@ -44,7 +53,9 @@ class ReadOptions:
             require_within("multiplier", self.multiplier, *MULTIPLIERS)
 
     def sprocket_speeds(self, omega: Array) -> Array:
-        """Sprocket speeds (n, 2) from logged speeds (n, 2): of encoders, or from odometry with the multiplier."""
+        """Sprocket speeds (n, 2) from logged speeds (n, 2): of encoders, or from odometry with the
+        multiplier.
+        """
         mean = omega.mean(axis=1, keepdims=True)
         return (mean + (self.multiplier or 1.0) * (omega - mean)) / self.gear
 
@@ -64,27 +75,38 @@ class Source:
 
     @cached_property
     def sampling(self) -> Sampling:
-        """The log's samples, or samples from its runs without a controller; raises LogError if there are none."""
+        """The log's samples, or samples from its runs without a controller; raises LogError if
+        there are none.
+        """
         if self.rows is not None:
             return self.rows
         steady = [log for log in self.logs if "controller" not in log.metadata]
         if not steady:
             number = counted(len(self.logs), "run")
-            raise LogError(f"{self.name}: {number} in closed loop; slip is identified from steady runs")
+            raise LogError(
+                f"{self.name}: {number} in closed loop; slip is identified from steady runs"
+            )
         with _naming(self.name):
-            sampling = usable_samples(steady, self.geometry, self.reading.settle, self.reading.motion, self.refused)
+            sampling = usable_samples(
+                steady, self.geometry, self.reading.settle, self.reading.motion, self.refused
+            )
         return replace(sampling, notes=(*self.notes, *sampling.notes))
 
 
 def read_source(
-    path: Path, reading: ReadOptions = ReadOptions(), chosen: Callable[[Path], Collection[str]] | None = None
+    path: Path,
+    reading: ReadOptions = ReadOptions(),
+    chosen: Callable[[Path], Collection[str]] | None = None,
 ) -> Source:
-    """Read runs or samples from a results folder, a `.parquet` or `.csv` file of traces or steady samples, or bags.
+    """Read runs or samples from a results folder, a `.parquet` or `.csv` file of traces or steady
+    samples, or bags.
 
-    `chosen` maps the folder to the names of the runs to use; None to use all runs. Raises LogError if nothing in the
-    log can be read or `chosen` is given for a log without named runs, InvalidValueError if the geometry is unknown.
+    `chosen` maps the folder to the names of the runs to use; None to use all runs. Raises LogError
+    if nothing in the log can be read or `chosen` is given for a log without named runs,
+    InvalidValueError if the geometry is unknown.
     """
-    from trackslip.bags.drives import holds_bags, read_bags, refuse_choice  # late: runs in memory need no bags
+    # late: runs in memory need no bags
+    from trackslip.bags.drives import holds_bags, read_bags, refuse_choice
 
     is_bag = holds_bags(path)
     file = path if is_bag else runs_file(path)
@@ -114,10 +136,11 @@ def source_of_runs(
     name: str = "the runs",
     left_out: ReadRuns | None = None,
 ) -> Source:
-    """Make a source from runs in memory; messages call it `name`. `left_out` has notes and refused runs from reading.
+    """Make a source from runs in memory; messages call it `name`. `left_out` has notes and refused
+    runs from reading.
 
-    Raises LogError if there are no runs or if runs differ in something that affects slip, InvalidValueError if neither
-    `reading` nor the runs state the geometry.
+    Raises LogError if there are no runs or if runs differ in something that affects slip,
+    InvalidValueError if neither `reading` nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
@@ -126,18 +149,30 @@ def source_of_runs(
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry), "multiplier": reading.multiplier}
     known = {key: value for key, value in known.items() if value is not None}
-    logs = tuple(replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known) for log in runs)
-    return Source(name, geometry, reading, logs, refused=left_out.refused, notes=notes, taken=left_out.taken)
+    logs = tuple(
+        replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known)
+        for log in runs
+    )
+    return Source(
+        name, geometry, reading, logs, refused=left_out.refused, notes=notes, taken=left_out.taken
+    )
 
 
-def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+def _of_table(
+    file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None
+) -> Source:
     """Read the runs or the steady samples in a file."""
     table = read_table(file)
     if "x" not in table.column_names and set(SAMPLE_COLUMNS) <= set(table.column_names):
         if chosen is not None:
             raise LogError("holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        return Source(str(file), geometry, reading, rows=_sampled(Columns(table, str(file)), reading, geometry))
+        return Source(
+            str(file),
+            geometry,
+            reading,
+            rows=_sampled(Columns(table, str(file)), reading, geometry),
+        )
     read = runs_from_table(table, str(file))
     names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
     runs = [log for log in read.runs if log.run in names]
@@ -158,7 +193,9 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
         name, left = f"row {k + 1}", None if lateral is None else lateral[[k], 0]
         try:
             for column in np.flatnonzero(np.isnan(row)):
-                raise LogError(columns.complaint(SAMPLE_COLUMNS[column], k).removeprefix(f"{name}, "))
+                raise LogError(
+                    columns.complaint(SAMPLE_COLUMNS[column], k).removeprefix(f"{name}, ")
+                )
             usable.append(SlipSamples.of(omega[[k]], row[None, 2:], geometry, [name], lateral=left))
         except LogError as error:
             refused.append(Refused.of(name, error))
@@ -166,29 +203,41 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:
-    """Note a difference in load between runs; raises LogError if ground or robot differ, so that no law fits all."""
+    """Note a difference in load between runs; raises LogError if ground or robot differ, so that no
+    law fits all.
+    """
     for key in ("ground", "radius_error", "geometry", "model_sha256"):
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
             continue
         names = []
         if all(isinstance(setting, Mapping) for setting in (first, *others)):
-            names = [name for name in first if any(other.get(name) != first[name] for other in others)]
+            names = [
+                name for name in first if any(other.get(name) != first[name] for other in others)
+            ]
         differing = f"its runs differ in {key}" + (f" ({', '.join(names)})" if names else "")
-        if not names or not set(names) <= {"slope", "uphill"} or any(log.load is None for log in logs):
+        if (
+            not names
+            or not set(names) <= {"slope", "uphill"}
+            or any(log.load is None for log in logs)
+        ):
             raise LogError(f"{source}: {differing}: choose with --where NAME=VALUE")
         return (f"{differing}: only icr_load takes that into account",)
     return ()
 
 
 def _geometry(reading: ReadOptions, stored: Any, source: object) -> RobotGeometry:
-    """The geometry from `reading` or, where that is None, from the log (`stored`); InvalidValueError if unknown."""
+    """The geometry from `reading` or, where that is None, from the log (`stored`);
+    InvalidValueError if unknown.
+    """
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(reading, name)
         value = stored.get(name) if given is None and isinstance(stored, Mapping) else given
         if isinstance(value, bool) or not isinstance(value, int | float):
             option = f"--{name.replace('_', '-')}"
-            raise InvalidValueError(name, value, f"given ({option} on the command line): {source} does not state it")
+            raise InvalidValueError(
+                name, value, f"given ({option} on the command line): {source} does not state it"
+            )
         values[name] = float(value)
     return RobotGeometry(**values)

@@ -1,14 +1,17 @@
-"""Laws fitted to steady runs and compared: values, errors, scatter between runs, errors at left-out radii.
+"""Laws fitted to steady runs and compared: values, errors, scatter between runs, errors at left-out
+radii.
 
-The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds. So
-slip and radius, both functions of the measured twist with correlated errors, need not be treated separately. A run's
-residual is the measured minus the predicted speed V of each track, (2,) [m/s]. The residual's covariance is
+The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from
+these speeds. So slip and radius, both functions of the measured twist with correlated errors, need
+not be treated separately. A run's residual is the measured minus the predicted speed V of each
+track, (2,) [m/s]. The residual's covariance is
 
     C = B P B^T + tau^2 s^2 I,    s = r max |omega|
 
-P is the covariance of the measured twist, B maps twists to track speeds, s is the belt speed of the faster sprocket,
-and tau is the relative scatter of track speeds besides measurement errors, from effects outside the law (uneven ground,
-speed, a wrong form of the law). These act on the whole robot, so that tau is the same for slow and fast sprockets.
+P is the covariance of the measured twist, B maps twists to track speeds, s is the belt speed of the
+faster sprocket, and tau is the relative scatter of track speeds besides measurement errors, from
+effects outside the law (uneven ground, speed, a wrong form of the law). These act on the whole
+robot, so that tau is the same for slow and fast sprockets.
 """
 
 from __future__ import annotations
@@ -43,10 +46,15 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, LawFamily, family
 from trackslip.metrics import rms
 
-_EXACT = 1e-9  # least error of a run relative to the faster sprocket: for samples computed from a law, with rounding
-_SINGULAR = 1e7  # condition number of normal equations above which parameters are interchangeable (test_steady)
+# least error of a run relative to the faster sprocket: for samples computed from a law, with
+# rounding
+_EXACT = 1e-9
+# condition number of normal equations above which parameters are interchangeable (test_steady)
+_SINGULAR = 1e7
 _FOLDS = 10  # largest number of folds in a cross-validation (Kohavi, 1995)
-_VAGUE = 5.0  # least standard error of an undetermined parameter, in units of `LawFamily.limits` scales (test_steady)
+# least standard error of an undetermined parameter, in units of `LawFamily.limits` scales
+# (test_steady)
+_VAGUE = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,23 +62,28 @@ class SteadyFit(FittedLaw):
     """A law fitted to steady samples, with Student's t intervals."""
 
     rms: float
-    """Root mean square error of predicted track speeds, relative to the belt speed of the faster sprocket [-]."""
+    """Root mean square error of predicted track speeds, relative to the belt speed of the faster
+    sprocket [-].
+    """
     scatter: float
-    """Scatter tau of track speeds besides measurement errors, relative to the belt speed of the faster sprocket [-]."""
+    """Scatter tau of track speeds besides measurement errors, relative to the belt speed of the
+    faster sprocket [-].
+    """
     fit: Fit  # the complete fit
 
 
 def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyFit:
     """Fit a law to measured motions by weighted least squares, with intervals.
 
-    `geometry` is the robot's nominal geometry. Raises LogError if the samples do not determine every parameter,
-    InvalidValueError for an unknown law.
+    `geometry` is the robot's nominal geometry. Raises LogError if the samples do not determine
+    every parameter, InvalidValueError for an unknown law.
     """
     model = family(name)
     names, free = model.names, len(model.names)
     if 2 * len(samples) <= free:
         raise LogError(
-            f"law {name}: {counted(len(samples), 'sample')} of two tracks can't determine its {free} parameters"
+            f"law {name}: {counted(len(samples), 'sample')} of two tracks can't determine its "
+            f"{free} parameters"
         )
     fit = Fit.of(model.under(samples.load), samples, geometry)
     covariance = fit.covariance
@@ -91,26 +104,39 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyF
 
 @dataclass(frozen=True)
 class Fit:
-    """A law family fitted to steady runs, along two axes on which a run's errors in track speed are independent."""
+    """A law family fitted to steady runs, along two axes on which a run's errors in track speed are
+    independent.
+    """
 
     family: LawFamily
     samples: SlipSamples
     geometry: RobotGeometry
-    axes: Array  # (n, 2, 2) maps from twists to the axes, relative to the belt speed of the faster sprocket
+    # (n, 2, 2) maps from twists to the axes, relative to the belt speed of the faster sprocket
+    axes: Array
     measurement: Array  # (n, 2) variances of the measurement errors along the axes
     values: Array  # (p,) values of the law's parameters
     scatter: float  # tau [-]
 
     @classmethod
     def of(cls, family: LawFamily, samples: SlipSamples, geometry: RobotGeometry) -> Fit:
-        """Fit values and scatter alternately; the first fits try all start values and treat all errors as scatter."""
+        """Fit values and scatter alternately; the first fits try all start values and treat all
+        errors as scatter.
+        """
         speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
-        to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
+        to_tracks = (
+            np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
+        )
         known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
         measurement, vectors = np.linalg.eigh(to_tracks @ known @ to_tracks.swapaxes(1, 2))
         axes, measurement = vectors.swapaxes(1, 2) @ to_tracks, np.maximum(measurement, _EXACT**2)
-        starts = (cls(family, samples, geometry, axes, measurement, x, 1.0) for x in family.starts(geometry.half_gauge))
-        fit = min((start.minimum() for start in starts), key=lambda fit: np.sum(fit.missed**2 / fit.variance))
+        starts = (
+            cls(family, samples, geometry, axes, measurement, x, 1.0)
+            for x in family.starts(geometry.half_gauge)
+        )
+        fit = min(
+            (start.minimum() for start in starts),
+            key=lambda fit: np.sum(fit.missed**2 / fit.variance),
+        )
         for _ in range(10):  # 2 or 3 suffice if the samples determine the law
             scatter = fit.expected_scatter()
             if abs(scatter - fit.scatter) <= 1e-4 * scatter:
@@ -134,7 +160,9 @@ class Fit:
         return self.missed.size - len(self.values)
 
     def predicted(self, values: Array) -> Array:
-        """Twists (n, 2) that the law predicts for the runs with values (p,), or with values (n, p) for each run."""
+        """Twists (n, 2) that the law predicts for the runs with values (p,), or with values (n, p)
+        for each run.
+        """
         twist = self.family.law(values, self.geometry).twist(self.samples.omega, self.geometry)
         return np.broadcast_to(twist, self.samples.twist.shape)  # for laws without parameters, too
 
@@ -143,22 +171,30 @@ class Fit:
 
     def _slopes(self, values: Array) -> Array:
         """Derivatives (n, 2, p) of the law's predictions along the axes by its parameters."""
-        return self.axes @ self.family.twist_slopes(values[None], self.samples.omega, self.geometry)[0]
+        return (
+            self.axes @ self.family.twist_slopes(values[None], self.samples.omega, self.geometry)[0]
+        )
 
     def minimum(self) -> Fit:
-        """The fit with the least chi-square at the current scatter, starting from the current values."""
+        """The fit with the least chi-square at the current scatter, starting from the current
+        values.
+        """
         if not self.family.names:
             return self
         low, high, scale = self.family.limits(self.geometry.half_gauge)
         error = np.sqrt(self.variance)
 
         def residual(values: Array) -> Array:
-            return np.nan_to_num(self._missed(values) / error, nan=1e8, posinf=1e8, neginf=-1e8).ravel()
+            return np.nan_to_num(
+                self._missed(values) / error, nan=1e8, posinf=1e8, neginf=-1e8
+            ).ravel()
 
         def jacobian(values: Array) -> Array:
             return -(self._slopes(values) / error[..., None]).reshape(-1, len(values))
 
-        result = least_squares(residual, self.values, jacobian, (low, high), "dogbox", x_scale=scale, max_nfev=50)
+        result = least_squares(
+            residual, self.values, jacobian, (low, high), "dogbox", x_scale=scale, max_nfev=50
+        )
         return replace(self, values=result.x)
 
     def expected_scatter(self) -> float:
@@ -168,7 +204,10 @@ class Fit:
         """
 
         def excess(log_tau: float) -> float:
-            return float(np.sum(self.missed**2 / (self.measurement + np.exp(2 * log_tau)))) - self.freedom
+            return (
+                float(np.sum(self.missed**2 / (self.measurement + np.exp(2 * log_tau))))
+                - self.freedom
+            )
 
         low, high = np.log(_EXACT), np.log(1 + np.sqrt(np.sum(self.missed**2)))
         return float(np.exp(brentq(excess, low, high))) if excess(low) > 0 else 0.0
@@ -181,7 +220,9 @@ class Fit:
         return weighted @ slope, (weighted @ self.missed[..., None])[..., 0]
 
     def without(self, labels: np.ndarray) -> Array:
-        """Values (G, p) without the runs of each of G labels (n,), by one Newton step from the fit."""
+        """Values (G, p) without the runs of each of G labels (n,), by one Newton step from the
+        fit.
+        """
         out = (labels == np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
         normal, pull = self._normal
         rest = np.einsum("gn,npq->gpq", 1 - out, normal)
@@ -192,8 +233,9 @@ class Fit:
     def covariance(self) -> Array:
         """Covariance (p, p) of the values; infinite if parameters are interchangeable.
 
-        Runs with the same command may share effects outside the law. So standard errors are at least those from
-        leaving out one command at a time (CR3, as in `windows`), or one run at a time if there are few commands.
+        Runs with the same command may share effects outside the law. So standard errors are at
+        least those from leaving out one command at a time (CR3, as in `windows`), or one run at a
+        time if there are few commands.
         """
         normal = self._normal[0].sum(axis=0)
         unit = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -205,11 +247,13 @@ class Fit:
         if labels.max() + 1 < FEWEST_BLOCKS:
             labels = np.arange(len(labels))
         variance = np.diag(cr3(self.without(labels) - self.values))
-        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # 1 if there are too few labels
+        # 1 if there are too few labels
+        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))
         return covariance * np.outer(wider, wider)
 
     def left_out(self) -> Array | None:
-        """Twists (n, 2) of runs, predicted by fits without runs at the same radius; None if too few runs remain.
+        """Twists (n, 2) of runs, predicted by fits without runs at the same radius; None if too few
+        runs remain.
 
         With fewer than three radii, single runs or tenths of all runs are left out instead.
         """
@@ -220,19 +264,32 @@ class Fit:
         return self.predicted(self.without(labels)[labels])
 
     def undetermined(self, error: Array) -> str:
-        """A message on a parameter that the samples don't determine, judged by standard errors (p,); empty if none."""
+        """A message on a parameter that the samples don't determine, judged by standard errors
+        (p,); empty if none.
+        """
         limits = self.family.limits(self.geometry.half_gauge)
-        for key, value, spread, low, high, scale in zip(self.family.names, self.values, error, *limits, strict=True):
+        for key, value, spread, low, high, scale in zip(
+            self.family.names, self.values, error, *limits, strict=True
+        ):
             if value not in (low, high) and spread < max(_VAGUE * scale, abs(value) / 2):
                 continue
             is_one_radius = self.samples.by_command(self.geometry).max() == 0
-            why = "it takes runs of different radii" if is_one_radius else f"its standard error is {spread:.2g}"
-            return f"the {len(self.samples)} samples don't determine {key} (the fit stopped at {value:.3g}): {why}"
+            why = (
+                "it takes runs of different radii"
+                if is_one_radius
+                else f"its standard error is {spread:.2g}"
+            )
+            return (
+                f"the {len(self.samples)} samples don't determine {key} (the fit stopped at "
+                f"{value:.3g}): {why}"
+            )
         return ""
 
 
 def folds(labels: np.ndarray) -> np.ndarray:
-    """Fold indices (n,) for a cross-validation from group `labels` (n,); if there are many, neighbours are joined."""
+    """Fold indices (n,) for a cross-validation from group `labels` (n,); if there are many,
+    neighbours are joined.
+    """
     size = np.bincount(labels)
     if len(size) <= _FOLDS:
         return labels
@@ -249,8 +306,12 @@ class CrossValidation:
     yaw_rate: float  # rms error [rad/s]
 
     @classmethod
-    def of(cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation | None:
-        """Errors of twists (n, 2) that were predicted by fits without each run's radius; None if `twist` is None."""
+    def of(
+        cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry
+    ) -> CrossValidation | None:
+        """Errors of twists (n, 2) that were predicted by fits without each run's radius; None if
+        `twist` is None.
+        """
         if twist is None:
             return None
         v, w = (rms(column) for column in (twist - samples.twist).T)
@@ -277,7 +338,9 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
     slow = not turns_fast(samples.omega, geometry)
     for name, model in FAMILIES.items():
-        impossible = (model.two_sided and one_sided) or (model.loaded and unloaded) or (model.fast and slow)
+        impossible = (
+            (model.two_sided and one_sided) or (model.loaded and unloaded) or (model.fast and slow)
+        )
         if impossible or not model.of_runs:
             continue
         try:
@@ -289,29 +352,42 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     predicted = {name: law.fit.left_out() for name, law in laws.items()}
     choice = choose(laws, lambda some: _ranked(some, predicted))
     if choice is None:
-        best = min(laws.keys() - {"none"}, key=lambda name: (name != REFERENCE, len(laws[name].values), name))
+        best = min(
+            laws.keys() - {"none"},
+            key=lambda name: (name != REFERENCE, len(laws[name].values), name),
+        )
         why = "the runs are too few to compare laws"
-        choice = Choice(best=best, reason=why, score={}, expressible=best if is_expressible(best) else None)
-    order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, np.inf), laws[name].rms))
+        choice = Choice(
+            best=best, reason=why, score={}, expressible=best if is_expressible(best) else None
+        )
+    order = sorted(
+        laws, key=lambda name: (name != choice.best, choice.score.get(name, np.inf), laws[name].rms)
+    )
     return SteadyComparison(
         **vars(choice),
         samples=samples,
         laws={name: laws[name] for name in order},
-        validation={name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()},
+        validation={
+            name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()
+        },
         warnings=tuple(warnings),
     )
 
 
 def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice | None:
-    """Choose the simplest law that predicts left-out radii as well as any other law; None for too few runs.
+    """Choose the simplest law that predicts left-out radii as well as any other law; None for too
+    few runs.
 
-    A run's error is the mean square of its relative errors in track speed, weighted by the run's inverse variance.
+    A run's error is the mean square of its relative errors in track speed, weighted by the run's
+    inverse variance.
     """
     fit = next(iter(laws.values())).fit
     samples, scatter = fit.samples, max(LEAST_ERROR, min(law.scatter for law in laws.values()))
     weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
     errors = {
-        name: weight / weight.mean() * np.mean(samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
+        name: weight
+        / weight.mean()
+        * np.mean(samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
         for name in laws
         if (twist := predicted[name]) is not None
     }
@@ -319,5 +395,8 @@ def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]
         return None
     criteria = [Criterion(errors, np.arange(len(samples)), LEAST_ERROR**2)] if errors else []
     choice = ranked({name: laws[name] for name in errors}, criteria)
-    why = "it is the simplest of those that predict left-out radii as well as any, within a standard error"
+    why = (
+        "it is the simplest of those that predict left-out radii as well as any, within a "
+        "standard error"
+    )
     return choice and replace(choice, reason=why)

@@ -1,13 +1,16 @@
-"""The estimator: fits the path that follows from belt speeds and a law to the poses, window by window.
+"""The estimator: fits the path that follows from belt speeds and a law to the poses, window by
+window.
 
-Belt speeds, integrated according to a law, yield the sensor's path. The poses are cut into windows of a few seconds. In
-each window, the path is moved and turned to fit the poses best. The remaining residuals don't depend on where the robot
-is in the world. Varying slip affects only the windows in which it occurs, so no state needs to be estimated. The
-parameters (of the law, the sensor's mounting and the clocks) minimise Cauchy's loss of the residuals in units of their
-spread (P. J. Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
+Belt speeds, integrated according to a law, yield the sensor's path. The poses are cut into windows
+of a few seconds. In each window, the path is moved and turned to fit the poses best. The remaining
+residuals don't depend on where the robot is in the world. Varying slip affects only the windows in
+which it occurs, so no state needs to be estimated. The parameters (of the law, the sensor's
+mounting and the clocks) minimise Cauchy's loss of the residuals in units of their spread (P. J.
+Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
 
-Standard errors come from the scatter of fits that each leave out one block of driving, approximated by one Newton step
-(CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015).
+Standard errors come from the scatter of fits that each leave out one block of driving, approximated
+by one Newton step (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust
+Inference*, 2015).
 """
 
 from __future__ import annotations
@@ -26,9 +29,14 @@ from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS = 2.0
-"""Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
-_BENDS = 0.2  # least second derivative of the loss relative to the weights; large residuals would lower it further
-_RELAXED = 1.5  # factor on the first steps: those of reweighted least squares are too short for this loss
+"""Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and
+Ronchetti).
+"""
+# least second derivative of the loss relative to the weights; large residuals would lower it
+# further
+_BENDS = 0.2
+# factor on the first steps: those of reweighted least squares are too short for this loss
+_RELAXED = 1.5
 _NEAR = 30.0  # change below which the next step is Newton's [standard errors]
 
 
@@ -41,9 +49,11 @@ class Windows:
 
     @classmethod
     def cut(cls, drives: Drives, length: float) -> Windows:
-        """Cut drives into windows of about `length` [s]; a pose on a border belongs to both windows.
+        """Cut drives into windows of about `length` [s]; a pose on a border belongs to both
+        windows.
 
-        Each drive is cut twice, the second time half a window later, which is as efficient as a fit of the whole path.
+        Each drive is cut twice, the second time half a window later, which is as efficient as a fit
+        of the whole path.
         """
         rows = []
         for drive, begin in zip(drives.drives, drives.first, strict=False):
@@ -72,7 +82,9 @@ class Windows:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals per row: position forwards and to the left [m], heading and, with a gyro, turn [rad]."""
+    """Residuals per row: position forwards and to the left [m], heading and, with a gyro, turn
+    [rad].
+    """
 
     value: Array  # (3 or 4, R) residuals
     slope: Array  # (3 or 4, f, R) derivatives of the residuals by the free parameters
@@ -80,18 +92,23 @@ class Residuals:
 
     @property
     def spread(self) -> Array:
-        """Robust standard deviations (3,) of coordinates, headings and gyro turns; 1 for a quantity not measured."""
+        """Robust standard deviations (3,) of coordinates, headings and gyro turns; 1 for a quantity
+        not measured.
+        """
         spread = np.ones(3)
         for k, rows in enumerate((slice(2), slice(2, 3), slice(3, 4))):
             size = np.abs(self.value[rows][self.known[rows]])
             if len(size):
-                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # for normal errors, but no less than rounding
+                # for normal errors, but no less than rounding
+                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)
         return spread
 
     def weights(self, spread: Array) -> tuple[Array, Array]:
-        """Weights (3 or 4, R) under Cauchy's loss, divided by the variances, and second derivatives of the loss.
+        """Weights (3 or 4, R) under Cauchy's loss, divided by the variances, and second derivatives
+        of the loss.
 
-        Weights and derivatives are 0 where nothing was measured. Derivatives are negative for large residuals.
+        Weights and derivatives are 0 where nothing was measured. Derivatives are negative for large
+        residuals.
         """
         variance = spread[[0, 0, 1, 2][: len(self.value)], None] ** 2
         square = self.value**2 / (variance * LOSS**2)
@@ -99,25 +116,37 @@ class Residuals:
         return weight, weight * (1 - square) / (1 + square)
 
     def alignment(self, spread: Array) -> Array:
-        """Weights (2, R) of places and headings for the alignment of windows; outliers weigh less."""
+        """Weights (2, R) of places and headings for the alignment of windows; outliers weigh
+        less.
+        """
         size = np.stack([np.hypot(*self.value[:2]), self.value[2]]) / spread[:2, None]
         return self.known[[0, 2]] / (1 + (size / LOSS) ** 2) / spread[:2, None] ** 2
 
     def normal(self, weight: Array, rows: slice = slice(None)) -> Array:
         """Normal equations (f, f) over `rows`, given the weights (3 or 4, R) of all rows."""
         weighted = self.slope[..., rows] * weight[:, None, rows]
-        return np.asarray(sum(w @ s.T for w, s in zip(weighted, self.slope[..., rows], strict=True)))
+        return np.asarray(
+            sum(w @ s.T for w, s in zip(weighted, self.slope[..., rows], strict=True))
+        )
 
     def score(self, weight: Array, rows: slice = slice(None)) -> Array:
-        """Gradient (f,) of half the weighted sum of squares over `rows`, given the weights (3 or 4, R) of all rows."""
+        """Gradient (f,) of half the weighted sum of squares over `rows`, given the weights (3 or 4,
+        R) of all rows.
+        """
         pull = weight[:, rows] * self.value[:, rows]
         return np.asarray(sum(s @ p for s, p in zip(self.slope[..., rows], pull, strict=True)))
 
 
 def residuals(
-    model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, weight: Array
+    model: DriveModel,
+    drives: Drives,
+    windows: Windows,
+    values: Array,
+    free: np.ndarray,
+    weight: Array,
 ) -> Residuals:
-    """Residuals of the rows for parameter values (p,), with derivatives by the parameters `free` (f,).
+    """Residuals of the rows for parameter values (p,), with derivatives by the parameters `free`
+    (f,).
 
     `weight` (2, R) has the weights of places and headings for the alignment of windows.
     """
@@ -125,7 +154,8 @@ def residuals(
     rows, (wp, wh) = windows.pose, weight
     z, h = drives.place[rows], drives.heading[rows]
     c, phi, dc, dphi = (
-        np.take(part, rows, axis=-1) for part in (path.place, path.heading, path.place_slope, path.heading_slope)
+        np.take(part, rows, axis=-1)
+        for part in (path.place, path.heading, path.place_slope, path.heading_slope)
     )
     total = np.maximum(windows.sums(wp), 1e-300)
     u = z - windows.each(windows.sums(wp * z) / total)
@@ -137,10 +167,13 @@ def residuals(
     back = np.exp(-1j * phi)  # into the robot's frame
     left = u * np.exp(-1j * turned) - c * back
     value = np.stack([left.real, left.imag, wrap_angle(h - turned)])
-    # derivatives of the alignment, from d angle(q) = Im(dq conj(q)) / |q|², then of the residuals, to first order
+    # derivatives of the alignment, from d angle(q) = Im(dq conj(q)) / |q|², then of the residuals,
+    # to first order
     per_turn = windows.each(np.conj(q) / np.maximum(np.abs(q) ** 2, 1e-300))
     by_place, by_turn = wp * u * per_turn, (off * per_turn).real
-    dtheta = windows.each(windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi))
+    dtheta = windows.each(
+        windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi)
+    )
     middle = windows.each(windows.sums(wp * dc) / total)
     dleft = (middle - dc - (1j * c) * dtheta) * back
     slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta])
@@ -148,13 +181,19 @@ def residuals(
     if not model.gyro:
         return Residuals(value, slope, known)
     of_gyro = _gyro_residuals(model, drives, windows, values, free, path)
-    return Residuals(*(np.append(a, b[None], axis=0) for a, b in zip((value, slope, known), of_gyro, strict=True)))
+    return Residuals(
+        *(
+            np.append(a, b[None], axis=0)
+            for a, b in zip((value, slope, known), of_gyro, strict=True)
+        )
+    )
 
 
 def _gyro_residuals(
     model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
-    """Turns by the gyro minus turns by the law since the previous row, their derivatives, and a mask of known values.
+    """Turns by the gyro minus turns by the law since the previous row, their derivatives, and a
+    mask of known values.
 
     Both turns are timed by the encoder clock, so the derivative by the clock offset is 0.
     """
@@ -165,7 +204,11 @@ def _gyro_residuals(
     turned = reading[rows] - reading[before]
     by_law = path.heading[rows] - path.heading[before]
     scale = 1 + values[model.index("gyro_scale")]
-    by_slope = slope[:, rows] - slope[:, before] - scale * (path.heading_slope[:, rows] - path.heading_slope[:, before])
+    by_slope = (
+        slope[:, rows]
+        - slope[:, before]
+        - scale * (path.heading_slope[:, rows] - path.heading_slope[:, before])
+    )
     by_slope[free == model.index("gyro_scale")] -= by_law
     by_slope[free == model.index("clock_offset")] = 0.0
     return turned - scale * by_law, by_slope, known[rows] > known[before]
@@ -188,10 +231,12 @@ class WindowFit:
     prior: Array  # (f,) precisions of the priors
 
     def without(self, blocks: np.ndarray) -> Array:
-        """Parameters (F, p) without the blocks in each row of `blocks` (F, G) bool, by one Newton step from the fit.
+        """Parameters (F, p) without the blocks in each row of `blocks` (F, G) bool, by one Newton
+        step from the fit.
 
-        The step uses the weighted normal equations of the remaining blocks, which stay regular. It is then lengthened
-        by the ratio of all blocks' normal equations to the second derivatives of the loss.
+        The step uses the weighted normal equations of the remaining blocks, which stay regular. It
+        is then lengthened by the ratio of all blocks' normal equations to the second derivatives of
+        the loss.
         """
         out = blocks.astype(float)
         rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
@@ -203,7 +248,9 @@ class WindowFit:
 
     @property
     def covariance(self) -> Array:
-        """Covariance (f, f) of the free parameters: CR3 over blocks, plus the priors' share; NaN for too few blocks."""
+        """Covariance (f, f) of the free parameters: CR3 over blocks, plus the priors' share; NaN
+        for too few blocks.
+        """
         apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
         return cr3(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
 
@@ -222,7 +269,9 @@ class WindowFit:
 
 
 def _inverse(bend: Array, normal: Array) -> Array:
-    """Inverse (f, f) of the loss's second derivatives, which are raised to at least a fifth of the normal equations."""
+    """Inverse (f, f) of the loss's second derivatives, which are raised to at least a fifth of the
+    normal equations.
+    """
     scale = np.sqrt(np.diag(normal))
     normal, bend = (matrix / np.outer(scale, scale) for matrix in (normal, bend))
     values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
@@ -230,13 +279,20 @@ def _inverse(bend: Array, normal: Array) -> Array:
 
 
 def fit_windows(
-    model: DriveModel, drives: Drives, length: float, values: Array, held: Collection[str], mean: Array
+    model: DriveModel,
+    drives: Drives,
+    length: float,
+    values: Array,
+    held: Collection[str],
+    mean: Array,
 ) -> WindowFit:
-    """Fit all parameters except `held` in windows of `length` [s], from start `values` (p,), with prior `mean` (p,).
+    """Fit all parameters except `held` in windows of `length` [s], from start `values` (p,), with
+    prior `mean` (p,).
 
-    The first steps are by reweighted least squares, the last by Newton's method. The fit has converged when no
-    parameter changes by more than a tenth of its standard error (for independent residuals, given all other
-    parameters). Derivatives are recomputed after changes of more than three standard errors.
+    The first steps are by reweighted least squares, the last by Newton's method. The fit has
+    converged when no parameter changes by more than a tenth of its standard error (for independent
+    residuals, given all other parameters). Derivatives are recomputed after changes of more than
+    three standard errors.
     """
     windows, values = Windows.cut(drives, length), values.copy()
     free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
@@ -274,4 +330,16 @@ def fit_windows(
     for begin, end in pairwise(ends):  # most rows of a block are consecutive
         blocks[part[begin]] += rest.normal(pull, slice(begin, end))
         score[part[begin]] += rest.score(pull, slice(begin, end))
-    return WindowFit(model, drives, length, values, free, spread, block, blocks, rest.normal(curved), score, prior)
+    return WindowFit(
+        model,
+        drives,
+        length,
+        values,
+        free,
+        spread,
+        block,
+        blocks,
+        rest.normal(curved),
+        score,
+        prior,
+    )

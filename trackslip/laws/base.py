@@ -1,4 +1,6 @@
-"""The base class of slip laws, which also computes twists from sprocket speeds, and the law without slip."""
+"""The base class of slip laws, which also computes twists from sprocket speeds, and the law without
+slip.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,32 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds, twist_of_tracks
+from trackslip.kinematics import (
+    Array,
+    RobotGeometry,
+    body_twist,
+    curvature,
+    sprocket_speeds,
+    twist_of_tracks,
+)
 
 _EDGE = 1e-9  # distance outside a jump that counts as rounding [half the jump's height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds at which the iteration ends
-_SLOPES = (0.2, 5.0)  # limits on the slope in a secant step: change of commanded over change of real direction
+# limits on the slope in a secant step: change of commanded over change of real direction
+_SLOPES = (0.2, 5.0)
 
 
 class SlipLaw(ABC):
-    """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and right track [-]."""
+    """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and
+    right track [-].
+    """
 
     records_icr: ClassVar[bool] = False
     """Whether logs of runs with this law record its ICRs, `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
-    """Maximum number of iterations in `twist`. Where a law jumps, some sprocket speeds need all of them."""
+    """Maximum number of iterations in `twist`. Where a law jumps, some sprocket speeds need all of
+    them.
+    """
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
@@ -44,11 +58,13 @@ class SlipLaw(ABC):
         return sprocket_speeds(twist, self.slip(twist), geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce: the inverse of `sprocket_speeds`.
+        """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce: the inverse of
+        `sprocket_speeds`.
 
-        The secant method rotates and scales the real twist, a point in the plane (v, b w), until the sprocket speeds
-        for this twist match `omega`. Where a law jumps between left and right turns in place, the robot turns in place
-        with intermediate slips. If several solutions exist, the result is close to one of them; if none, approximate.
+        The secant method rotates and scales the real twist, a point in the plane (v, b w), until
+        the sprocket speeds for this twist match `omega`. Where a law jumps between left and right
+        turns in place, the robot turns in place with intermediate slips. If several solutions
+        exist, the result is close to one of them; if none, approximate.
         """
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)
@@ -64,24 +80,31 @@ class SlipLaw(ABC):
                 turned = missed if k == 0 else missed / _limited((wrong - missed) / turned)
                 wrong = missed
                 real = np.where(found, real, real * np.abs(ratio) * np.exp(1j * turned))
-                found = found | (np.abs(ratio - 1) < _CONVERGED)  # final, as another step might cross a jump
+                # final, as another step might cross a jump
+                found = found | (np.abs(ratio - 1) < _CONVERGED)
                 if found.all():
                     break
         return _of_plane(np.where(in_place, 1j * turning, real), geometry)
 
     def effective_half_gauge(self, geometry: RobotGeometry) -> float:
-        """Half gauge of tracks without slip that would turn the robot equally [m]: b + D for constant ICRs.
+        """Half gauge of tracks without slip that would turn the robot equally [m]: b + D for
+        constant ICRs.
 
-        The value comes from turns to both sides with a radius of four half gauges, and is the mean for several robots.
+        The value comes from turns to both sides with a radius of four half gauges, and is the mean
+        for several robots.
         """
         radius = 4 * geometry.half_gauge
-        left, right = np.moveaxis(self.sprocket_speeds([[[radius, 1.0]], [[radius, -1.0]]], geometry), -1, 0)
+        left, right = np.moveaxis(
+            self.sprocket_speeds([[[radius, 1.0]], [[radius, -1.0]]], geometry), -1, 0
+        )
         return float(np.mean(np.abs((right - left) / (right + left)))) * radius
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-        """Mask (...) of sprocket speeds (..., 2) in the jump between left and right turns in place, and b w (...).
+        """Mask (...) of sprocket speeds (..., 2) in the jump between left and right turns in place,
+        and b w (...).
 
-        b w is in m/s, and 0 outside the jump. In the jump, the sum of both tracks' slips equals that at either end.
+        b w is in m/s, and 0 outside the jump. In the jump, the sum of both tracks' slips equals
+        that at either end.
         """
         belt = geometry.sprocket_radius * omega
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -89,7 +112,9 @@ class SlipLaw(ABC):
             inner, outer = slips[..., 0], slips[..., 1]
             turning = (2 - inner - outer) / (1 / belt[..., 1] - 1 / belt[..., 0])
             beyond = (1 - turning / belt[..., 1] - (inner + outer) / 2) / ((outer - inner) / 2)
-            inside = (belt[..., 0] * belt[..., 1] < 0) & (outer > inner) & (np.abs(beyond) <= 1 + _EDGE)
+            inside = (
+                (belt[..., 0] * belt[..., 1] < 0) & (outer > inner) & (np.abs(beyond) <= 1 + _EDGE)
+            )
         return inside, np.where(inside, turning, 0.0)
 
 
@@ -107,7 +132,9 @@ class NoSlip(SlipLaw):
 
 
 def _without_slip(omega: Array, geometry: RobotGeometry) -> np.ndarray:
-    """Complex v + i b w (...) [m/s] of the twists that sprocket speeds omega (..., 2) would produce without slip."""
+    """Complex v + i b w (...) [m/s] of the twists that sprocket speeds omega (..., 2) would produce
+    without slip.
+    """
     twist = twist_of_tracks(geometry.sprocket_radius * omega, geometry.half_gauge)
     return np.asarray(twist[..., 0] + 1j * geometry.half_gauge * twist[..., 1])
 
@@ -124,13 +151,17 @@ def _limited(slope: Array) -> Array:
 
 
 def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
-    """Slips (..., 2) of the (left, right) tracks from inner and outer slips (...); on a straight path, their mean."""
+    """Slips (..., 2) of the (left, right) tracks from inner and outer slips (...); on a straight
+    path, their mean.
+    """
     side = np.sign(np.asarray(kappa, float))
     mean, half = (inner + outer) / 2, side * (inner - outer) / 2
     return np.stack([mean + half, mean - half], axis=-1)
 
 
-def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str) -> None:
+def require_between(
+    law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str
+) -> None:
     """Raise InvalidValueError unless the parameters `names` are above `low` and below `high`."""
     for name in names:
         value = getattr(law, name)

@@ -13,7 +13,9 @@ from trackslip.laws.base import SlipLaw, by_side, require_between
 
 @dataclass(frozen=True)
 class Exponential(SlipLaw):
-    """The paper's law, i(R) = alpha exp(beta R), with alpha and beta for the outer and the inner track (Eqs. 10-13)."""
+    """The paper's law, i(R) = alpha exp(beta R), with alpha and beta for the outer and the inner
+    track (Eqs. 10-13).
+    """
 
     alpha_outer: float
     """Slip of the outer track at zero radius [-]."""
@@ -27,7 +29,13 @@ class Exponential(SlipLaw):
     def __post_init__(self) -> None:
         slips = "finite and < 1 (slip 1 is a track that stands still)"
         require_between(self, ("alpha_outer", "alpha_inner"), -np.inf, 1, slips)
-        require_between(self, ("beta_outer", "beta_inner"), -np.inf, 0, "finite and < 0 (no slip on a straight path)")
+        require_between(
+            self,
+            ("beta_outer", "beta_inner"),
+            -np.inf,
+            0,
+            "finite and < 0 (no slip on a straight path)",
+        )
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
@@ -37,12 +45,18 @@ class Exponential(SlipLaw):
         """Slips (..., 2) at curvatures (...), from the `inner` and `outer` slips at zero radius."""
         with np.errstate(divide="ignore", over="ignore"):
             radius = 1 / np.abs(np.asarray(kappa, float))
-        return by_side(kappa, inner * np.exp(self.beta_inner * radius), outer * np.exp(self.beta_outer * radius))
+        return by_side(
+            kappa,
+            inner * np.exp(self.beta_inner * radius),
+            outer * np.exp(self.beta_outer * radius),
+        )
 
 
 @dataclass(frozen=True)
 class ExponentialSpeed(Exponential):
-    """An exponential law whose slip at zero radius grows with speed: i(R, v) = (alpha + gamma |v|) exp(beta R)."""
+    """An exponential law whose slip at zero radius grows with speed: i(R, v) = (alpha + gamma |v|)
+    exp(beta R).
+    """
 
     gamma_outer: float
     """Increase in the outer track's slip with speed [s/m]."""
@@ -58,7 +72,10 @@ class ExponentialSpeed(Exponential):
     def slip(self, twist: ArrayLike) -> Array:
         """Slips (..., 2) at twists (..., 2). Calls of the law return the limit for |v| = 0."""
         speed = np.abs(np.asarray(twist, float)[..., 0])
-        inner, outer = self.alpha_inner + self.gamma_inner * speed, self.alpha_outer + self.gamma_outer * speed
+        inner, outer = (
+            self.alpha_inner + self.gamma_inner * speed,
+            self.alpha_outer + self.gamma_outer * speed,
+        )
         return self._decayed(curvature(twist), inner, outer)
 
 

@@ -1,6 +1,8 @@
-"""The families of slip laws that can be fitted, with their parameters, limits, symbols and deployment targets.
+"""The families of slip laws that can be fitted, with their parameters, limits, symbols and
+deployment targets.
 
-To add a law, write a class in `trackslip.laws` and an entry here; `examples/own_slip_law.py` does both in one file.
+To add a law, write a class in `trackslip.laws` and an entry here; `examples/own_slip_law.py` does
+both in one file.
 """
 
 from __future__ import annotations
@@ -26,12 +28,16 @@ class Parameter:
     """A free parameter of a family."""
 
     starts: tuple[float, ...]
-    """Initial values. The first fit starts from the first value of each parameter, the second from the second, etc."""
+    """Initial values. The first fit starts from the first value of each parameter, the second from
+    the second, etc.
+    """
     low: float  # lower limit
     high: float  # upper limit
     scale: float  # size of a significant change in the parameter
-    unit: str  # unit as printed; empty if dimensionless. If it is m, the four fields above are in half gauges
-    symbol: str = ""  # letter in formulas, without the index of the track; by default the name is used
+    # unit as printed; empty if dimensionless. If it is m, the four fields above are in half gauges
+    unit: str
+    # letter in formulas, without the index of the track; by default the name is used
+    symbol: str = ""
     meaning: str = ""  # meaning of the parameter, for reports
 
 
@@ -42,13 +48,18 @@ class LawFamily:
     title: str  # a short description
     parameters: Mapping[str, Parameter]  # free parameters by name, in the order of values in arrays
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
-    """Function that builds a law from parameter values, which are numbers or arrays of the same shape."""
+    """Function that builds a law from parameter values, which are numbers or arrays of the same
+    shape.
+    """
     targets: tuple[str, ...] = ("json",)  # deployment targets, from `trackslip.deploy.TARGETS`
-    loaded: bool = False  # whether slip depends on the traction per unit load, which runs must then contain
+    # whether slip depends on the traction per unit load, which runs must then contain
+    loaded: bool = False
     two_sided: bool = False
     """Whether slip differs between left and right turns, so that fits need turns to both sides."""
     fast: bool = False
-    """Whether slip depends on the lateral acceleration, whose effect is visible from a few tenths of a m/s²."""
+    """Whether slip depends on the lateral acceleration, whose effect is visible from a few tenths
+    of a m/s².
+    """
     of_runs: bool = True  # whether laws are fitted to steady runs
     of_drives: bool = True  # whether laws are fitted to whole drives
 
@@ -58,38 +69,51 @@ class LawFamily:
         return tuple(self.parameters)
 
     def limits(self, half_gauge: float) -> Array:
-        """Lower limits, upper limits and scales (3, p) of the parameters, for a robot with `half_gauge` [m]."""
+        """Lower limits, upper limits and scales (3, p) of the parameters, for a robot with
+        `half_gauge` [m].
+        """
         rows = [(p.low, p.high, p.scale) for p in self.parameters.values()]
         return (np.array(rows).reshape(-1, 3) * self._units(half_gauge)[:, None]).T
 
     def starts(self, half_gauge: float) -> Array:
         """Initial values (K, p) for K fits."""
         most = max((len(p.starts) for p in self.parameters.values()), default=1)
-        rows = [[p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)]
+        rows = [
+            [p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)
+        ]
         return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
 
     def under(self, load: Array | None) -> LawFamily:
-        """The family at tractions per unit load (..., 2) [-]; the same family if its laws ignore load."""
+        """The family at tractions per unit load (..., 2) [-]; the same family if its laws ignore
+        load.
+        """
         if load is None:
             return self
-        return replace(self, build=lambda values, geometry: self.build(values, geometry).under(load))
+        return replace(
+            self, build=lambda values, geometry: self.build(values, geometry).under(load)
+        )
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """Build the law with parameters (..., p), which represents many laws of shape (...)."""
         return self.build({name: values[..., k] for k, name in enumerate(self.names)}, geometry)
 
     def twist_slopes(self, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
-        """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values (m, p) of m laws.
+        """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values
+        (m, p) of m laws.
 
-        They are central differences, just inside a limit for values at it, and 0 where no twist has these speeds.
+        They are central differences, just inside a limit for values at it, and 0 where no twist has
+        these speeds.
         """
         if not self.names:
             return np.empty((len(values), len(omega), 2, 0))
         low, high, scale = self.limits(geometry.half_gauge)
         step = _DIFFERENCE * scale
         inside = np.clip(values, low + step, high - step)[:, None, :]
-        pushes = np.diag(step)[:, None, None, :]  # steps in one parameter at a time, for all laws: (p, 1, 1, p)
-        ahead, behind = (self.law(inside + push, geometry).twist(omega, geometry) for push in (pushes, -pushes))
+        # steps in one parameter at a time, for all laws: (p, 1, 1, p)
+        pushes = np.diag(step)[:, None, None, :]
+        ahead, behind = (
+            self.law(inside + push, geometry).twist(omega, geometry) for push in (pushes, -pushes)
+        )
         slopes = np.moveaxis(ahead - behind, 0, -1) / (2 * step)
         return np.where(np.isfinite(slopes), slopes, 0.0)
 
@@ -98,7 +122,9 @@ class LawFamily:
 
 
 def _build(kind: Callable[..., SlipLaw]) -> Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]:
-    """Return a function that builds laws of a kind from parameters and, for kinds that have it, the half gauge."""
+    """Return a function that builds laws of a kind from parameters and, for kinds that have it, the
+    half gauge.
+    """
     has_gauge = "half_gauge" in kind.__dataclass_fields__  # type: ignore[attr-defined]
     return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if has_gauge else kind(**p)
 
@@ -108,40 +134,75 @@ _ALPHA_INNER = replace(_ALPHA_OUTER, starts=(-0.1,), low=-20.0)
 _DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m", "β", "its decay with radius")
 _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m", "γ", "its growth with speed")
 _OFFSET = Parameter(
-    (0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m", "D",
+    (0.3, 0.0, 2.0),
+    -0.99,
+    50.0,
+    0.3,
+    "m",
+    "D",
     "distance from a track's centre line outwards to its instantaneous centre of rotation (ICR)",
-)  # fmt: skip
-_RADIUS_ERROR = Parameter(
-    (0.0,), -0.95, 9.0, 0.01, "", "ε", "relative excess of the sprockets' effective radius over the nominal one"
 )
-_COMPLIANCE = Parameter((0.05,), 0.0, MAX_COMPLIANCE, 0.05, "", "C", "slip per traction over load, ahead")
-_TURN_COMPLIANCE = Parameter((1.0,), 0.0, 20.0, 0.3, "m", "S", "slip per traction over load, in turning")
+_RADIUS_ERROR = Parameter(
+    (0.0,),
+    -0.95,
+    9.0,
+    0.01,
+    "",
+    "ε",
+    "relative excess of the sprockets' effective radius over the nominal one",
+)
+_COMPLIANCE = Parameter(
+    (0.05,), 0.0, MAX_COMPLIANCE, 0.05, "", "C", "slip per traction over load, ahead"
+)
+_TURN_COMPLIANCE = Parameter(
+    (1.0,), 0.0, 20.0, 0.3, "m", "S", "slip per traction over load, in turning"
+)
 _TURN_LOSS = Parameter(
-    (0.0, 0.5), -1.0, 0.99, 0.1, "", "g",
+    (0.0, 0.5),
+    -1.0,
+    0.99,
+    0.1,
+    "",
+    "g",
     "share of the belts' mean speed that a turn costs, the more the sharper it is",
-)  # fmt: skip
-_CENTRIFUGAL_SLIP = Parameter((0.05, 0.5), 0.0, 10.0, 0.1, "s²/m", "κ", "slip per lateral acceleration |v w|")
+)
+_CENTRIFUGAL_SLIP = Parameter(
+    (0.05, 0.5), 0.0, 10.0, 0.1, "s²/m", "κ", "slip per lateral acceleration |v w|"
+)
 
-_EXPONENTIAL = {"alpha_outer": _ALPHA_OUTER, "beta_outer": _DECAY, "alpha_inner": _ALPHA_INNER, "beta_inner": _DECAY}
+_EXPONENTIAL = {
+    "alpha_outer": _ALPHA_OUTER,
+    "beta_outer": _DECAY,
+    "alpha_inner": _ALPHA_INNER,
+    "beta_inner": _DECAY,
+}
 _RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
 _LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
 _RADIUS_SIDES = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADIUS_ERROR}
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
-GAINS = "two_gains"  # family of the gains that people compute by hand, with which other laws are compared
+# family of the gains that people compute by hand, with which other laws are compared
+GAINS = "two_gains"
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
-    "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False),
+    "exponential": LawFamily(
+        "exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False
+    ),
     "exponential_speed": LawFamily(
         "exponential in radius, with a term of speed",
         _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH},
         _build(ExponentialSpeed),
         of_drives=False,
     ),
-    "icr": LawFamily("constant ICR", {"offset": _OFFSET}, _build(ConstantIcr), _EVERYTHING, of_drives=False),
+    "icr": LawFamily(
+        "constant ICR", {"offset": _OFFSET}, _build(ConstantIcr), _EVERYTHING, of_drives=False
+    ),
     "icr_radius": LawFamily(
-        "constant ICR, with an error of the effective sprocket radius", _RADIUS, _build(ConstantIcr), _EVERYTHING
+        "constant ICR, with an error of the effective sprocket radius",
+        _RADIUS,
+        _build(ConstantIcr),
+        _EVERYTHING,
     ),
     GAINS: LawFamily(
         "constant ICR, from gains of speed and yaw rate by regression",
@@ -151,7 +212,9 @@ FAMILIES: dict[str, LawFamily] = {
         of_runs=False,
         of_drives=False,
     ),
-    "turn_loss": LawFamily("constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss), _PROGRAMS),
+    "turn_loss": LawFamily(
+        "constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss), _PROGRAMS
+    ),
     "turn_loss_sides": LawFamily(
         "constant ICR, with a loss of speed in turns and ε of each side",
         {"offset": _OFFSET, **_RADIUS_SIDES, "turn_loss": _TURN_LOSS},
@@ -160,7 +223,8 @@ FAMILIES: dict[str, LawFamily] = {
         two_sided=True,
     ),
     "centrifugal": LawFamily(
-        "constant ICR, with a loss of speed in turns and slip in proportion to the lateral acceleration",
+        "constant ICR, with a loss of speed in turns and slip in proportion to the lateral "
+        "acceleration",
         _LOSS | {"centrifugal_slip": _CENTRIFUGAL_SLIP},
         _build(Centrifugal),
         fast=True,
@@ -195,7 +259,9 @@ def family(name: str) -> LawFamily:
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
-    """Build a law of the family `name` from stored values. Raises InvalidValueError for missing or invalid values."""
+    """Build a law of the family `name` from stored values. Raises InvalidValueError for missing or
+    invalid values.
+    """
     model = family(name)
     geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
     numbers = {}
@@ -204,5 +270,7 @@ def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> 
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InvalidValueError(f"{name}.{key}", value, "a number")
         numbers[key] = float(value)
-        require(low <= numbers[key] <= high, f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
+        require(
+            low <= numbers[key] <= high, f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}"
+        )
     return model.build(numbers, geometry)

@@ -30,15 +30,20 @@ class StoredLaws:
     geometry: RobotGeometry  # geometry of the robot for which the laws were identified
     laws: Mapping[str, SlipLaw]  # laws by family name, always including `none`
     content: Mapping[str, Any]  # content of the file
-    manifest: Mapping[str, Any]  # content of the manifest next to the file; empty without a manifest
+    # content of the manifest next to the file; empty without a manifest
+    manifest: Mapping[str, Any]
 
     def law_named(self, name: str | None) -> str:
-        """Return `name`, or for None the name of the best law according to the file or of the only law.
+        """Return `name`, or for None the name of the best law according to the file or of the only
+        law.
 
-        Raises InvalidValueError for an unknown name, and LogError if the file doesn't say which of its laws is best.
+        Raises InvalidValueError for an unknown name, and LogError if the file doesn't say which of
+        its laws is best.
         """
         if name is not None:
-            require(name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})")
+            require(
+                name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})"
+            )
             return name
         best, identified = self.content.get("best"), [name for name in self.laws if name != NO_SLIP]
         if isinstance(best, str) and best in self.laws:
@@ -65,27 +70,37 @@ class StoredLaws:
         return next((laws for laws in (inner, short) if isinstance(laws, Mapping)), {})
 
     def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
-        """95 % interval of a parameter; None if unknown, for example because the parameter was fixed."""
-        low, high = (number(self.content, "slip_laws", law, "interval95", parameter, k) for k in (0, 1))
+        """95 % interval of a parameter; None if unknown, for example because the parameter was
+        fixed.
+        """
+        low, high = (
+            number(self.content, "slip_laws", law, "interval95", parameter, k) for k in (0, 1)
+        )
         return None if low is None or high is None else (low, high)
 
 
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """Read the laws in a JSON file, or in the summary.json of a results folder, by family name.
 
-    If `robot` is given, the laws must have been identified for this geometry. Raises LogError if the file does not
-    exist, holds no slip laws, is for another robot, or was written by a newer version.
+    If `robot` is given, the laws must have been identified for this geometry. Raises LogError if
+    the file does not exist, holds no slip laws, is for another robot, or was written by a newer
+    version.
     """
-    return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}
+    return {
+        name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP
+    }
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
-    """Write laws by family name to a JSON file for `load_laws` and the command-line option `--laws`.
+    """Write laws by family name to a JSON file for `load_laws` and the command-line option
+    `--laws`.
 
-    `geometry` is that of the robot for which the laws were identified. Laws without parameters are not stored.
+    `geometry` is that of the robot for which the laws were identified. Laws without parameters are
+    not stored.
 
     Raises:
-        InvalidValueError: if a name is not the name of a family, or a law does not belong to the family of its name.
+        InvalidValueError: if a name is not the name of a family, or a law does not belong to the
+            family of its name.
         OutputError: if the file cannot be written.
     """
     stored: dict[str, dict[str, Any]] = {}
@@ -94,39 +109,59 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
         if law_from_values(name, values, geometry.half_gauge) != law:
             raise InvalidValueError(name, law, f"a law of the family {name!r} for this geometry")
         if values:
-            stored[name] = {"values": {key: float(value) for key, value in values.items() if value is not None}}
+            stored[name] = {
+                "values": {key: float(value) for key, value in values.items() if value is not None}
+            }
     try:
-        Path(path).write_text(json.dumps(laws_content(stored, geometry), indent=2) + "\n", encoding="utf-8")
+        Path(path).write_text(
+            json.dumps(laws_content(stored, geometry), indent=2) + "\n", encoding="utf-8"
+        )
     except (OSError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})") from error
+        raise OutputError(
+            f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})"
+        ) from error
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
-    """Build the content of a laws file. Each family name maps to the law's `values` and, optionally, other entries."""
+    """Build the content of a laws file. Each family name maps to the law's `values` and,
+    optionally, other entries.
+    """
     return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
 
 
 def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
-    """Read the laws in a JSON file, or in the summary.json of a results folder, with the rest of the content.
+    """Read the laws in a JSON file, or in the summary.json of a results folder, with the rest of
+    the content.
 
     Raises LogError like `load_laws`.
     """
     file = path / "summary.json" if path.is_dir() else path
-    stored = stored_laws(read_json(file), str(file), known_manifest(path) if path.is_dir() else {}, robot)
+    stored = stored_laws(
+        read_json(file), str(file), known_manifest(path) if path.is_dir() else {}, robot
+    )
     # the name appears in code for other programs, so it must not contain local folders
     name = file.name if file == path else f"{path.resolve().name}/{file.name}"
     return replace(stored, name="the laws shipped with trackslip" if file == SHIPPED else name)
 
 
 def stored_laws(
-    content: Any, name: str, manifest: Mapping[str, Any] | None = None, robot: RobotGeometry | None = None
+    content: Any,
+    name: str,
+    manifest: Mapping[str, Any] | None = None,
+    robot: RobotGeometry | None = None,
 ) -> StoredLaws:
-    """Extract the laws from the content of a file, called `name` in messages. Raises LogError like `load_laws`."""
+    """Extract the laws from the content of a file, called `name` in messages. Raises LogError like
+    `load_laws`.
+    """
     try:
         require_known_format(content, name)
-        geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
+        geometry = RobotGeometry(
+            *(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius"))
+        )
         stored, b = content["slip_laws"], geometry.half_gauge
-        laws = {law: law_from_values(law, stored[law]["values"], b) for law in FAMILIES if law in stored}
+        laws = {
+            law: law_from_values(law, stored[law]["values"], b) for law in FAMILIES if law in stored
+        }
     except InvalidValueError as error:
         raise LogError(f"{name}: {error}") from error
     except LogError:
@@ -137,8 +172,10 @@ def stored_laws(
         raise LogError(f"{name}: no slip laws in it")
     if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
         raise LogError(
-            f"{name}: its laws are for half_gauge = {geometry.half_gauge:g} m and sprocket_radius = "
-            f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
+            f"{name}: its laws are for half_gauge = {geometry.half_gauge:g} m and "
+            "sprocket_radius = "
+            f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and "
+            f"{robot.sprocket_radius:g} m"
         )
     return StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
 
@@ -156,7 +193,11 @@ def entry(content: Any, *keys: str | int) -> Any:
 def number(content: Any, *keys: str | int) -> float | None:
     """The finite number at nested keys; None if missing or not a finite number."""
     found = entry(content, *keys)
-    if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= sys.float_info.max:
+    if (
+        isinstance(found, bool)
+        or not isinstance(found, int | float)
+        or not abs(found) <= sys.float_info.max
+    ):
         return None
     return float(found)
 

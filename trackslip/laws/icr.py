@@ -1,4 +1,6 @@
-"""Laws of constant instantaneous centres of rotation (ICRs) of the tracks, with or without slip under load."""
+"""Laws of constant instantaneous centres of rotation (ICRs) of the tracks, with or without slip
+under load.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from trackslip.laws.base import SlipLaw, require_between
 class IcrLaw(SlipLaw):
     """Base class of laws with ICRs, whose sprocket speeds and twists are regular at every radius.
 
-    Speeds and twists are computed without the slip ratio, which has a pole where a sprocket stands still.
+    Speeds and twists are computed without the slip ratio, which has a pole where a sprocket stands
+    still.
     """
 
     half_gauge: float
@@ -42,7 +45,10 @@ class IcrLaw(SlipLaw):
         return 1 + self._of_tracks(self.radius_errors)
 
     def _of_tracks(self, names: tuple[str, ...]) -> Array:
-        return np.stack(np.broadcast_arrays(*(np.asarray(getattr(self, name), float) for name in names)), axis=-1)
+        return np.stack(
+            np.broadcast_arrays(*(np.asarray(getattr(self, name), float) for name in names)),
+            axis=-1,
+        )
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...) when driving forwards or turning in place."""
@@ -57,7 +63,8 @@ class IcrLaw(SlipLaw):
 
 
 class _ConstantIcrs(IcrLaw):
-    """Base class of laws in which track speeds V are linear in the twist, with D and epsilon of each track.
+    """Base class of laws in which track speeds V are linear in the twist, with D and epsilon of
+    each track.
 
     (1 + epsilon) V = v -+ (b + D) w
     """
@@ -65,22 +72,27 @@ class _ConstantIcrs(IcrLaw):
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         twist = np.asarray(twist, float)
-        return (twist[..., :1] + SIDES * self._reach * twist[..., 1:]) / (geometry.sprocket_radius * self._scale)
+        return (twist[..., :1] + SIDES * self._reach * twist[..., 1:]) / (
+            geometry.sprocket_radius * self._scale
+        )
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         arms = SIDES * self._reach
-        left, right = np.moveaxis(geometry.sprocket_radius * self._scale * np.asarray(omega, float), -1, 0)
+        left, right = np.moveaxis(
+            geometry.sprocket_radius * self._scale * np.asarray(omega, float), -1, 0
+        )
         w = (right - left) / (arms[..., 1] - arms[..., 0])
         return np.stack([right - arms[..., 1] * w, w], axis=-1)
 
 
 @dataclass(frozen=True)
 class ConstantIcr(_ConstantIcrs):
-    """The law of ICRs at a distance D outside both tracks, as Coulomb friction predicts for slow turns.
+    """The law of ICRs at a distance D outside both tracks, as Coulomb friction predicts for slow
+    turns.
 
-    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa), which for epsilon = 0 is D / (R + b + D) on the outer
-    track and -D / (R - b - D) on the inner track.
+    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa), which for epsilon = 0 is D / (R + b
+    + D) on the outer track and -D / (R - b - D) on the inner track.
     """
 
     offset: float
@@ -94,9 +106,11 @@ class ConstantIcr(_ConstantIcrs):
 
 @dataclass(frozen=True)
 class IcrSides(_ConstantIcrs):
-    """The law of constant ICRs that differ between left and right, for an off-centre mass or unequal tracks.
+    """The law of constant ICRs that differ between left and right, for an off-centre mass or
+    unequal tracks.
 
-    Reversing the motion reverses all friction forces, so D and epsilon belong to a side of the robot, not of the turn.
+    Reversing the motion reverses all friction forces, so D and epsilon belong to a side of the
+    robot, not of the turn.
     """
 
     offset_left: float
@@ -116,22 +130,28 @@ class IcrSides(_ConstantIcrs):
 
 MAX_COMPLIANCE = 1.2  # largest slip per traction per unit load [-]
 MAX_LOAD = 0.8
-"""Largest magnitude of the traction per unit load [-], at which a track moves even with MAX_COMPLIANCE."""
+"""Largest magnitude of the traction per unit load [-], at which a track moves even with
+MAX_COMPLIANCE.
+"""
 
 
 @dataclass(frozen=True)
 class IcrLoad(IcrLaw):
-    """The law of constant ICRs and slip in proportion to the traction per unit load, as on ground that shears.
+    """The law of constant ICRs and slip in proportion to the traction per unit load, as on ground
+    that shears.
 
-    With the twist (v', w') of constant ICRs and the traction per unit load (t, t_left) that the robot needs,
+    With the twist (v', w') of constant ICRs and the traction per unit load (t, t_left) that the
+    robot needs,
 
         v = v' - t sqrt((C v')^2 + (S w')^2)        w = w'        u = -t_left (C |v| + S |w|)
 
-    Straight uphill the belts slip by C t; downhill the robot is faster than the belts by the same ratio. In turns the
-    tracks slide sideways and thus also yield to other forces. If uphill is to the left, the robot drifts right: u < 0.
+    Straight uphill the belts slip by C t; downhill the robot is faster than the belts by the same
+    ratio. In turns the tracks slide sideways and thus also yield to other forces. If uphill is to
+    the left, the robot drifts right: u < 0.
 
-    For small tractions, C = 2 K / (mu L) with the ground's shear modulus K, its friction mu and the length L of the
-    contact (Janosi and Hanamoto, 1961), and S = L / (2 mu) in turns that shear the ground to its limit.
+    For small tractions, C = 2 K / (mu L) with the ground's shear modulus K, its friction mu and the
+    length L of the contact (Janosi and Hanamoto, 1961), and S = L / (2 mu) in turns that shear the
+    ground to its limit.
     """
 
     offset: float
@@ -145,7 +165,9 @@ class IcrLoad(IcrLaw):
     turn_compliance: float = 0.0
     """S: speed lost per yaw rate and traction per unit load [m]."""
     load: Array | tuple[float, float] = (0.0, 0.0)
-    """(t, t_left): required traction per load on the tracks, positive uphill, one pair or a pair per motion [-]."""
+    """(t, t_left): required traction per load on the tracks, positive uphill, one pair or a pair
+    per motion [-].
+    """
     records_icr: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -156,7 +178,9 @@ class IcrLoad(IcrLaw):
             require_between(self, (name,), -limit, limit, f"between {-most} and {most}")
 
     def under(self, load: ArrayLike) -> IcrLoad:
-        """The law for a robot with tractions per unit load `load`, a pair (2,) or pairs (..., 2) [-]."""
+        """The law for a robot with tractions per unit load `load`, a pair (2,) or pairs (..., 2)
+        [-].
+        """
         return replace(self, load=np.asarray(load, float))
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -171,12 +195,16 @@ class IcrLoad(IcrLaw):
         return np.stack(np.broadcast_arrays(slower, w), axis=-1)
 
     def unloaded(self, twist: ArrayLike) -> Array:
-        """Twists (..., 2) without load at the sprocket speeds that produce twists `twist` (..., 2) under load."""
+        """Twists (..., 2) without load at the sprocket speeds that produce twists `twist` (..., 2)
+        under load.
+        """
         twist = np.asarray(twist, float)
         v, w = twist[..., 0], twist[..., 1]
         along = self._tractions[0]
         stiff = 1 - np.square(along * self.compliance)
-        lost = np.hypot(along * self.compliance * v, np.sqrt(stiff) * along * self.turn_compliance * w)
+        lost = np.hypot(
+            along * self.compliance * v, np.sqrt(stiff) * along * self.turn_compliance * w
+        )
         return np.stack(np.broadcast_arrays((v + np.sign(along) * lost) / stiff, w), axis=-1)
 
     def sideslip(self, twist: ArrayLike) -> Array:
@@ -185,7 +213,9 @@ class IcrLoad(IcrLaw):
         return np.asarray(-self._tractions[1] * (self.compliance * v + self.turn_compliance * w))
 
     def yielding(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Velocities (..., 3) (forwards, leftwards, yaw) that load adds at sprocket speeds omega (..., 2) [rad/s]."""
+        """Velocities (..., 3) (forwards, leftwards, yaw) that load adds at sprocket speeds omega
+        (..., 2) [rad/s].
+        """
         twist = self.twist(omega, geometry)
         slower = twist[..., 0] - self.unloaded_law.twist(omega, geometry)[..., 0]
         return np.stack([slower, self.sideslip(twist), np.zeros_like(slower)], axis=-1)

@@ -32,7 +32,9 @@ class _SpeedLost(IcrLaw):
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
         v, difference, loss = np.broadcast_arrays(v, self._reach[..., 0] * w, self.turn_loss)
         mean = _mean_speed(v, difference, loss)
-        return (mean[..., None] + SIDES * difference[..., None]) / (geometry.sprocket_radius * self._scale)
+        return (mean[..., None] + SIDES * difference[..., None]) / (
+            geometry.sprocket_radius * self._scale
+        )
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
@@ -65,7 +67,9 @@ class TurnLoss(_SpeedLost):
 
 @dataclass(frozen=True)
 class TurnLossSides(_SpeedLost):
-    """TurnLoss with an epsilon for each side, for robots that pull to one side, as with unequally inflated tyres."""
+    """TurnLoss with an epsilon for each side, for robots that pull to one side, as with unequally
+    inflated tyres.
+    """
 
     offset: float
     """D: distance of the ICRs outside the centre lines of the tracks [m]."""
@@ -89,7 +93,8 @@ class Centrifugal(TurnLoss):
 
         v' = v (1 + k |v w|)        w' = w (1 + k |v w|)
 
-    Friction that holds the robot on its curve can't also drive it, so the robot skids more slowly along the same curve.
+    Friction that holds the robot on its curve can't also drive it, so the robot skids more slowly
+    along the same curve.
     """
 
     centrifugal_slip: float = 0.0
@@ -97,7 +102,8 @@ class Centrifugal(TurnLoss):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")  # finite differences at 0
+        # finite differences at 0
+        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...) in the limit of slow driving."""
@@ -112,7 +118,8 @@ class Centrifugal(TurnLoss):
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
 
-        The factor q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's formula.
+        The factor q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's
+        formula.
         """
         slow = super().twist(omega, geometry)
         square = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
@@ -121,16 +128,19 @@ class Centrifugal(TurnLoss):
 
 
 def _sine(difference: Array, mean: Array) -> Array:
-    """sin theta (...) from half the belt speed differences (...) and the mean belt speeds (...); 0 at rest."""
+    """sin theta (...) from half the belt speed differences (...) and the mean belt speeds (...); 0
+    at rest.
+    """
     size = np.hypot(difference, mean)
     return difference / np.where(size == 0, 1.0, size)
 
 
 def _mean_speed(v: Array, difference: Array, loss: Array) -> Array:
-    """Mean belt speeds s (...) with s (1 - g sin^2 theta) = v, only real roots of s^3 - v s^2 + (1 - g) d^2 s - v d^2.
+    """Mean belt speeds s (...) with s (1 - g sin^2 theta) = v, only real roots of s^3 - v s^2 + (1
+    - g) d^2 s - v d^2.
 
-    Newton's method is applied to the first equation, whose left side increases with s. A step that leaves the interval
-    known to contain the root is replaced by a bisection.
+    Newton's method is applied to the first equation, whose left side increases with s. A step that
+    leaves the interval known to contain the root is replaced by a bisection.
     """
     size = np.maximum(np.abs(v), np.abs(difference))
     size = np.where(size == 0, 1.0, size)

@@ -1,10 +1,11 @@
 """Maximum-likelihood fit of the known rectangle to the ranges of a scan (see `likelihood`).
 
-The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
-sight), so it is maximised from several initial poses, by damped Gauss-Newton steps for all scans and poses at once. If
-the fit from an expected pose explains the scan as well as the noise allows, no other initial pose is tried. Covariances
-follow from the likelihood's curvature, except where this is misleading: a plate seen edge-on has no valid pose, and the
-position of a plate seen from the side, along its length, is only as precise as the edges of its silhouette.
+The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image
+about the line of sight), so it is maximised from several initial poses, by damped Gauss-Newton
+steps for all scans and poses at once. If the fit from an expected pose explains the scan as well as
+the noise allows, no other initial pose is tried. Covariances follow from the likelihood's
+curvature, except where this is misleading: a plate seen edge-on has no valid pose, and the position
+of a plate seen from the side, along its length, is only as precise as the edges of its silhouette.
 """
 
 from __future__ import annotations
@@ -46,8 +47,10 @@ _ITERATIONS = 8  # maximum number of iterations from the best screened fit
 _MAX_MISFIT = 3.0  # maximum rms residual of a valid pose [standard deviations]
 _MAX_HEADING_ERROR = np.radians(3.0)  # maximum standard error of a valid heading [rad]
 _MAX_POSITION_ERROR = 0.05  # maximum standard error of a valid position [m]
-_STRAINED = 4.0  # excess of a misfit over 1 that indicates returns from other objects [standard deviations]
-_EXPLAINED = 7.0  # log likelihood gain if a return is from the plate instead of anything within a few metres
+# excess of a misfit over 1 that indicates returns from other objects [standard deviations]
+_STRAINED = 4.0
+# log likelihood gain if a return is from the plate instead of anything within a few metres
+_EXPLAINED = 7.0
 _MIN_PLATE_RETURNS = 8  # number of returns below which a cluster may look like a plate by chance
 _ROUNDS = 2  # number of times that returns are selected by the fitted pose
 _SCREENED = 24  # number of beams per cluster with which initial poses are screened
@@ -64,9 +67,11 @@ class PlateSolution(Rows):
 
     pose: Array  # (S, 3) in the LRF's frame
     covariance: Array  # (S, 3, 3)
-    misfit: Array  # (S,) rms residual of ranges and edges under the Huber loss [standard deviations]
+    # (S,) rms residual of ranges and edges under the Huber loss [standard deviations]
+    misfit: Array
     score: Array  # (S,) log likelihood of the scan relative to a scan without a plate
-    doubtful: np.ndarray  # (S,) bool: other objects may be among the returns or in front of the plate
+    # (S,) bool: other objects may be among the returns or in front of the plate
+    doubtful: np.ndarray
 
     @classmethod
     def none(cls, scans: int) -> PlateSolution:
@@ -75,27 +80,33 @@ class PlateSolution(Rows):
         return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
 
     def improve(self, rows: np.ndarray, other: PlateSolution) -> None:
-        """Overwrite the solutions for the scans `rows` (R,) where the R solutions in `other` have higher scores."""
+        """Overwrite the solutions for the scans `rows` (R,) where the R solutions in `other` have
+        higher scores.
+        """
         better = other.score > self.score[rows]
         self.put(rows[better], other.take(better))
 
 
 @dataclass(frozen=True)
 class PlateLocator:
-    """Locator that fits the rectangle to each scan; poses are valid if they explain the returns and are precise."""
+    """Locator that fits the rectangle to each scan; poses are valid if they explain the returns and
+    are precise.
+    """
 
     plate: Plate = field(default_factory=Plate)
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
-        Without expected poses, every cluster that could be a plate is tried, and the solution with the highest score is
-        kept. If a cluster may contain returns from other objects, or lack returns from the plate, its returns are
-        selected again with the fitted pose.
+        Without expected poses, every cluster that could be a plate is tried, and the solution with
+        the highest score is kept. If a cluster may contain returns from other objects, or lack
+        returns from the plate, its returns are selected again with the fitted pose.
         """
         near = None if predicted is None else scan.from_world(predicted)
         found = PlateSolution.none(len(scan.ranges))
-        for rows in np.array_split(np.arange(len(scan.ranges)), -(-len(scan.ranges) // _AT_ONCE) or 1):
+        for rows in np.array_split(
+            np.arange(len(scan.ranges)), -(-len(scan.ranges) // _AT_ONCE) or 1
+        ):
             part = replace(scan, ranges=scan.ranges[rows])
             found.put(rows, self._located(part, None if near is None else near[rows]))
         valid = self._believed(found)
@@ -104,7 +115,9 @@ class PlateLocator:
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
     def _located(self, scan: Scan, near: Array | None) -> PlateSolution:
-        """Solutions for all scans, starting from expected poses `near` (S, 3) in the LRF's frame if these are known."""
+        """Solutions for all scans, starting from expected poses `near` (S, 3) in the LRF's frame if
+        these are known.
+        """
         if near is None:
             found = self._best(scan, MAX_GAP)
             doubtful = astray = np.flatnonzero(found.doubtful | ~np.isfinite(found.misfit))
@@ -118,8 +131,12 @@ class PlateLocator:
             self._sort_out(scan, found, doubtful, near)
         return found
 
-    def _sort_out(self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None) -> None:
-        """Improve the solutions for the scans `rows` by selecting the returns anew with the fitted poses."""
+    def _sort_out(
+        self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None
+    ) -> None:
+        """Improve the solutions for the scans `rows` by selecting the returns anew with the fitted
+        poses.
+        """
         part = replace(scan, ranges=scan.ranges[rows])
         for _ in range(_ROUNDS):
             pose = found.pose[rows]
@@ -128,7 +145,9 @@ class PlateLocator:
             found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
 
     def _best(self, scan: Scan, gap: float) -> PlateSolution:
-        """The solution from the best cluster of each scan, where gaps above `gap` [m] separate clusters."""
+        """The solution from the best cluster of each scan, where gaps above `gap` [m] separate
+        clusters.
+        """
         cluster, row = candidates(scan, self.plate, gap)
         tried = self._solve(scan, cluster, None)
         best = np.flatnonzero(best_of_each(row, tried.score))
@@ -148,7 +167,10 @@ class PlateLocator:
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
         """The best solution for each cluster of MIN_RETURNS or more returns."""
-        found, rows = PlateSolution.none(len(cluster.count)), np.flatnonzero(cluster.count >= MIN_RETURNS)
+        found, rows = (
+            PlateSolution.none(len(cluster.count)),
+            np.flatnonzero(cluster.count >= MIN_RETURNS),
+        )
         if not rows.size:
             return found
         cluster, near = cluster.take(rows), None if near is None else near[rows]
@@ -156,7 +178,11 @@ class PlateLocator:
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         short = self.plate.thickness / scan.beam_step
-        covariance = axes.swapaxes(1, 2) @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short) @ axes
+        covariance = (
+            axes.swapaxes(1, 2)
+            @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short)
+            @ axes
+        )
         strained = _strained(misfit, cluster.count)
         covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
@@ -169,12 +195,16 @@ class PlateLocator:
     def _fit(
         self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
     ) -> tuple[Evaluation, Array]:
-        """The best fits and their misfits (S,). Where the fit from `near` (S, 3) succeeds, no other pose is tried."""
+        """The best fits and their misfits (S,). Where the fit from `near` (S, 3) succeeds, no other
+        pose is tried.
+        """
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
         fit = PlateLikelihood(self.plate, _HUBER).climb(beams, near, _ITERATIONS)
-        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
+        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (
+            cluster.count < _MIN_PLATE_RETURNS
+        )
         rows = np.flatnonzero(unexplained)
         if rows.size:
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
@@ -188,22 +218,30 @@ class PlateLocator:
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
         screened = likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
         cost = screened.cost.reshape(scans, k)
-        best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
+        best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(
+            scans
+        )
         return likelihood.climb(beams, screened.pose[best], _ITERATIONS)
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
-    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along the plates where too small.
+    """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along the plates where
+    too small.
 
-    Covariances are too small where one or two beams hit the short face of a plate seen from the side. The beams seem to
-    determine the position along the plate precisely, but do not if the plate slides so that they hit the long face.
-    The variance is then that from the edges, with weights `weight` (S, 2) [1/rad]. `short` is the distance at which a
-    short face turned towards the LRF spans one beam step [m].
+    Covariances are too small where one or two beams hit the short face of a plate seen from the
+    side. The beams seem to determine the position along the plate precisely, but do not if the
+    plate slides so that they hit the long face. The variance is then that from the edges, with
+    weights `weight` (S, 2) [1/rad]. `short` is the distance at which a short face turned towards
+    the LRF spans one beam step [m].
     """
     angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
     information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]
     few = (angle > _FROM_SIDE) & (short * np.cos(angle) < _FEW_BEAMS * distance) & (information > 0)
-    factor = np.sqrt(np.where(few, np.maximum(1 / np.maximum(information * covariance[:, 0, 0], _TINY), 1.0), 1.0))
+    factor = np.sqrt(
+        np.where(
+            few, np.maximum(1 / np.maximum(information * covariance[:, 0, 0], _TINY), 1.0), 1.0
+        )
+    )
     covariance[:, 0, :] *= factor[:, None]
     covariance[:, :, 0] *= factor[:, None]
     return covariance
@@ -215,5 +253,7 @@ def _misfit(fit: Evaluation, cluster: Cluster) -> Array:
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:
-    """Mask (S,) of the scans whose `count` (S,) returns scatter about the plate by more than noise explains."""
+    """Mask (S,) of the scans whose `count` (S,) returns scatter about the plate by more than noise
+    explains.
+    """
     return misfit - 1 > _STRAINED / np.sqrt(2 * count)

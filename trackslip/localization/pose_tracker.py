@@ -1,7 +1,8 @@
 """Tracking of robots through the poses from single scans, scan by scan or in recorded scans.
 
-Half turns are resolved, outliers rejected, and gaps bridged by the encoders. A few of the recorded scans are located
-independently, by fits from several initial poses; then all scans are located near the track through these few.
+Half turns are resolved, outliers rejected, and gaps bridged by the encoders. A few of the recorded
+scans are located independently, by fits from several initial poses; then all scans are located near
+the track through these few.
 """
 
 from __future__ import annotations
@@ -17,25 +18,31 @@ from trackslip.localization.likelihood import EDGE_ON, viewing_angle
 from trackslip.localization.scan import Locator, PoseEstimate, Scan
 
 GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
-"""Maximum deviation of a valid pose from its prediction [m, rad], plus an allowance for driving without poses."""
+"""Maximum deviation of a valid pose from its prediction [m, rad], plus an allowance for driving
+without poses.
+"""
 GROWTH = 0.3
 """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
 BLIND_TURN = np.radians(60.0)
-"""Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be below pi / 2."""
+"""Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be
+below pi / 2.
+"""
 
 
 class Tracker:
     """Tracker of N robots from scan to scan.
 
-    The heading of a plate is ambiguous by half a turn, so the heading nearest to the prediction is used. The prediction
-    propagates the last pose by the encoders without slip, and is off by less than a millimetre over one scan.
+    The heading of a plate is ambiguous by half a turn, so the heading nearest to the prediction is
+    used. The prediction propagates the last pose by the encoders without slip, and is off by less
+    than a millimetre over one scan.
     """
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """Start from the known poses `start` (N, 3) of the robots in the world frame."""
         self._pose: Array = np.array(start, float)
         self.geometry = geometry
-        self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid poses
+        # distance [m] and turn [rad] since the last valid poses
+        self._blind = np.zeros((len(self._pose), 2))
         self._last: Array = np.zeros((len(self._pose), 3, 3))  # covariances of the last valid poses
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
@@ -45,8 +52,11 @@ class Tracker:
         self._last[robots] = 0.0
 
     def predict(self, omega: Array, duration: float) -> Array:
-        """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s], and return them (N, 3)."""
-        twist = twist_of_tracks(self.geometry.sprocket_radius * omega, self.geometry.half_gauge)  # without slip
+        """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s], and return
+        them (N, 3).
+        """
+        # without slip
+        twist = twist_of_tracks(self.geometry.sprocket_radius * omega, self.geometry.half_gauge)
         self._pose = advance(self._pose, twist, duration)
         self._blind += np.abs(twist) * duration
         return self._pose.copy()
@@ -61,7 +71,9 @@ class Tracker:
         return estimate.valid & ~far & ~turned & ~lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Continue the tracks with one estimate per robot. Predictions, marked invalid, replace rejected estimates."""
+        """Continue the tracks with one estimate per robot. Predictions, marked invalid, replace
+        rejected estimates.
+        """
         pose, valid = self._unwrapped(estimate.pose), self.believes(estimate)
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0
@@ -69,15 +81,19 @@ class Tracker:
         return PoseEstimate(self._pose.copy(), self._covariance(), valid)
 
     def _unwrapped(self, pose: Array) -> Array:
-        """Poses (N, 3) with headings shifted by half turns, so that they are nearest to the predictions."""
+        """Poses (N, 3) with headings shifted by half turns, so that they are nearest to the
+        predictions.
+        """
         unwrapped = pose.copy()
         unwrapped[:, 2] -= np.rint((pose[:, 2] - self._pose[:, 2]) / np.pi) * np.pi
         return unwrapped
 
     def _covariance(self) -> Array:
-        """Covariances (N, 3, 3) of the last valid poses plus their growth over the distance driven since.
+        """Covariances (N, 3, 3) of the last valid poses plus their growth over the distance driven
+        since.
 
-        Slip is not white noise: its error grows in proportion to distance, and a heading error adds a lateral error.
+        Slip is not white noise: its error grows in proportion to distance, and a heading error adds
+        a lateral error.
         """
         way, turn = self._blind.T
         heading = GROWTH * turn
@@ -94,17 +110,21 @@ EVERY = 8  # interval between scans that are located independently [scans]
 class Follower:
     """Tracker of N robots through recorded scans, which are processed in blocks.
 
-    The result does not depend on the blocks if the number of scans in all but the last is a multiple of EVERY.
+    The result does not depend on the blocks if the number of scans in all but the last is a
+    multiple of EVERY.
     """
 
     def __init__(self, locator: Locator, tracker: Tracker) -> None:
-        """Store the locator, and the `tracker` with the poses of the N robots in their first scan."""
+        """Store the locator, and the `tracker` with the poses of the N robots in their first
+        scan.
+        """
         self._locator, self._tracker, self._of_keys = locator, tracker, copy.deepcopy(tracker)
 
     def follow(self, scan: Scan, angle: Array) -> PoseEstimate:
         """Track the N robots through the next block of T scans, with ranges (N, T, B).
 
-        `angle` (N, T, 2) are the angles by which the sprockets turned from the previous scan to each scan [rad].
+        `angle` (N, T, 2) are the angles by which the sprockets turned from the previous scan to
+        each scan [rad].
         """
         rows = scan.ranges.shape[1]
         keys = np.append(np.arange(EVERY - 1, rows - 1, EVERY), rows - 1)
@@ -115,14 +135,19 @@ class Follower:
         expected = interp1d(np.append(-1, keys), path, axis=1)(np.arange(rows))
         return self._tracked(self._tracker, scan, angle, expected.reshape(-1, 3))
 
-    def _tracked(self, tracker: Tracker, scan: Scan, angle: Array, expected: Array | None = None) -> PoseEstimate:
-        """Track the N robots through T scans that are all located at once, from expected poses (N T, 3) if known.
+    def _tracked(
+        self, tracker: Tracker, scan: Scan, angle: Array, expected: Array | None = None
+    ) -> PoseEstimate:
+        """Track the N robots through T scans that are all located at once, from expected poses (N
+        T, 3) if known.
 
-        Where the tracker rejects a pose, another object was mistaken for the plate, and the plate is located again from
-        the predicted pose.
+        Where the tracker rejects a pose, another object was mistaken for the plate, and the plate
+        is located again from the predicted pose.
         """
         robots, rows, beams = scan.ranges.shape
-        single = self._locator.locate(replace(scan, ranges=scan.ranges.reshape(-1, beams)), expected)
+        single = self._locator.locate(
+            replace(scan, ranges=scan.ranges.reshape(-1, beams)), expected
+        )
         tracked = []
         for row in range(rows):
             predicted = tracker.predict(angle[:, row], 1.0)

@@ -11,22 +11,28 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 _RESTART = 1.0  # least time by which a restarted clock goes back [s]
-_GLITCH = 4  # most successive rows that may have wrong stamps; a longer series belongs to another drive
+# most successive rows that may have wrong stamps; a longer series belongs to another drive
+_GLITCH = 4
 _MIN_STEPS = 5  # least number of turns for a comparison
 _DISAGREES = 0.5  # correlation below which two sets of turns are from different motions
-_TURN_TIME = 2.0  # duration of the turns that are compared with a gyro's: poses may be stamped half a second late [s]
+# duration of the turns that are compared with a gyro's: poses may be stamped half a second late [s]
+_TURN_TIME = 2.0
 _MIN_TURN = 0.1  # least rms of the turns for a check of a gyro's axis and unit [rad]
 _SAME_UNIT = (0.5, 2.0)  # limits on the ratio between turns in the same unit [-]
 
 
 def restarts(time: Array) -> np.ndarray:
-    """Rows (n,) at which the clock `time` (T,) restarts because another drive with the same name begins."""
+    """Rows (n,) at which the clock `time` (T,) restarts because another drive with the same name
+    begins.
+    """
     usual = scipy.ndimage.median_filter(time, size=2 * _GLITCH + 1, mode="reflect")
     return np.flatnonzero(np.diff(usual) < -_RESTART) + 1
 
 
 def unwrapped(heading: Array) -> Array:
-    """Headings (n,) without jumps by whole turns; unchanged if range and steps show that they are not in radians."""
+    """Headings (n,) without jumps by whole turns; unchanged if range and steps show that they are
+    not in radians.
+    """
     step = np.abs(np.diff(heading))
     turns = step[step > np.pi]
     if not len(turns) or np.ptp(heading) < 2 * np.pi + 0.1:
@@ -56,22 +62,33 @@ def in_order(time: Array) -> np.ndarray:
 
 
 def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array] | None:
-    """Turns (n,) of the headings and (..., n) of `turned` [rad] during each _TURN_TIME; None if the robot hardly turns.
+    """Turns (n,) of the headings and (..., n) of `turned` [rad] during each _TURN_TIME; None if the
+    robot hardly turns.
 
-    `heading` (T,) [rad] is NaN where not measured; `turned` (..., T) are angles turned since any fixed time [rad].
+    `heading` (T,) [rad] is NaN where not measured; `turned` (..., T) are angles turned since any
+    fixed time [rad].
     """
     known = np.flatnonzero(np.isfinite(heading))
     if not known.size:
         return None
-    ends = known[np.unique(np.searchsorted(time[known], np.arange(time[known[0]], time[known[-1]], _TURN_TIME)))]
-    turn, by = np.diff(np.unwrap(heading[known])[np.searchsorted(known, ends)]), np.diff(turned[..., ends])
+    ends = known[
+        np.unique(
+            np.searchsorted(time[known], np.arange(time[known[0]], time[known[-1]], _TURN_TIME))
+        )
+    ]
+    turn, by = (
+        np.diff(np.unwrap(heading[known])[np.searchsorted(known, ends)]),
+        np.diff(turned[..., ends]),
+    )
     return None if len(turn) < _MIN_STEPS or np.mean(turn**2) < _MIN_TURN**2 else (turn, by)
 
 
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
-    """Return yaw rates (T,) and an empty note; None and a note if the rates don't follow the headings (T,).
+    """Return yaw rates (T,) and an empty note; None and a note if the rates don't follow the
+    headings (T,).
 
-    Rates and headings may contain NaN. Raises LogError for rates in a wrong unit or positive clockwise.
+    Rates and headings may contain NaN. Raises LogError for rates in a wrong unit or positive
+    clockwise.
     """
     turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
     paired = paired_turns(time, turned, heading)
@@ -85,5 +102,7 @@ def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[
         return None, f"run {run!r}: column gyro left out: {follow}"
     if not _SAME_UNIT[0] < factor < _SAME_UNIT[1]:
         must = "must be in rad/s, counter-clockwise"
-        raise LogError(f"run {run!r}: column gyro: turns are {factor:.3g} times the headings', {must}")
+        raise LogError(
+            f"run {run!r}: column gyro: turns are {factor:.3g} times the headings', {must}"
+        )
     return rate, ""

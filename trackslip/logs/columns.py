@@ -24,7 +24,8 @@ class Cells:
 
     values: Array  # (T,); NaN where the cell is empty, NaN or damaged
     empty: np.ndarray  # (T,) bool
-    damaged: np.ndarray  # (T,) bool: the cell holds text, infinity or a number too large for a measurement
+    # (T,) bool: the cell holds text, infinity or a number too large for a measurement
+    damaged: np.ndarray
 
 
 class Columns:
@@ -37,13 +38,20 @@ class Columns:
         """Raise LogError if one of `names` is missing or any column occurs twice."""
         present = self._table.column_names
         if missing := [name for name in names if name not in present]:
-            raise LogError(f"{self._source}: has no column {', '.join(missing)}; found {', '.join(present)[:200]!r}")
+            raise LogError(
+                f"{self._source}: has no column {', '.join(missing)}; found "
+                f"{', '.join(present)[:200]!r}"
+            )
         for name in present:
             if present.count(name) > 1:
-                raise LogError(f"{self._source}: column {name} is there {present.count(name)} times")
+                raise LogError(
+                    f"{self._source}: column {name} is there {present.count(name)} times"
+                )
 
     def cells(self, name: str) -> Cells:
-        """Read a column of numbers; a missing column has empty cells. Raises LogError for a wrong type or unit."""
+        """Read a column of numbers; a missing column has empty cells. Raises LogError for a wrong
+        type or unit.
+        """
         if name not in self._table.column_names:
             nowhere = np.zeros(len(self._table), bool)
             return Cells(np.full(len(nowhere), np.nan), ~nowhere, nowhere)
@@ -51,16 +59,24 @@ class Columns:
         if stated is not None and name in COLUMNS:
             unit, expected = stated.decode(errors="replace"), COLUMNS[name].unit
             if unit != expected:
-                raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {expected or 'no unit'}")
+                raise LogError(
+                    f"{self._source}: column {name}: in {unit!r}, must be in "
+                    f"{expected or 'no unit'}"
+                )
         column = self._table.column(name)
         if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
             return _from_text(column)
-        if not any(of(column.type) for of in (pa.types.is_floating, pa.types.is_integer, pa.types.is_decimal)):
+        if not any(
+            of(column.type)
+            for of in (pa.types.is_floating, pa.types.is_integer, pa.types.is_decimal)
+        ):
             raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
         return _cells(_as_floats(column), column.is_null().to_numpy())
 
     def optional(self, names: Sequence[str]) -> Array | None:
-        """Values (T, len(names)) of optional columns, NaN in cells without a number; None if any column is missing."""
+        """Values (T, len(names)) of optional columns, NaN in cells without a number; None if any
+        column is missing.
+        """
         if any(name not in self._table.column_names for name in names):
             return None
         return np.stack([self.cells(name).values for name in names], axis=-1)
@@ -69,12 +85,22 @@ class Columns:
         """An error message about a damaged cell."""
         shown = repr(self._table.column(name)[row].as_py())
         shown = shown if len(shown) <= 40 else shown[:40] + "…"
-        return f"row {row + 1}, column {name}: {shown} is not {_EXPECTED.get(name, 'a finite number')}"
+        return (
+            f"row {row + 1}, column {name}: {shown} is not {_EXPECTED.get(name, 'a finite number')}"
+        )
 
     def categories(self, name: str) -> tuple[np.ndarray, list[str]]:
-        """The index (T,) of each cell's text, and the distinct texts, in a text column; nulls count as empty texts."""
+        """The index (T,) of each cell's text, and the distinct texts, in a text column; nulls count
+        as empty texts.
+        """
         try:
-            text = self._table.column(name).cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
+            text = (
+                self._table.column(name)
+                .cast(pa.string())
+                .fill_null("")
+                .combine_chunks()
+                .dictionary_encode()
+            )
         except pa.ArrowException as error:
             raise LogError(f"{self._source}: column {name}: {first_line(error)}") from error
         return text.indices.to_numpy(), text.dictionary.to_pylist()

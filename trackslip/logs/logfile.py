@@ -1,4 +1,6 @@
-"""Reads and writes Parquet and CSV files of runs, and joins Parquet files without loading all runs at once."""
+"""Reads and writes Parquet and CSV files of runs, and joins Parquet files without loading all runs
+at once.
+"""
 
 from __future__ import annotations
 
@@ -40,22 +42,31 @@ def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
 
 
 def packing(schema: pa.Schema) -> dict[str, Any]:
-    """Options for the Parquet writer: compact storage for measured numbers, which rarely repeat, with checksums.
+    """Options for the Parquet writer: compact storage for measured numbers, which rarely repeat,
+    with checksums.
 
-    Zstandard would make files a tenth smaller but take 1.5 times as long. Statistics let readers skip runs and times.
+    Zstandard would make files a tenth smaller but take 1.5 times as long. Statistics let readers
+    skip runs and times.
     """
     return {
         "compression": "lz4",
         "use_dictionary": ["run"],
-        "use_byte_stream_split": [field.name for field in schema if pa.types.is_float64(field.type)],
+        "use_byte_stream_split": [
+            field.name for field in schema if pa.types.is_float64(field.type)
+        ],
         "write_statistics": ["run", "t"],
         "write_page_checksum": True,
     }
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a CSV file without metadata, ranges, contacts and shear; all other numbers are exact."""
-    plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None, shear=None)) for log in logs]
+    """Write runs to a CSV file without metadata, ranges, contacts and shear; all other numbers are
+    exact.
+    """
+    plain = [
+        replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None, shear=None))
+        for log in logs
+    ]
     pa.csv.write_csv(to_table(plain), path)
 
 
@@ -81,17 +92,23 @@ def read_table(path: Path) -> pa.Table:
 
 
 def _read_csv(path: Path) -> pa.Table:
-    """Read the table in a CSV file with every column as text, so that errors can name row and column.
+    """Read the table in a CSV file with every column as text, so that errors can name row and
+    column.
 
-    The file may have blanks around cells, lines beginning with # before the header, columns separated by semicolons or
-    tabs (and then decimal commas), and, below the header, a row with the columns' units.
+    The file may have blanks around cells, lines beginning with # before the header, columns
+    separated by semicolons or tabs (and then decimal commas), and, below the header, a row with the
+    columns' units.
     """
     import pyarrow.compute as pc  # takes longer to import than pyarrow itself
 
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
     comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
-    if comments and "omega_l" in lines[comments - 1] and "omega_l" not in "".join(lines[comments : comments + 1]):
+    if (
+        comments
+        and "omega_l" in lines[comments - 1]
+        and "omega_l" not in "".join(lines[comments : comments + 1])
+    ):
         comments -= 1  # the last comment is the header, as from numpy.savetxt
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
@@ -100,7 +117,9 @@ def _read_csv(path: Path) -> pa.Table:
         path,
         read_options=pa.csv.ReadOptions(skip_rows=comments),
         parse_options=pa.csv.ParseOptions(delimiter=separator),
-        convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(rows[0] if rows else (), pa.string())),
+        convert_options=pa.csv.ConvertOptions(
+            column_types=dict.fromkeys(rows[0] if rows else (), pa.string())
+        ),
     )
     names = [name.strip("# ") for name in table.column_names]
     columns = [pc.utf8_trim_whitespace(column.cast(pa.string())) for column in table.columns]
@@ -118,14 +137,18 @@ def _with_units(table: pa.Table) -> pa.Table:
     if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
         return table
     fields = [
-        field.with_metadata({"unit": unit}) if field.name in COLUMNS and unit not in ("", "-", "1") else field
+        field.with_metadata({"unit": unit})
+        if field.name in COLUMNS and unit not in ("", "-", "1")
+        else field
         for field, unit in zip(table.schema, first, strict=True)
     ]
     return table.slice(1).cast(pa.schema(fields))
 
 
 def runs_file(path: Path) -> Path:
-    """The runs' file in a results folder, or `path` if not a folder; LogError for a folder with no or too new runs."""
+    """The runs' file in a results folder, or `path` if not a folder; LogError for a folder with no
+    or too new runs.
+    """
     try:
         if not path.is_dir():
             return path
@@ -138,7 +161,9 @@ def runs_file(path: Path) -> Path:
 
 
 def read_runs(path: Path) -> list[RunLog]:
-    """Read the runs in a file, with a LogWarning for each part left out; raises LogError if no run can be read."""
+    """Read the runs in a file, with a LogWarning for each part left out; raises LogError if no run
+    can be read.
+    """
     read = read_log(path)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
@@ -146,28 +171,47 @@ def read_runs(path: Path) -> list[RunLog]:
 
 
 def read_log(path: Path) -> ReadRuns:
-    """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be read."""
+    """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be
+    read.
+    """
     return runs_from_table(read_table(path), str(path))
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
-    """Copy runs, each given as (file, name, new name), in order from files by `write_parquet` to a single file.
+    """Copy runs, each given as (file, name, new name), in order from files by `write_parquet` to a
+    single file.
 
-    Each run is a row group, so only one run at a time is in memory. Raises LogError if a file cannot be read.
+    Each run is a row group, so only one run at a time is in memory. Raises LogError if a file
+    cannot be read.
     """
     with contextlib.ExitStack() as stack:
         try:
             files = {}
             for file in {file for file, *_ in runs}:
-                files[file] = stack.enter_context(pa.parquet.ParquetFile(file, page_checksum_verification=True))
-            about = {file: stored_metadata(read.schema_arrow.metadata, str(file)) for file, read in files.items()}
-            schema = pa.unify_schemas([files[file].schema_arrow.remove_metadata() for file, *_ in runs])
-            schema = schema.with_metadata(file_metadata({new: about[file][name] for file, name, new in runs}))
+                files[file] = stack.enter_context(
+                    pa.parquet.ParquetFile(file, page_checksum_verification=True)
+                )
+            about = {
+                file: stored_metadata(read.schema_arrow.metadata, str(file))
+                for file, read in files.items()
+            }
+            schema = pa.unify_schemas(
+                [files[file].schema_arrow.remove_metadata() for file, *_ in runs]
+            )
+            schema = schema.with_metadata(
+                file_metadata({new: about[file][name] for file, name, new in runs})
+            )
             with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
                 for file, name, new in runs:
-                    table = files[file].read_row_group([*about[file]].index(name)).replace_schema_metadata(None)
+                    table = (
+                        files[file]
+                        .read_row_group([*about[file]].index(name))
+                        .replace_schema_metadata(None)
+                    )
                     table = table.set_column(0, "run", pa.repeat(new, len(table)))
-                    table = pa.concat_tables([schema.empty_table(), table], promote_options="default")
+                    table = pa.concat_tables(
+                        [schema.empty_table(), table], promote_options="default"
+                    )
                     writer.write_table(table, row_group_size=len(table))
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{path}: its runs can't be joined ({first_line(error)})") from error

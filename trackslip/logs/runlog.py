@@ -1,4 +1,6 @@
-"""RunLog: the record of a run, simulated or real, with a row for each scan, and the plate's returns in the scans."""
+"""RunLog: the record of a run, simulated or real, with a row for each scan, and the plate's returns
+in the scans.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,21 @@ from trackslip.localization.scan import Cluster, Plate, Scan
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
 """Errors that a run's metadata may cause if trackslip did not write them."""
-_OPTIONAL = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
+_OPTIONAL = (
+    "command",
+    "twist_command",
+    "icr",
+    "covariance",
+    "valid",
+    "load",
+    "gyro",
+    "truth",
+    "scans",
+)
 _NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
 MAX_YAW_RATE = 100.0  # yaw rate above which a gyro reading is invalid [rad/s]
-MEASURED = 0.99  # least share of an interval with gyro readings for which the gyro's turn counts [-]
+# least share of an interval with gyro readings for which the gyro's turn counts [-]
+MEASURED = 0.99
 
 
 @dataclass(frozen=True)
@@ -31,11 +44,15 @@ class Truth:
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
     traction: Array | None = None  # (T, 2) force of the ground on each track, along the robot [N]
     torque: Array | None = None  # (T, 2) torque of each motor, at its sprocket [N m]
-    power: Array | None = None  # (T, 2) electrical power of each motor, mean since the previous row [W]
-    saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
+    # (T, 2) electrical power of each motor, mean since the previous row [W]
+    power: Array | None = None
+    # (T, 2) share of time since the previous row with the motor at its limit [-]
+    saturated: Array | None = None
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
-    contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
-    shear: Array | None = None  # (T, P) shear displacement of the ground under each pad, for ground that shears [m]
+    # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
+    contact: Array | None = None
+    # (T, P) shear displacement of the ground under each pad, for ground that shears [m]
+    shear: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -50,7 +67,9 @@ class ScanLog:
     @property
     def beam(self) -> np.ndarray:
         """Beam index (H,) of each return."""
-        return np.rint((self.cluster.bearing - self.scan.bearings[0]) / self.scan.beam_step).astype(int)
+        return np.rint((self.cluster.bearing - self.scan.bearings[0]) / self.scan.beam_step).astype(
+            int
+        )
 
     def between(self, first: int, end: int) -> ScanLog:
         """The scans from row `first` up to, but not including, `end`."""
@@ -66,17 +85,24 @@ class RunLog:
     """Name of the run, unique within a file."""
     time: Array  # (T,) [s], ascending
     omega: Array  # (T, 2) measured sprocket speeds [rad/s]
-    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN where positions or headings weren't measured
+    # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN where positions or headings weren't
+    # measured
+    pose: Array
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
     twist_command: Array | None = None  # (T, 2) body twist commanded by a controller [m/s, rad/s]
-    icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
+    # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
+    icr: Array | None = None
     covariance: Array | None = None  # (T, 3, 3) covariance of the pose
-    valid: np.ndarray | None = None  # (T,) bool: true where the pose was measured; None if all poses were measured
-    load: Array | None = None  # (T, 2) required traction per unit load, forwards and to the left [-]
-    gyro: Array | None = None  # (T,) yaw rate from a gyro, mean since the previous row [rad/s]; NaN where not measured
+    # (T,) bool: true where the pose was measured; None if all poses were measured
+    valid: np.ndarray | None = None
+    # (T, 2) required traction per unit load, forwards and to the left [-]
+    load: Array | None = None
+    # (T,) yaw rate from a gyro, mean since the previous row [rad/s]; NaN where not measured
+    gyro: Array | None = None
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
-    beyond: Array | None = None  # (B, 4) times and poses before the first and after the last encoder reading
+    # (B, 4) times and poses before the first and after the last encoder reading
+    beyond: Array | None = None
     metadata: dict[str, Any] = field(default_factory=dict)
     """A JSON-compatible description of the run: geometry, ground, reference, controller, seed."""
 
@@ -85,7 +111,8 @@ class RunLog:
         if rows < 2:
             raise LogError(f"run {self.run!r}: {counted(rows, 'row')}, needs at least 2")
         unknown = np.isnan(self.pose)
-        halves = (unknown[:, 0] != unknown[:, 1]) | unknown.all(axis=1)  # a position or heading alone counts as a pose
+        # a position or heading alone counts as a pose
+        halves = (unknown[:, 0] != unknown[:, 1]) | unknown.all(axis=1)
         wrong = {
             "time is not after the previous row": np.append(False, ~(np.diff(self.time) > 0)),
             "omega is not finite": ~np.isfinite(self.omega).all(axis=1),
@@ -112,11 +139,15 @@ class RunLog:
 
     @property
     def gyro_sums(self) -> Array | None:
-        """Sums (T, 2) up to each row: the gyro's turn [rad] and the time with readings [s]; None without a gyro."""
+        """Sums (T, 2) up to each row: the gyro's turn [rad] and the time with readings [s]; None
+        without a gyro.
+        """
         if self.gyro is None:
             return None
         rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
-        return np.concatenate([np.zeros((1, 2)), np.cumsum(rates * np.diff(self.time)[:, None], axis=0)])
+        return np.concatenate(
+            [np.zeros((1, 2)), np.cumsum(rates * np.diff(self.time)[:, None], axis=0)]
+        )
 
     def between(self, first: int, end: int) -> RunLog:
         """The rows from `first` up to, but not including, `end`."""
@@ -124,19 +155,31 @@ class RunLog:
             return self
 
         def part(log: RunLog | Truth) -> dict[str, Any]:
-            return {name: value[first:end] for name, value in vars(log).items() if isinstance(value, np.ndarray)}
+            return {
+                name: value[first:end]
+                for name, value in vars(log).items()
+                if isinstance(value, np.ndarray)
+            }
 
         truth = None if self.truth is None else replace(self.truth, **part(self.truth))
         scans = None if self.scans is None else self.scans.between(first, end)
         return replace(self, **part(self) | {"truth": truth, "scans": scans, "beyond": None})
 
     def cut(self, duration: float) -> list[RunLog]:
-        """Cut the log into parts of equal duration, about `duration` [s] each; a shorter log is returned whole."""
+        """Cut the log into parts of equal duration, about `duration` [s] each; a shorter log is
+        returned whole.
+        """
         count = max(round((self.time[-1] - self.time[0]) / duration), 1)
-        ends = np.searchsorted(self.time, np.linspace(self.time[0], self.time[-1], count + 1)).tolist()
+        ends = np.searchsorted(
+            self.time, np.linspace(self.time[0], self.time[-1], count + 1)
+        ).tolist()
         ends[-1] += 1
         parts = [self.between(first, end) for first, end in pairwise(ends) if end - first > 1]
-        return [replace(part, run=f"{self.run} {k}") for k, part in enumerate(parts, start=1)] if count > 1 else [self]
+        return (
+            [replace(part, run=f"{self.run} {k}") for k, part in enumerate(parts, start=1)]
+            if count > 1
+            else [self]
+        )
 
     def __repr__(self) -> str:
         known = [name for name in _OPTIONAL if getattr(self, name) is not None]
@@ -168,17 +211,26 @@ def none_usable(refused: Sequence[Refused]) -> str:
 
 
 def in_few_lines(lines: Iterable[str]) -> list[str]:
-    """Group lines that differ only in numbers and quoted names; returns a line per group, the largest group first."""
+    """Group lines that differ only in numbers and quoted names; returns a line per group, the
+    largest group first.
+    """
     groups: dict[str, list[str]] = {}
     for line in dict.fromkeys(lines):
         groups.setdefault(_NUMBERS_AND_NAMES.sub("", line), []).append(line)
     ordered = sorted(groups.values(), key=len, reverse=True)
-    return [first + (f" (and {len(others):,} more alike)" if others else "") for first, *others in ordered]
+    return [
+        first + (f" (and {len(others):,} more alike)" if others else "")
+        for first, *others in ordered
+    ]
 
 
 def stored_geometry(log: RunLog) -> RobotGeometry | None:
     """The robot's geometry, if the log states it."""
     known = log.metadata.get("geometry")
     with contextlib.suppress(*MALFORMED):
-        return RobotGeometry(float(known["half_gauge"]), float(known["sprocket_radius"])) if known else None
+        return (
+            RobotGeometry(float(known["half_gauge"]), float(known["sprocket_radius"]))
+            if known
+            else None
+        )
     return None

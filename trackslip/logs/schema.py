@@ -25,20 +25,36 @@ class Column:
 
 
 def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
-    return Column(f"{name}_l", unit, f"{description}, left"), Column(f"{name}_r", unit, f"{description}, right")
+    return Column(f"{name}_l", unit, f"{description}, left"), Column(
+        f"{name}_r", unit, f"{description}, right"
+    )
 
 
 _ALL = (
     Column("run", NO_UNIT, "name of the run, the same in all its rows"),
     Column("t", "s", "time of the scan since the start of the run, ascending"),
-    *_tracks("omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous row"),
+    *_tracks(
+        "omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous row"
+    ),
     Column("x", "m", "estimated position in the field"),
     Column("y", "m", "estimated position in the field"),
     Column("phi", "rad", "estimated heading, counter-clockwise from x, unwrapped"),
-    Column("gyro", "rad/s", "yaw rate measured by a gyroscope, counter-clockwise, mean since the previous row"),
+    Column(
+        "gyro",
+        "rad/s",
+        "yaw rate measured by a gyroscope, counter-clockwise, mean since the previous row",
+    ),
     Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
-    Column("load_along", PURE, "traction along the robot needed against slope and pull, over the load on its tracks"),
-    Column("load_left", PURE, "traction to the robot's left needed against the slope, over the load on its tracks"),
+    Column(
+        "load_along",
+        PURE,
+        "traction along the robot needed against slope and pull, over the load on its tracks",
+    ),
+    Column(
+        "load_left",
+        PURE,
+        "traction to the robot's left needed against the slope, over the load on its tracks",
+    ),
     *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row to the next"),
     Column("v_cmd", "m/s", "forward speed commanded by the controller"),
     Column("w_cmd", "rad/s", "yaw rate commanded by the controller"),
@@ -56,19 +72,46 @@ _ALL = (
     Column("true_v", "m/s", "true forward speed"),
     Column("true_lateral", "m/s", "true speed to the left"),
     Column("true_w", "rad/s", "true yaw rate"),
-    *_tracks("traction", "N", "mean force of the ground on the track since the previous row, along the robot"),
+    *_tracks(
+        "traction",
+        "N",
+        "mean force of the ground on the track since the previous row, along the robot",
+    ),
     *_tracks("torque", "N m", "torque of the motor at its sprocket"),
     *_tracks("power", "W", "electrical power of the motor, mean since the previous row"),
-    *_tracks("saturated", PURE, "share of the time since the previous row with the motor at its limit"),
+    *_tracks(
+        "saturated", PURE, "share of the time since the previous row with the motor at its limit"
+    ),
     Column("true_lean", "m", "offset of the scanned plate to the left of the robot"),
-    Column("first_beam", PURE, "index of the beam of the first range, counted from 0 on the right; 0 without ranges"),
-    Column("lost", PURE, "number of beams without a return between the first and the last one from the plate"),
-    Column("hidden_first", "rad", "angle hidden by a closer object next to the first return from the plate"),
-    Column("hidden_last", "rad", "angle hidden by a closer object next to the last return from the plate"),
-    Column("ranges", "m", "list of the ranges attributed to the plate, one number per beam"),
-    Column("all_ranges", "m", "with --rrd or --bag: list of all ranges of the scan; NaN for no return"),
     Column(
-        "contact", "N", "with --rrd: list of the forces of the ground on each pad: along the robot, to its left and up"
+        "first_beam",
+        PURE,
+        "index of the beam of the first range, counted from 0 on the right; 0 without ranges",
+    ),
+    Column(
+        "lost",
+        PURE,
+        "number of beams without a return between the first and the last one from the plate",
+    ),
+    Column(
+        "hidden_first",
+        "rad",
+        "angle hidden by a closer object next to the first return from the plate",
+    ),
+    Column(
+        "hidden_last",
+        "rad",
+        "angle hidden by a closer object next to the last return from the plate",
+    ),
+    Column("ranges", "m", "list of the ranges attributed to the plate, one number per beam"),
+    Column(
+        "all_ranges", "m", "with --rrd or --bag: list of all ranges of the scan; NaN for no return"
+    ),
+    Column(
+        "contact",
+        "N",
+        "with --rrd: list of the forces of the ground on each pad: along the robot, to its left "
+        "and up",
     ),
     Column("shear", "m", "with --rrd: list of the ground's shear displacements under the pads"),
     Column("v", "m/s", "forward speed of a steady sample"),
@@ -79,6 +122,10 @@ COLUMNS = {column.name: column for column in _ALL}  # columns by name
 
 
 def with_units(table: pa.Table) -> pa.Table:
-    """Store unit and description as metadata of each known column; removes the table's own metadata."""
-    fields = [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema]
+    """Store unit and description as metadata of each known column; removes the table's own
+    metadata.
+    """
+    fields = [
+        f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema
+    ]
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))

@@ -1,7 +1,8 @@
 """Conversion between RunLogs and tables.
 
-A table contains any number of runs, distinguished by the column `run`. A real robot's log needs only the columns
-REQUIRED, and either x and y or phi; steady samples without traces need SAMPLE_COLUMNS.
+A table contains any number of runs, distinguished by the column `run`. A real robot's log needs
+only the columns REQUIRED, and either x and y or phi; steady samples without traces need
+SAMPLE_COLUMNS.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
-"""Required columns of a robot log, besides x and y, phi or all three. A log without the column `run` is one run."""
+"""Required columns of a robot log, besides x and y, phi or all three. A log without the column
+`run` is one run.
+"""
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 LATERAL = "lateral"  # optional column of steady samples: speed to the left [m/s]
 BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog
@@ -62,8 +65,13 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     if len(set(names)) < len(names):
         name = max(names, key=names.count)
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
-    table = with_units(pa.concat_tables(map(_table, logs), promote_options="default").combine_chunks())
-    runs = {log.run: log.metadata | ({SCANNED: _scanner_metadata(log.scans)} if log.scans else {}) for log in logs}
+    table = with_units(
+        pa.concat_tables(map(_table, logs), promote_options="default").combine_chunks()
+    )
+    runs = {
+        log.run: log.metadata | ({SCANNED: _scanner_metadata(log.scans)} if log.scans else {})
+        for log in logs
+    }
     return table.replace_schema_metadata(file_metadata(runs))
 
 
@@ -72,8 +80,12 @@ def file_metadata(runs: Mapping[str, Any]) -> dict[bytes, str]:
     return {_METADATA_KEY: json.dumps({"format": FORMAT, "runs": runs})}
 
 
-def stored_metadata(metadata: Mapping[bytes, bytes] | None, source: str) -> dict[str, dict[str, Any]]:
-    """Descriptions of runs, by name, from a file's metadata; raises LogError for a damaged or newer format."""
+def stored_metadata(
+    metadata: Mapping[bytes, bytes] | None, source: str
+) -> dict[str, dict[str, Any]]:
+    """Descriptions of runs, by name, from a file's metadata; raises LogError for a damaged or newer
+    format.
+    """
     text = (metadata or {}).get(_METADATA_KEY)
     if not text:
         return {}
@@ -105,7 +117,9 @@ def _table(log: RunLog) -> pa.Table:
 
 
 def _scan_columns(scans: ScanLog) -> dict[str, Any]:
-    """Columns for scans, with T rows each; ranges are NaN for beams without a return inside a cluster."""
+    """Columns for scans, with T rows each; ranges are NaN for beams without a return inside a
+    cluster.
+    """
     cluster, beam = scans.cluster, scans.beam
     first, last = (ends.astype(int) for ends in cluster.extremes(beam))
     width = np.where(cluster.count > 0, last - first + 1, 0)
@@ -129,7 +143,9 @@ def _lists(values: Array, count: np.ndarray) -> pa.Array:
 
 
 def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:
-    """Numbers (T, n) from lists of equal length; None if the column is missing, a list is null or lengths differ."""
+    """Numbers (T, n) from lists of equal length; None if the column is missing, a list is null or
+    lengths differ.
+    """
     if name not in table.column_names or not pa.types.is_list(table.schema.field(name).type):
         return None
     column = table.column(name).take(rows).combine_chunks()
@@ -152,8 +168,12 @@ def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
     }
 
 
-def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
-    """A run's scans, or None without scans; raises LogError if the columns differ from those that `to_table` writes."""
+def scans_from_table(
+    table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]
+) -> ScanLog | None:
+    """A run's scans, or None without scans; raises LogError if the columns differ from those that
+    `to_table` writes.
+    """
     if SCANNED not in metadata or not {*_OF_SCANS, _RANGES} <= set(table.column_names):
         return None
     try:
@@ -176,7 +196,9 @@ def _scans(table: pa.Table, rows: np.ndarray, about: Mapping[str, Any]) -> ScanL
     lists = table.column(_RANGES).take(rows).combine_chunks()
     width, ranges = np.asarray(lists.value_lengths()), np.asarray(lists.flatten(), float)
     row = np.repeat(np.arange(len(width)), width)
-    bearing = scan.bearings[first[row].astype(int) + np.arange(len(row)) - (width.cumsum() - width)[row]]
+    bearing = scan.bearings[
+        first[row].astype(int) + np.arange(len(row)) - (width.cumsum() - width)[row]
+    ]
     hit = np.isfinite(ranges)
     count = np.bincount(row[hit], minlength=len(width))
     cluster = Cluster(bearing[hit], ranges[hit], count, lost.astype(int), np.stack(hidden, axis=-1))

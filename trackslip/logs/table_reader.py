@@ -59,8 +59,9 @@ class ReadRuns:
 def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
     """Read the runs in a table, which errors call `source`; raises LogError if no run can be read.
 
-    A pose is not valid if position and heading are both empty or either is unreadable. A row without an encoder reading
-    gets the next reading, which is a mean over that row, too. Rows with a damaged reading or time are left out.
+    A pose is not valid if position and heading are both empty or either is unreadable. A row
+    without an encoder reading gets the next reading, which is a mean over that row, too. Rows with
+    a damaged reading or time are left out.
     """
     return _Reader(table, source).read()
 
@@ -77,7 +78,8 @@ class _Reader:
         self._table, self._source, self._columns = table, source, columns
         self._metadata = stored_metadata(table.schema.metadata, source)
         cells = [*map(columns.cells, _NAMES[:_VALID]), columns.boolean("valid")]
-        self._values = np.column_stack([cell.values for cell in cells])  # (T, 8), ordered as _NAMES; NaN where not read
+        # (T, 8), ordered as _NAMES; NaN where not read
+        self._values = np.column_stack([cell.values for cell in cells])
         self._damaged = np.column_stack([cell.damaged for cell in cells])
         self._damaged[:, _GYRO] |= np.abs(self._values[:, _GYRO]) > MAX_YAW_RATE
         self._values[self._damaged] = np.nan
@@ -99,13 +101,19 @@ class _Reader:
             raise LogError(f"{self._source}: no rows")
         runs: list[RunLog] = []
         order = np.argsort(number, kind="stable")
-        for name, rows in zip(names, np.split(order, np.cumsum(np.bincount(number))[:-1]), strict=True):
+        for name, rows in zip(
+            names, np.split(order, np.cumsum(np.bincount(number))[:-1]), strict=True
+        ):
             if name.strip():
                 runs += self._runs(name, rows)
             else:
-                self._notes.append(f"{counted(len(rows), 'row')} left out: row {rows[0] + 1}, column run: empty")
+                self._notes.append(
+                    f"{counted(len(rows), 'row')} left out: row {rows[0] + 1}, column run: empty"
+                )
         if not runs:
-            raise LogError(f"{self._source}: {none_usable(self._refused) if self._refused else self._notes[0]}")
+            raise LogError(
+                f"{self._source}: {none_usable(self._refused) if self._refused else self._notes[0]}"
+            )
         return ReadRuns(tuple(runs), tuple(self._refused), tuple(self._notes))
 
     def _runs(self, name: str, rows: np.ndarray) -> list[RunLog]:
@@ -115,12 +123,18 @@ class _Reader:
             rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
             time = self._values[rows, 0]
             starts = restarts(time)
-            if starts.size and np.mean([self._has_both(part) for part in np.split(rows, starts)]) < _MOST:
+            if (
+                starts.size
+                and np.mean([self._has_both(part) for part in np.split(rows, starts)]) < _MOST
+            ):
                 self._notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
                 rows, starts = rows[np.argsort(time, kind="stable")], starts[:0]
             if starts.size:
                 k = starts[0]
-                back = f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s: read as {starts.size + 1} runs"
+                back = (
+                    f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s: read as "
+                    f"{starts.size + 1} runs"
+                )
                 self._notes.append(f"run {name!r}: row {rows[k] + 1}, column t: {back}")
         except LogError as error:
             self._refused.append(Refused.of(name, error))
@@ -134,9 +148,13 @@ class _Reader:
         return runs
 
     def _has_both(self, rows: np.ndarray) -> bool:
-        """True if the rows contain both encoder readings and poses, like a drive, not readings of a single sensor."""
+        """True if the rows contain both encoder readings and poses, like a drive, not readings of a
+        single sensor.
+        """
         read = np.isfinite(self._values[rows])
-        return bool(min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1)
+        return bool(
+            min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1
+        )
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
         rows = self._in_order(name, self._joined(self._by_time(rows)))
@@ -161,24 +179,40 @@ class _Reader:
             metadata={key: value for key, value in metadata.items() if key != SCANNED},
         )
 
-    def _left_out(self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str) -> np.ndarray:
-        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`, with a note; raises LogError if most rows are bad."""
+    def _left_out(
+        self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str
+    ) -> np.ndarray:
+        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`, with a note; raises LogError if
+        most rows are bad.
+        """
         bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
             total = int((bad | np.isfinite(self._values[rows][:, columns]).any(axis=1)).sum())
             k = int(np.argmax(bad))
             column = next(column for column in columns if damaged[k, column])
-            self._note(name, int(bad.sum()), total, what, self._columns.complaint(_NAMES[column], int(rows[k])))
+            self._note(
+                name,
+                int(bad.sum()),
+                total,
+                what,
+                self._columns.complaint(_NAMES[column], int(rows[k])),
+            )
         return bad
 
     def _note(self, name: str, count: int, total: int, what: str, reason: str) -> None:
-        """Note that `count` rows or poses are left out; raises LogError if these are most of the `total`."""
+        """Note that `count` rows or poses are left out; raises LogError if these are most of the
+        `total`.
+        """
         if count > _MOST * total:
-            raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
+            raise LogError(
+                f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason
+            )
         self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
 
     def _by_time(self, rows: np.ndarray) -> np.ndarray:
-        """Sort rows by time, as poses may be logged late; rows that break their own sensor's order stay in place."""
+        """Sort rows by time, as poses may be logged late; rows that break their own sensor's order
+        stay in place.
+        """
         known, time = np.isfinite(self._values[rows, 1:_VALID]), self._values[rows, 0]
         place = time.copy()
         for sensor in np.unique(known, axis=0):
@@ -198,9 +232,12 @@ class _Reader:
             return rows
         starts, group = np.flatnonzero(first), np.cumsum(first) - 1
         values, damaged = self._values[rows], self._damaged[rows].any(axis=1)
-        values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan  # `valid` means nothing without a pose
+        # `valid` means nothing without a pose
+        values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan
         low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
-        joins = ((low == high) | np.isnan(high)).all(axis=1) & ~np.logical_or.reduceat(damaged, starts)
+        joins = ((low == high) | np.isnan(high)).all(axis=1) & ~np.logical_or.reduceat(
+            damaged, starts
+        )
         self._values[rows[starts[joins]]] = high[joins]
         return rows[first | ~joins[group]]
 
@@ -216,7 +253,8 @@ class _Reader:
         return rows[ascending]
 
     def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Sprocket speeds (n, 2), and the rows (n,) from _GAP before the first encoder reading to the last reading.
+        """Sprocket speeds (n, 2), and the rows (n,) from _GAP before the first encoder reading to
+        the last reading.
 
         A row without a reading gets the next reading.
         """
@@ -227,11 +265,15 @@ class _Reader:
         begin, end = int(np.searchsorted(time, time[read[0]] - _GAP)), int(read[-1]) + 1
         for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
             if count:
-                self._notes.append(f"run {name!r}: {counted(count, 'row')} {where} encoder reading left out")
+                self._notes.append(
+                    f"run {name!r}: {counted(count, 'row')} {where} encoder reading left out"
+                )
         return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
 
     def _beyond(self, rows: np.ndarray) -> Array | None:
-        """Times and poses (B, 4) in rows outside the encoder readings, used to align clocks; None without poses."""
+        """Times and poses (B, 4) in rows outside the encoder readings, used to align clocks; None
+        without poses.
+        """
         poses = self._values[rows][:, [0, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
@@ -240,19 +282,26 @@ class _Reader:
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Poses (n, 3), and a mask (n,) of measured poses."""
-        pose, stated, damaged = self._values[rows][:, _POSE], self._values[rows, _VALID], self._damaged[rows]
+        pose, stated, damaged = (
+            self._values[rows][:, _POSE],
+            self._values[rows, _VALID],
+            self._damaged[rows],
+        )
         measured = np.ones(len(rows), bool)
         if (np.isfinite(stated) | damaged[:, _VALID]).any():
             measured = stated == 1
-            damaged[:, _POSE] &= measured[:, None]  # a pose marked as not valid may contain anything
+            # a pose marked as not valid may contain anything
+            damaged[:, _POSE] &= measured[:, None]
         bad = self._left_out(name, rows, damaged, [*_POSE, _VALID], "pose")
         pose[np.isnan(pose[:, :2]).any(axis=1), :2] = np.nan
         return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
     def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
-        """Yaw rates (n,), NaN where not measured; None without readings. Empty cells get the next reading.
+        """Yaw rates (n,), NaN where not measured; None without readings. Empty cells get the next
+        reading.
 
-        `heading` (n,) [rad] is NaN where not measured. Raises LogError if headings show that the gyro's unit is wrong.
+        `heading` (n,) [rad] is NaN where not measured. Raises LogError if headings show that the
+        gyro's unit is wrong.
         """
         time, rate = self._values[rows, 0], self._values[rows, _GYRO]
         self._left_out(name, rows, self._damaged[rows], [_GYRO], "gyro reading")
@@ -272,20 +321,30 @@ class _Reader:
             return None
         if "lean" in parts:
             parts["lean"] = parts["lean"][:, 0]
-        contact, shear = (from_list_column(self._table, column, rows) for column in (CONTACT, SHEAR))
-        return Truth(**parts, contact=None if contact is None else contact.reshape(len(rows), -1, 3), shear=shear)
+        contact, shear = (
+            from_list_column(self._table, column, rows) for column in (CONTACT, SHEAR)
+        )
+        return Truth(
+            **parts,
+            contact=None if contact is None else contact.reshape(len(rows), -1, 3),
+            shear=shear,
+        )
 
 
 def _with_heading(table: pa.Table, source: str) -> pa.Table:
-    """Add phi to a table that has the columns of a quaternion instead; raises LogError if z or w is missing."""
+    """Add phi to a table that has the columns of a quaternion instead; raises LogError if z or w is
+    missing.
+    """
     matches = [match for name in table.column_names if (match := _QUATERNION.search(name))]
     parts = {match["part"].lower(): match.string for match in matches}
-    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # last case: several quaternions
+    # last case: several quaternions
+    if "phi" in table.column_names or not parts or len(parts) < len(matches):
         return table
     missing = [part for part in "zw" if part not in parts]
     if missing:
         raise LogError(
-            f"{source}: columns {', '.join(parts.values())} are of a quaternion without {' and '.join(missing)}: give "
+            f"{source}: columns {', '.join(parts.values())} are of a quaternion without "
+            f"{' and '.join(missing)}: give "
             "phi, the heading in rad, or all of it"
         )
     columns = Columns(table, source)
@@ -297,5 +356,7 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
 def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
     """Select rows of each block of columns; blocks without values in these rows are left out."""
     return {
-        field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
+        field: block[rows]
+        for field, block in blocks.items()
+        if block is not None and not np.isnan(block[rows]).all()
     }

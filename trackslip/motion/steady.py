@@ -1,4 +1,6 @@
-"""Steady stretches of a run, where sprocket speeds are constant, the clock has no gap and poses move steadily."""
+"""Steady stretches of a run, where sprocket speeds are constant, the clock has no gap and poses
+move steadily.
+"""
 
 from __future__ import annotations
 
@@ -16,20 +18,26 @@ from trackslip.motion.steady_twist import within
 
 SETTLE = 1.5  # default time from steady sprocket speeds to steady motion [s]
 _BLOCK = 0.5  # duration of the blocks over which sprocket speeds are averaged [s]
-_DRIFT = 0.05  # largest change in a steady sprocket's mean speed, relative to the faster sprocket's speed [-]
+# largest change in a steady sprocket's mean speed, relative to the faster sprocket's speed [-]
+_DRIFT = 0.05
 _SLOW = 0.2  # speed, relative to the run's highest, below which the largest change is constant [-]
 _NOISE = 4.0  # largest change in mean speeds that encoder noise explains [standard deviations]
 MARGIN = 0.5
-"""Time excluded at the end of a steady stretch, and minimum time excluded at its start, for filter transients [s]."""
+"""Time excluded at the end of a steady stretch, and minimum time excluded at its start, for filter
+transients [s].
+"""
 _SHORTEST = 0.5  # minimum duration of a stretch without the excluded times [s]
 _GAP = 5.0  # time step above which the clock has a gap [median time steps]
 _MIN_GAP = 0.3  # minimum time step that counts as a gap [s]
-STANDING = 1e-3  # speed up to which a sprocket is at rest, less than a turn in an hour and a half [rad/s]
+# speed up to which a sprocket is at rest, less than a turn in an hour and a half [rad/s]
+STANDING = 1e-3
 _RESTING = 0.01  # speed up to which a sprocket is at rest, relative to the run's highest [-]
-_MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half of a stretch if the halves are compared
+# minimum number of valid poses in each half of a stretch if the halves are compared
+_MIN_HALF = 2 * MIN_ARC_POSES
 _SIGNIFICANT = 6.0  # smallest significant difference between the halves [standard errors]
 _CHANGE = 0.05  # smallest relevant relative change of the twist [-]
-_TURNING = 0.2  # curvature of a nearly straight path [1/m], and radius of a turn nearly on the spot [m]
+# curvature of a nearly straight path [1/m], and radius of a turn nearly on the spot [m]
+_TURNING = 0.2
 _LISTED = 3  # maximum number of gaps in the message if no stretch is long enough
 _LOAD_CHANGE = 0.1  # largest change of the traction per unit load within a piece [-]
 _SHORTEST_PIECE = 1.5  # minimum duration of a piece [s]
@@ -46,7 +54,9 @@ class SteadyPart:
     window: tuple[float, float]
     """Start and end of the stretch [s]."""
     notes: tuple[str, ...]
-    """A line for each excluded part of the run, apart from settling; equal for all stretches of the run."""
+    """A line for each excluded part of the run, apart from settling; equal for all stretches of the
+    run.
+    """
 
     @cached_property
     def rows(self) -> np.ndarray:
@@ -57,7 +67,9 @@ class SteadyPart:
     def omega(self) -> Array:
         """Mean sprocket speeds (2,) in the window [rad/s]."""
         rows = self.rows
-        return np.asarray(np.average(self.log.omega[rows], axis=0, weights=np.diff(self.log.time)[rows[1:]]))
+        return np.asarray(
+            np.average(self.log.omega[rows], axis=0, weights=np.diff(self.log.time)[rows[1:]])
+        )
 
     @cached_property
     def load(self) -> Array | None:
@@ -71,25 +83,34 @@ class SteadyPart:
 
 def turning_stretches(log: RunLog) -> int:
     """Number of sufficiently long stretches in which the sprockets turn at constant speeds."""
-    pieces, _ = constant_stretches(log.time, log.omega, np.zeros(0, int), SETTLE + MARGIN + _SHORTEST)
+    pieces, _ = constant_stretches(
+        log.time, log.omega, np.zeros(0, int), SETTLE + MARGIN + _SHORTEST
+    )
     return sum(_turns(log.omega, *piece) for piece in pieces)
 
 
 def steady_part(log: RunLog, settle: float = SETTLE) -> SteadyPart:
-    """Find the longest steady stretch of a run, named like the run. Raises LogError like `steady_parts`."""
+    """Find the longest steady stretch of a run, named like the run. Raises LogError like
+    `steady_parts`.
+    """
     longest = max(steady_parts(log, settle), key=lambda part: part.window[1] - part.window[0])
     return replace(longest, name=log.run)
 
 
 def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
-    """Find all steady stretches of a run in which the sprockets turn, each without its first `settle` [s].
+    """Find all steady stretches of a run in which the sprockets turn, each without its first
+    `settle` [s].
 
-    Raises LogError if the run is at rest, has no headings or has no sufficiently long steady stretch.
+    Raises LogError if the run is at rest, has no headings or has no sufficiently long steady
+    stretch.
     """
     _require_headings(log)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    late = [f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps]
+    late = [
+        f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s"
+        for k in gaps
+    ]
     notes = [f"run {log.run!r}: {gap}" for gap in late]
     lead = max(settle, MARGIN)
     headed = log.time[log.has_heading]
@@ -100,12 +121,17 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     if not long:
         begin, end = log.time[list(longest)]
         why = [*late[:_LISTED], f"steady from {begin:.12g} s to {end:.12g} s only, too short"]
-        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc needs {enough:.2g} s"
+        left_out = (
+            f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc "
+            f"needs {enough:.2g} s"
+        )
         raise LogError(f"run {log.run!r}: {'; '.join(why)}: {left_out}")
     moving = [piece for piece in long if _turns(log.omega, *piece)]
     if not moving:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
-    windows = [(float(log.time[first]) + lead, float(log.time[last]) - MARGIN) for first, last in moving]
+    windows = [
+        (float(log.time[first]) + lead, float(log.time[last]) - MARGIN) for first, last in moving
+    ]
     first, last = moving[0]
     if len(long) == 1 and log.time[last] - log.time[first] < 0.8 * (log.time[-1] - log.time[0]):
         begin, end = windows[0]
@@ -120,14 +146,17 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
 
 
 def require_steady_motion(part: SteadyPart) -> None:
-    """Raise LogError if the poses of a steady stretch jump, or the twist differs between its halves.
+    """Raise LogError if the poses of a steady stretch jump, or the twist differs between its
+    halves.
 
     The twist changes, for example, when the robot drives onto other ground or against an obstacle.
     """
     begin, end = part.window
     arc(part.log, part.window)  # raises LogError for jumps
     middle = (begin + end) / 2
-    halves = (part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True))
+    halves = (
+        part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True)
+    )
     if min(half.sum() for half in halves) < _MIN_HALF:
         return  # too few poses to compare
     first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
@@ -138,29 +167,40 @@ def require_steady_motion(part: SteadyPart) -> None:
     size = np.array([v + _TURNING * w, w + _TURNING * v])
     if (significant & (np.abs(change) > _CHANGE * size)).any():
         raise LogError(
-            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, but its motion is "
-            f"not: v changes by {change[0]:+.3g} m/s and w by {change[1]:+.3g} rad/s from the first half to the second"
+            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} "
+            "s, but its motion is "
+            f"not: v changes by {change[0]:+.3g} m/s and w by {change[1]:+.3g} rad/s from the "
+            "first half to the second"
         )
 
 
 def _require_headings(log: RunLog) -> None:
     if log.is_valid.any() and not log.has_heading.any():
-        raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, --method drive does not")
+        raise LogError(
+            f"run {log.run!r}: has no headings: steady stretches need phi, --method drive does not"
+        )
     if log.has_heading.any() and not log.has_place.any():
-        raise LogError(f"run {log.run!r}: has no positions: steady stretches need x and y, --method drive does not")
+        raise LogError(
+            f"run {log.run!r}: has no positions: steady stretches need x and y, --method drive "
+            "does not"
+        )
 
 
 def _turns(omega: Array, first: int, last: int) -> bool:
-    """Whether a sprocket turns faster from row `first` to row `last` than encoder noise explains."""
+    """Whether a sprocket turns faster from row `first` to row `last` than encoder noise
+    explains.
+    """
     of_stretch = omega[first : last + 1]
     rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
     return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
 
 
 def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
-    """Divide a stretch into equal pieces in which the load changes little; if the load is unknown, into one piece.
+    """Divide a stretch into equal pieces in which the load changes little; if the load is unknown,
+    into one piece.
 
-    On a slope the load turns relative to the robot, and the twist varies with the load: no arc fits the whole stretch.
+    On a slope the load turns relative to the robot, and the twist varies with the load: no arc fits
+    the whole stretch.
     """
     if part.log.load is None:
         return (part,)
@@ -183,10 +223,12 @@ def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
 def constant_stretches(
     time: Array, omega: Array, breaks: np.ndarray, least: float
 ) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """First and last rows of all stretches of at least `least` [s], in order, and of the longest, however short.
+    """First and last rows of all stretches of at least `least` [s], in order, and of the longest,
+    however short.
 
-    Stretches neither overlap nor extend across `breaks`, the rows after which a new section begins. In each section the
-    longest stretch is chosen first, then the longest in the remaining rows, and so on.
+    Stretches neither overlap nor extend across `breaks`, the rows after which a new section begins.
+    In each section the longest stretch is chosen first, then the longest in the remaining rows, and
+    so on.
     """
     size = max(1, round(min(_BLOCK / float(np.median(np.diff(time))), len(time))))
     jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
@@ -215,7 +257,9 @@ def constant_stretches(
 
 
 def _block_means(values: Array, size: int) -> Array:
-    """Means (blocks, 2) of values (T, 2) over blocks of `size` rows; the last block includes the remainder."""
+    """Means (blocks, 2) of values (T, 2) over blocks of `size` rows; the last block includes the
+    remainder.
+    """
     blocks = max(1, len(values) // size)
     starts = np.arange(blocks) * size
     counts = np.diff(np.append(starts, len(values)))
@@ -223,10 +267,12 @@ def _block_means(values: Array, size: int) -> Array:
 
 
 def _furthest(mean: Array, floor: float, noise: float) -> np.ndarray:
-    """Last block (n,) for each first block up to which neither column of `mean` (n, 2) varies too much.
+    """Last block (n,) for each first block up to which neither column of `mean` (n, 2) varies too
+    much.
 
-    The allowed variation is a share of the faster sprocket's speed, or `floor` if larger, plus `noise`. It grows more
-    slowly than the variation, so a later first block never has an earlier last block.
+    The allowed variation is a share of the faster sprocket's speed, or `floor` if larger, plus
+    `noise`. It grows more slowly than the variation, so a later first block never has an earlier
+    last block.
     """
     furthest, end = np.empty(len(mean), int), 0
     for first in range(len(mean)):

@@ -1,4 +1,6 @@
-"""The result of motion methods, covariances of sums of correlated values, and the paper's method: filtered poses."""
+"""The result of motion methods, covariances of sums of correlated values, and the paper's method:
+filtered poses.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
 _MOST = 0.5  # share of valid poses above which a lack of poses is due to too short a window
-_TWIST, _LATERAL = np.array([3, 5]), 4  # indices of v and w, and of u, among the parameters x, y, phi, v, u, w
+# indices of v and w, and of u, among the parameters x, y, phi, v, u, w
+_TWIST, _LATERAL = np.array([3, 5]), 4
 
 
 @dataclass(frozen=True)
@@ -24,16 +27,24 @@ class SteadyTwist:
     twist: Array  # (2,) [m/s, rad/s]
     covariance: Array  # (2, 2) covariance of the twist's error, accounting for correlation in time
     lateral: float | None = None
-    """Speed to the left in the frame of the measured heading [m/s]; None if the method does not measure this speed."""
+    """Speed to the left in the frame of the measured heading [m/s]; None if the method does not
+    measure this speed.
+    """
 
     @classmethod
     def of_arc(cls, parameters: Array, covariance: Array) -> SteadyTwist:
-        """Build a result from an arc's parameters x, y, phi, v, u, w (6,) and their covariance (6, 6)."""
-        return cls(parameters[_TWIST], covariance[np.ix_(_TWIST, _TWIST)], float(parameters[_LATERAL]))
+        """Build a result from an arc's parameters x, y, phi, v, u, w (6,) and their covariance (6,
+        6).
+        """
+        return cls(
+            parameters[_TWIST], covariance[np.ix_(_TWIST, _TWIST)], float(parameters[_LATERAL])
+        )
 
 
 MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]
-"""Function that returns the twist of a run in a steady window [s], or raises LogError if the run is unsuitable."""
+"""Function that returns the twist of a run in a steady window [s], or raises LogError if the run is
+unsuitable.
+"""
 
 
 def within(time: Array, window: tuple[float, float]) -> np.ndarray:
@@ -49,23 +60,30 @@ def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[flo
     between = f"between {window[0]:.12g} s and {window[1]:.12g} s"
     if count > _MOST * rows:
         raise LogError(
-            f"run {log.run!r}: its steady window {between} is short: it has {count} poses, needs at least {least}"
+            f"run {log.run!r}: its steady window {between} is short: it has {count} poses, needs "
+            f"at least {least}"
         )
-    raise LogError(f"run {log.run!r}: hardly any valid pose {between}, where it is steady ({count} of {rows})")
+    raise LogError(
+        f"run {log.run!r}: hardly any valid pose {between}, where it is steady ({count} of {rows})"
+    )
 
 
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
-    """Covariance (K, K) of the sum of a zero-mean series (T, K), divided by T, accounting for correlation in time.
+    """Covariance (K, K) of the sum of a zero-mean series (T, K), divided by T, accounting for
+    correlation in time.
 
-    The method is that of Newey and West (1987), with a Bartlett window: the covariance at lag l has the weight
-    1 - |l| / (L + 1). The result is computed from sums over L + 1 successive values of the series padded with zeros. L
-    is a `share` of the series' length or, by default, the value from Andrews (1991) for a first-order autoregression,
-    where the column with the largest L decides, up to a quarter of the length.
+    The method is that of Newey and West (1987), with a Bartlett window: the covariance at lag l has
+    the weight 1 - |l| / (L + 1). The result is computed from sums over L + 1 successive values of
+    the series padded with zeros. L is a `share` of the series' length or, by default, the value
+    from Andrews (1991) for a first-order autoregression, where the column with the largest L
+    decides, up to a quarter of the length.
     """
     rows, width = series.shape
     if share is None:
         power = np.sum(series**2, axis=0)
-        memory = np.clip(np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0), -0.97, 0.97)
+        memory = np.clip(
+            np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0), -0.97, 0.97
+        )
         spread = (2 * memory / (1 - memory**2)) ** 2
         lags = int(min(1.1447 * (spread.max() * rows) ** (1 / 3), rows / 4))
     else:
@@ -78,18 +96,21 @@ def long_run_covariance(series: Array, share: float | None = None) -> Array:
 
 
 _MIN_STEPS = 20  # minimum number of steps for a mean twist
-_LAGS = 0.5  # width of the lag window for the error of a mean twist, relative to the number of rows [-]
+# width of the lag window for the error of a mean twist, relative to the number of rows [-]
+_LAGS = 0.5
 _MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter reduces a circle's radius by 8e-5 [rad]
 _MAX_GAP_TURN = 2.5  # largest turn in a gap that an arc can bridge [rad]
 
 
 def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """Compute the mean twist by the paper's method (Sec. III-B): smooth the poses, then divide displacements by time.
+    """Compute the mean twist by the paper's method (Sec. III-B): smooth the poses, then divide
+    displacements by time.
 
-    The paper does not specify the low-pass filter; here, position and heading are filtered. The filter's delay does
-    not matter in a steady turn, but noise lengthens the displacements. Noise in the twists cancels in the mean except
-    at the ends, which only a wide lag window accounts for. Raises LogError if there are too few valid poses, or the
-    robot turns too far from row to row or within a gap.
+    The paper does not specify the low-pass filter; here, position and heading are filtered. The
+    filter's delay does not matter in a steady turn, but noise lengthens the displacements. Noise in
+    the twists cancels in the mean except at the ends, which only a wide lag window accounts for.
+    Raises LogError if there are too few valid poses, or the robot turns too far from row to row or
+    within a gap.
     """
     time, pose = even_poses(log)
     smooth = low_pass(pose)
@@ -113,22 +134,28 @@ def low_pass(values: Array) -> Array:
 
 
 def even_poses(log: RunLog) -> tuple[Array, Array]:
-    """Evenly spaced times (M,) [s], and the valid poses resampled along arcs (M, 3). Raises LogError like `paper`."""
+    """Evenly spaced times (M,) [s], and the valid poses resampled along arcs (M, 3). Raises
+    LogError like `paper`.
+    """
     valid = log.has_heading
     if valid.sum() < _MIN_STEPS:
-        raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_STEPS}")
+        raise LogError(
+            f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_STEPS}"
+        )
     time, pose = log.time[valid], log.pose[valid]
     turn = np.abs(np.diff(pose[:, 2]))
     if turn.max() > _MAX_GAP_TURN:
         k = int(np.argmax(turn))
         raise LogError(
-            f"run {log.run!r}: turns by {turn[k]:.1f} rad between the valid poses at t = {time[k]:.12g} s and "
+            f"run {log.run!r}: turns by {turn[k]:.1f} rad between the valid poses at t = "
+            f"{time[k]:.12g} s and "
             f"{time[k + 1]:.12g} s: at most {_MAX_GAP_TURN:.1f} rad can be bridged"
         )
     per_step = float(np.median(turn))
     if per_step > _MAX_TURN_PER_ROW:
         raise LogError(
-            f"run {log.run!r}: turns by {per_step:.2f} rad from row to row, which the filter would flatten: "
+            f"run {log.run!r}: turns by {per_step:.2f} rad from row to row, which the filter "
+            "would flatten: "
             f"at most {_MAX_TURN_PER_ROW:g} rad, log it more often"
         )
     step = float(np.median(np.diff(log.time)))

@@ -1,8 +1,10 @@
-"""Errors of a law's odometry on logged drives: relative errors over stretches, alignment, and files for other tools.
+"""Errors of a law's odometry on logged drives: relative errors over stretches, alignment, and files
+for other tools.
 
-The relative error over a stretch is the estimated minus the measured motion from the start to the end of the stretch,
-in the frame of the start; see Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et
-al., "Are we ready for autonomous driving? The KITTI vision benchmark suite" (2012).
+The relative error over a stretch is the estimated minus the measured motion from the start to the
+end of the stretch, in the frame of the start; see Kuemmerle et al., "On measuring the accuracy of
+SLAM algorithms" (2009), and Geiger et al., "Are we ready for autonomous driving? The KITTI vision
+benchmark suite" (2012).
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ class Trajectory:
     way: Array  # (K,) distance driven up to each pose [m]
     measured: Array  # (K, 3) measured poses [m, m, rad]; headings are NaN where not measured
     estimated: Array  # (K, 3) estimated poses [m, m, rad], from an arbitrary start
-    heading: Array  # (K,) headings at starts of stretches, measured or from earlier positions [rad]; NaN if unknown
+    # (K,) headings at starts of stretches, measured or from earlier positions [rad]; NaN if unknown
+    heading: Array
 
     @property
     def has_heading(self) -> bool:
@@ -45,27 +48,39 @@ class Trajectory:
 
     @property
     def placed(self) -> Array:
-        """Estimated poses (K, 3), aligned at the first pose with a heading or, without headings, at all positions."""
+        """Estimated poses (K, 3), aligned at the first pose with a heading or, without headings, at
+        all positions.
+        """
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
-        return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
+        return from_pose(
+            self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax())
+        )
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches of `length` [m], to within a tenth, that start at each pose."""
+    """`errors_between` the ends of stretches of `length` [m], to within a tenth, that start at each
+    pose.
+    """
     return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Array:
-    """`errors_between` the ends of stretches of `length` [s], to within half an interval, that start at each pose."""
+    """`errors_between` the ends of stretches of `length` [s], to within half an interval, that
+    start at each pose.
+    """
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
-    return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
+    return errors_between(
+        drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING))
+    )
 
 
 def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Starts and ends (n,) of stretches of about `length` on an ascending axis (K,), with the best end for each start.
+    """Starts and ends (n,) of stretches of about `length` on an ascending axis (K,), with the best
+    end for each start.
 
-    Of equally good ends, as at rest, the first is used. Starts without an end within the tolerance are left out.
+    Of equally good ends, as at rest, the first is used. Starts without an end within the tolerance
+    are left out.
     """
     if len(axis) < 2:
         return np.zeros(0, int), np.zeros(0, int)
@@ -79,10 +94,11 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
 
 
 def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Array:
-    """Errors (3, n) over stretches between poses `start` (n,) and `end` (n,) whose starts have known headings.
+    """Errors (3, n) over stretches between poses `start` (n,) and `end` (n,) whose starts have
+    known headings.
 
-    The rows are the distance driven [m], the distance between the estimated and the measured end [m], and the absolute
-    error of the turn [rad], which is NaN where no turn was measured.
+    The rows are the distance driven [m], the distance between the estimated and the measured end
+    [m], and the absolute error of the turn [rad], which is NaN where no turn was measured.
     """
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]
@@ -95,14 +111,18 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Arr
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:
-    """Turn poses (K, 3) by `turn` [rad] about the point `pivot` (2,), which moves to `target` (2,)."""
+    """Turn poses (K, 3) by `turn` [rad] about the point `pivot` (2,), which moves to `target`
+    (2,).
+    """
     return np.column_stack([target + rotate(turn, pose[:, :2] - pivot), pose[:, 2] + turn])
 
 
 def best_fit(pose: Array, measured: Array) -> Array:
-    """Move poses (K, 3) so that their positions are closest to the measured positions (K, 3), in least squares.
+    """Move poses (K, 3) so that their positions are closest to the measured positions (K, 3), in
+    least squares.
 
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns" (1991), without scale.
+    Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
+    (1991), without scale.
     """
     centre, target = pose[:, :2].mean(axis=0), measured[:, :2].mean(axis=0)
     here, there = (pose[:, :2] - centre) @ [1, 1j], (measured[:, :2] - target) @ [1, 1j]
@@ -110,7 +130,9 @@ def best_fit(pose: Array, measured: Array) -> Array:
 
 
 def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
-    """Move poses (K, 3) so that the pose in `row` equals the measured pose in `row` of (K, 3), including heading."""
+    """Move poses (K, 3) so that the pose in `row` equals the measured pose in `row` of (K, 3),
+    including heading.
+    """
     return moved(pose, float(measured[row, 2] - pose[row, 2]), pose[row, :2], measured[row, :2])
 
 
@@ -125,7 +147,9 @@ def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """
     time, pose = np.asarray(time, float), np.asarray(pose, float)
     if time.ndim != 1 or pose.shape != (len(time), 3):
-        raise InvalidValueError("pose", pose.shape, f"of shape {(*time.shape, 3)}, as there are that many times")
+        raise InvalidValueError(
+            "pose", pose.shape, f"of shape {(*time.shape, 3)}, as there are that many times"
+        )
     half, none = np.nan_to_num(pose[:, 2], nan=0.0) / 2, np.zeros(len(time))
     rows = np.column_stack([time, pose[:, :2], none, none, none, np.sin(half), np.cos(half)])
     text = "".join(" ".join(map("{:.9f}".format, row)) + "\n" for row in rows.tolist())
@@ -154,18 +178,23 @@ class OdometryErrors:
 
 
 def odometry_errors(
-    logs: RunLog | Sequence[RunLog], odometry: SlipOdometry, mounting: Mounting | None = None, clock_offset: float = 0.0
+    logs: RunLog | Sequence[RunLog],
+    odometry: SlipOdometry,
+    mounting: Mounting | None = None,
+    clock_offset: float = 0.0,
 ) -> OdometryErrors:
     """Compute errors of odometry relative to the measured poses in drives.
 
-    Relative errors are errors in the motion over stretches that start at each measured pose and last for LENGTHS of
-    distance and time. Distance is that of the middle of the tracks, from the encoders without slip. Relative errors
-    include errors of the measured poses at both ends. Without measured headings, a stretch starts with the heading at
-    which the odometry fits the positions of the last 10 s.
+    Relative errors are errors in the motion over stretches that start at each measured pose and
+    last for LENGTHS of distance and time. Distance is that of the middle of the tracks, from the
+    encoders without slip. Relative errors include errors of the measured poses at both ends.
+    Without measured headings, a stretch starts with the heading at which the odometry fits the
+    positions of the last 10 s.
 
     Args:
         logs: one or several drives.
-        odometry: odometry of the robot; its pose and covariance have no effect. With a `gyro`, it uses the logs' gyro.
+        odometry: odometry of the robot; its pose and covariance have no effect. With a `gyro`, it
+            uses the logs' gyro.
         mounting: mounting of the sensor that measured the poses; at the turning centre by default.
         clock_offset: encoder clock minus pose clock [s].
 
@@ -182,10 +211,15 @@ def odometry_errors(
 
 
 def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> OdometryErrors:
-    """Summarise errors of trajectories, as in `odometry_errors`; raises LogError if there are no trajectories."""
+    """Summarise errors of trajectories, as in `odometry_errors`; raises LogError if there are no
+    trajectories.
+    """
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
-    notes, errors = list(notes), {"m": dict[float, PredictionErrors](), "s": dict[float, PredictionErrors]()}
+    notes, errors = (
+        list(notes),
+        {"m": dict[float, PredictionErrors](), "s": dict[float, PredictionErrors]()},
+    )
     for unit, errors_after in (("m", errors_after_metres), ("s", errors_after_seconds)):
         short = []
         for length in LENGTHS:
@@ -195,12 +229,18 @@ def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> 
             else:
                 short.append(f"{length:g}")
         if short:
-            notes.append(f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before")
+            notes.append(
+                f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before"
+            )
     return OdometryErrors(errors["m"], errors["s"], tuple(trajectories), tuple(notes))
 
 
-def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float) -> Trajectory:
-    """Trajectory with the measured poses of a log and the sensor's poses by odometry; LogError for fewer than two."""
+def trajectory_of(
+    log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float
+) -> Trajectory:
+    """Trajectory with the measured poses of a log and the sensor's poses by odometry; LogError for
+    fewer than two.
+    """
 
     def by_odometry(at: Array) -> Array:
         time = np.union1d(log.time, at)
@@ -214,7 +254,8 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
 def estimated_trajectory(
     log: RunLog, estimate: Callable[[Array], Array], geometry: RobotGeometry, clock_offset: float
 ) -> Trajectory:
-    """Trajectory with the measured poses of a log and the poses that `estimate` returns for encoder times (K,) [s].
+    """Trajectory with the measured poses of a log and the poses that `estimate` returns for encoder
+    times (K,) [s].
 
     Raises LogError for fewer than two poses.
     """
@@ -239,7 +280,9 @@ def estimated_trajectory(
 
 
 def _readings(log: RunLog, time: Array) -> Array | None:
-    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None without a gyro."""
+    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None
+    without a gyro.
+    """
     if log.gyro_sums is None:
         return None
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)

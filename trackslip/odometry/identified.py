@@ -32,12 +32,19 @@ class LawInUse:
     mounting: Mounting | None = None
     """Mounting of the pose sensor during the identification; None if unknown."""
     clock_offset: float | None = None
-    """Encoder clock minus pose clock during the identification, minus the lag of the motion [s]; None if unknown."""
-    gyro: Gyro | None = None  # errors of the gyroscope during the identification; None without a gyroscope
+    """Encoder clock minus pose clock during the identification, minus the lag of the motion [s];
+    None if unknown.
+    """
+    # errors of the gyroscope during the identification; None without a gyroscope
+    gyro: Gyro | None = None
 
     def odometry(self, **start: Any) -> SlipOdometry:
-        """Odometry by this law; the keywords `start` and `start_covariance` are those of SlipOdometry."""
-        return SlipOdometry(self.law, self.geometry, self.noise, self.errors, self.drift, gyro=self.gyro, **start)
+        """Odometry by this law; the keywords `start` and `start_covariance` are those of
+        SlipOdometry.
+        """
+        return SlipOdometry(
+            self.law, self.geometry, self.noise, self.errors, self.drift, gyro=self.gyro, **start
+        )
 
 
 def no_slip(geometry: RobotGeometry) -> LawInUse:
@@ -48,15 +55,18 @@ def no_slip(geometry: RobotGeometry) -> LawInUse:
 def identified_law(
     source: str | Path | Identification, name: str | None = None, robot: RobotGeometry | None = None
 ) -> LawInUse:
-    """Get a law from an identification, or from a JSON file of laws, which has no noise and no sensor.
+    """Get a law from an identification, or from a JSON file of laws, which has no noise and no
+    sensor.
 
     Args:
         source: an identification, its results folder, or a file that `load_laws` reads.
-        name: name of the law; by default the best law, the only law in a file, or the law with the best fit.
+        name: name of the law; by default the best law, the only law in a file, or the law with the
+            best fit.
         robot: geometry for which the law must have been identified, if given.
 
     Raises:
-        LogError: if the source cannot be read, is for another robot, or does not state which law is best.
+        LogError: if the source cannot be read, is for another robot, or does not state which law is
+            best.
         InvalidValueError: if the source has no law called `name`.
     """
     if isinstance(source, Identification):
@@ -67,16 +77,21 @@ def identified_law(
     try:
         return LawInUse(chosen, stored.laws[chosen], stored.geometry, **_beside(stored, chosen))
     except (TrackslipError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise LogError(f"{stored.name}: what it says of law {chosen!r} is damaged ({reason(error)})") from error
+        raise LogError(
+            f"{stored.name}: what it says of law {chosen!r} is damaged ({reason(error)})"
+        ) from error
 
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
-    """Fields of LawInUse besides the law: errors from its fit, other fields only from a fit to whole drives."""
+    """Fields of LawInUse besides the law: errors from its fit, other fields only from a fit to
+    whole drives.
+    """
     known: dict[str, Any] = {}
     fit = stored.fit(name)
     if fit.get("values") and fit.get("stderr"):
         errors = LawErrors.stored(fit)
-        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):  # unknown errors aren't zero
+        # unknown errors aren't zero
+        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):
             known["errors"] = errors
     drive = stored.content.get("drive")
     if not drive:
@@ -94,5 +109,7 @@ def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
         "noise": SlipNoise.of(fit["noise"]),
         "drift": extras["drift"] if own else 0.0,
         "clock_offset": extras["clock_offset"] - extras["lag"],
-        "mounting": Mounting(extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"]))),
+        "mounting": Mounting(
+            extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"]))
+        ),
     }

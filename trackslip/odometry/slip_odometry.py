@@ -1,16 +1,20 @@
 """Odometry by a slip law: computes poses with covariance from encoder readings.
 
-Between two readings, the robot drives an arc with the twist that the law predicts from the sprocket speeds. To first
-order, the errors dz_T and dphi_T of place and heading are sums over the arcs: arc k has an error e_k of its
-displacement, in the world frame, and an error d_k of its turn, which also turns the path after arc k,
+Between two readings, the robot drives an arc with the twist that the law predicts from the sprocket
+speeds. To first order, the errors dz_T and dphi_T of place and heading are sums over the arcs: arc
+k has an error e_k of its displacement, in the world frame, and an error d_k of its turn, which also
+turns the path after arc k,
 
-    dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter turn
+    dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter
+    turn
 
-where m_k is the middle of arc k. So sums of moments of e_k - d_k J m_k and of d_k, computed once along the path,
-determine the covariance at every pose, and step-by-step odometry equals the odometry of a whole log to the last bit.
+where m_k is the middle of arc k. So sums of moments of e_k - d_k J m_k and of d_k, computed once
+along the path, determine the covariance at every pose, and step-by-step odometry equals the
+odometry of a whole log to the last bit.
 
-Turns come from gyro readings where these exist, since errors of laws persist, unlike noise. While the sprockets stand
-still and the gyro reads almost nothing, the robot doesn't turn, and the mean reading is the gyro's bias.
+Turns come from gyro readings where these exist, since errors of laws persist, unlike noise. While
+the sprockets stand still and the gyro reads almost nothing, the robot doesn't turn, and the mean
+reading is the gyro's bias.
 """
 
 from __future__ import annotations
@@ -43,7 +47,9 @@ class OdometryPath:
 
 @dataclass(frozen=True)
 class _State:
-    """Sums along the path up to a time, or up to each of T times, with an additional first axis (T,)."""
+    """Sums along the path up to a time, or up to each of T times, with an additional first axis
+    (T,).
+    """
 
     place: np.ndarray  # (...) complex, x + i y from the start [m]
     heading: Array  # (...) [rad]
@@ -56,10 +62,11 @@ class _State:
 class SlipOdometry:
     """Dead reckoning for one or many robots by a slip law, with the covariance of the pose.
 
-    The pose is that of the turning centre, which has no lateral speed except from `drift`, and may lie ahead of or
-    behind the middle of the tracks. The covariance contains the covariance at the start, varying slip (`noise`) and
-    errors of the law's parameters (`errors`), which are constant along the whole path. It contains neither errors of
-    the geometry, which the parameters absorb, nor differences in slip between the actual ground and the law's ground.
+    The pose is that of the turning centre, which has no lateral speed except from `drift`, and may
+    lie ahead of or behind the middle of the tracks. The covariance contains the covariance at the
+    start, varying slip (`noise`) and errors of the law's parameters (`errors`), which are constant
+    along the whole path. It contains neither errors of the geometry, which the parameters absorb,
+    nor differences in slip between the actual ground and the law's ground.
     """
 
     def __init__(
@@ -83,7 +90,8 @@ class SlipOdometry:
             drift: drift c, which causes an outward lateral speed of -c v w in turns [s].
             start: start pose or poses (..., 3) [m, m, rad].
             start_covariance: covariance (..., 3, 3) of the start pose; zero by default.
-            gyro: errors of the gyroscope whose readings are passed to `update` and `path`; none by default.
+            gyro: errors of the gyroscope whose readings are passed to `update` and `path`; none by
+                default.
 
         Raises:
             InvalidValueError: for a value that is not finite, or of the wrong shape.
@@ -99,10 +107,18 @@ class SlipOdometry:
         self.reset(start, start_covariance)
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
-        """Restart from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
+        """Restart from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default
+        zero.
+        """
         self._start = _finite("pose", pose, (3,))
-        known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, (3, 3))
-        shape, p, bias = self._start.shape[:-1], len(self._errors), self.gyro.bias if self.gyro else 0.0
+        known = (
+            np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, (3, 3))
+        )
+        shape, p, bias = (
+            self._start.shape[:-1],
+            len(self._errors),
+            self.gyro.bias if self.gyro else 0.0,
+        )
         self._state = _State(
             np.zeros(shape, complex),
             self._start[..., 2].copy(),
@@ -123,26 +139,33 @@ class SlipOdometry:
         return self._covariances(self._state)
 
     def update(self, omega: ArrayLike, dt: float, gyro: ArrayLike | None = None) -> None:
-        """Update the pose for a motion with mean sprocket speeds (..., 2) [rad/s] that lasts `dt` [s], at least 0.
+        """Update the pose for a motion with mean sprocket speeds (..., 2) [rad/s] that lasts `dt`
+        [s], at least 0.
 
-        `gyro` (...) is the mean yaw rate from a gyroscope during `dt` [rad/s], NaN without a reading. Raises
-        InvalidValueError for a negative time and for values that are not finite.
+        `gyro` (...) is the mean yaw rate from a gyroscope during `dt` [rad/s], NaN without a
+        reading. Raises InvalidValueError for a negative time and for values that are not finite.
         """
         require(0 <= dt < np.inf, "dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, (2,))
         after = self._driven(omega[None], np.array([dt]), _readings(gyro, omega)[None])
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
-    def path(self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None) -> OdometryPath:
-        """Compute poses at all rows of a log, starting at the current pose, without changing the current pose.
+    def path(
+        self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None
+    ) -> OdometryPath:
+        """Compute poses at all rows of a log, starting at the current pose, without changing the
+        current pose.
 
         Args:
             time: times (T,) of the rows, ascending [s].
-            omega: sprocket speeds (T, ..., 2), means since the previous row [rad/s]; the first row is not used.
-            gyro: yaw rates (T, ...) from a gyroscope, means since the previous row [rad/s]; NaN without a reading.
+            omega: sprocket speeds (T, ..., 2), means since the previous row [rad/s]; the first row
+                is not used.
+            gyro: yaw rates (T, ...) from a gyroscope, means since the previous row [rad/s]; NaN
+                without a reading.
 
         Raises:
-            InvalidValueError: for times that do not ascend, or values that are not finite or have the wrong shape.
+            InvalidValueError: for times that do not ascend, or values that are not finite or have
+                the wrong shape.
         """
         time, omega = np.asarray(time, float), _finite("omega", omega, (2,))
         step = np.diff(time)
@@ -154,7 +177,9 @@ class SlipOdometry:
         return OdometryPath(time, self._poses(states), self._covariances(states))
 
     def _driven(self, omega: Array, step: Array, gyro: Array) -> _State:
-        """The current state and the states (T + 1, ...) after driving at each `omega` (T, ..., 2) for `step` (T,)."""
+        """The current state and the states (T + 1, ...) after driving at each `omega` (T, ..., 2)
+        for `step` (T,).
+        """
         now, geometry = self._state, self.geometry
         dt = step.reshape(-1, *[1] * (omega.ndim - 2))
         twist = self.law.twist(omega, geometry)
@@ -174,22 +199,35 @@ class SlipOdometry:
         swing = _summed(now.swing, dw * dt[..., None])
         by_speed = dv - 1j * self.drift * (dv * w[..., None] + v[..., None] * dw)
         aside: np.ndarray = by_speed * (dt * (along + 1j * across) * np.exp(1j * before))[..., None]
-        aside = aside + dw * (speed * dt**2 * (d_along + 1j * d_across) * np.exp(1j * before))[..., None]
+        aside = (
+            aside
+            + dw * (speed * dt**2 * (d_along + 1j * d_across) * np.exp(1j * before))[..., None]
+        )
         aside = aside + 1j * swing[:-1] * moved[..., None]
         moments = self._moments(place[:-1] + moved / 2, moved, before + turn / 2, way, variance)
-        return _State(place, heading, _summed(now.moments, moments), swing, _summed(now.drift, aside), rest)
+        return _State(
+            place, heading, _summed(now.moments, moments), swing, _summed(now.drift, aside), rest
+        )
 
     def _with_gyro(
         self, gyro: Array, omega: Array, w: Array, dt: Array, variance: Array, slopes: Array
     ) -> tuple[Array, Array, Array]:
-        """Yaw rates and turn variances (T, ...), from gyro readings or otherwise from the law; and `_State.rest`.
+        """Yaw rates and turn variances (T, ...), from gyro readings or otherwise from the law; and
+        `_State.rest`.
 
         Changes `slopes` in place.
         """
         known, errors = np.isfinite(gyro), self.gyro or Gyro()
-        still = known & (np.abs(omega) < _STILL).all(axis=-1) & (np.abs(gyro - errors.bias) < _MAX_DRIFT)
+        still = (
+            known
+            & (np.abs(omega) < _STILL).all(axis=-1)
+            & (np.abs(gyro - errors.bias) < _MAX_DRIFT)
+        )
         gyro = np.where(known, gyro, 0.0)
-        rest = _summed(self._state.rest, np.where(still, dt, 0.0)[..., None] * np.stack([np.ones_like(gyro), gyro], -1))
+        rest = _summed(
+            self._state.rest,
+            np.where(still, dt, 0.0)[..., None] * np.stack([np.ones_like(gyro), gyro], -1),
+        )
         unbiased = gyro - rest[:-1, ..., 1] / rest[:-1, ..., 0]
         taken, size = known & ~still, 1 + errors.scale
         slopes[taken, 1] = 0.0
@@ -198,10 +236,13 @@ class SlipOdometry:
         turning = np.where(taken, unbiased / size, w)
         return turning, np.where(taken, (errors.noise / size) ** 2 * dt, variance), rest
 
-    def _moments(self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array, variance: Array) -> Array:
+    def _moments(
+        self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array, variance: Array
+    ) -> Array:
         """Error moments (T, ..., 3, 3) of arcs whose turns have a `variance` (T, ...).
 
-        A heading error that grows along an arc acts like an error at the arc's middle, plus a scatter across the chord.
+        A heading error that grows along an arc acts like an error at the arc's middle, plus a
+        scatter across the chord.
         """
         noise = self.noise
         forward = np.exp(1j * heading)
@@ -217,7 +258,9 @@ class SlipOdometry:
 
     def _poses(self, state: _State) -> Array:
         place = state.place
-        x, y = np.broadcast_arrays(self._start[..., 0] + place.real, self._start[..., 1] + place.imag)
+        x, y = np.broadcast_arrays(
+            self._start[..., 0] + place.real, self._start[..., 1] + place.imag
+        )
         return np.stack([x, y, np.broadcast_to(state.heading, x.shape)], axis=-1)
 
     def _covariances(self, state: _State) -> Array:
@@ -237,7 +280,9 @@ def _outer(vector: np.ndarray) -> Array:
 
 
 def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
-    """Cumulative sums (T + 1, ...) that begin with `first`; increments are added one by one, as in single steps."""
+    """Cumulative sums (T + 1, ...) that begin with `first`; increments are added one by one, as in
+    single steps.
+    """
     begin = np.broadcast_to(first, increments.shape[1:])[None]
     return np.cumsum(np.concatenate([begin, increments]), axis=0)
 
@@ -245,13 +290,25 @@ def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
 def _readings(gyro: ArrayLike | None, omega: Array) -> Array:
     """Validate gyro readings (...) for sprocket speeds (..., 2); NaN without a reading."""
     array = np.full(omega.shape[:-1], np.nan) if gyro is None else np.asarray(gyro, float)
-    require(array.shape == omega.shape[:-1], "gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
-    require(not np.isinf(array).any(), "gyro", float(array[np.isinf(array)].sum()), "finite, or NaN for no reading")
+    require(
+        array.shape == omega.shape[:-1],
+        "gyro",
+        array.shape,
+        f"of shape {omega.shape[:-1]}, as omega",
+    )
+    require(
+        not np.isinf(array).any(),
+        "gyro",
+        float(array[np.isinf(array)].sum()),
+        "finite, or NaN for no reading",
+    )
     return array
 
 
 def _finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Convert to an array; raises InvalidValueError unless it is finite and its last axes have this shape."""
+    """Convert to an array; raises InvalidValueError unless it is finite and its last axes have this
+    shape.
+    """
     array = np.asarray(values, float)
     fits = array.shape[-len(shape) :] == shape
     require(fits, name, array.shape, f"of shape (..., {', '.join(map(str, shape))})")

@@ -20,7 +20,9 @@ _ASYMMETRY = 1e-6  # allowed asymmetry of a covariance, relative to its variance
 
 @dataclass(frozen=True)
 class SlipNoise:
-    """Varying slip: a random walk of the pose whose variances grow with the mean distance driven by the belts."""
+    """Varying slip: a random walk of the pose whose variances grow with the mean distance driven by
+    the belts.
+    """
 
     forward: float = 0.0
     """Standard deviation along the robot [m/sqrt(m)]."""
@@ -35,7 +37,8 @@ class SlipNoise:
 
     @classmethod
     def of(cls, noise: Mapping[str, float]) -> Self:
-        """Select the slip noise from `DriveFit.noise` of a law fitted to drives; other entries are ignored.
+        """Select the slip noise from `DriveFit.noise` of a law fitted to drives; other entries are
+        ignored.
 
         Raises InvalidValueError if an entry is missing or not a standard deviation.
         """
@@ -58,7 +61,9 @@ class Gyro:
     scale_error: float = 0.0
     """Standard error of the scale [-]."""
     clock: float = 0.0
-    """Gyro clock minus encoder clock [s]: readings stamped t + clock belong to sprocket speeds stamped t."""
+    """Gyro clock minus encoder clock [s]: readings stamped t + clock belong to sprocket speeds
+    stamped t.
+    """
 
     def __post_init__(self) -> None:
         for name in ("bias", "scale", "clock"):
@@ -78,7 +83,12 @@ class LawErrors:
 
     def __post_init__(self) -> None:
         p, matrix = len(self.names), np.asarray(self.covariance, float)
-        require(matrix.shape == (p, p), "covariance", matrix.shape, f"of shape {(p, p)}, as there are {p} names")
+        require(
+            matrix.shape == (p, p),
+            "covariance",
+            matrix.shape,
+            f"of shape {(p, p)}, as there are {p} names",
+        )
         variances = np.diag(matrix)
         usable = np.isfinite(matrix).all() and (variances >= 0).all()
         require(usable, "covariance", matrix.tolist(), "finite, with variances >= 0")
@@ -89,9 +99,11 @@ class LawErrors:
 
     @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
-        """Read the errors of a stored fit: `values`, `stderr` and, optionally, `interval95` and `correlation`.
+        """Read the errors of a stored fit: `values`, `stderr` and, optionally, `interval95` and
+        `correlation`.
 
-        Errors match the 95 % intervals, which allow for persistent slip. Parameters with unknown errors are left out.
+        Errors match the 95 % intervals, which allow for persistent slip. Parameters with unknown
+        errors are left out.
         """
         intervals, fitted = fit.get("interval95") or {}, list(fit["stderr"])
         errors = {}
@@ -100,20 +112,25 @@ class LawErrors:
             if error is not None and 0 < float(error) < np.inf:
                 low, high = intervals.get(name) or (0.0, 0.0)
                 errors[name] = max(float(error), (float(high) - float(low)) / 2 / _NORMAL_95)
-        correlation = np.array(fit.get("correlation", np.eye(len(fitted))), float).reshape(len(fitted), len(fitted))
+        correlation = np.array(fit.get("correlation", np.eye(len(fitted))), float).reshape(
+            len(fitted), len(fitted)
+        )
         rows = [fitted.index(name) for name in errors]
         with np.errstate(over="ignore", invalid="ignore"):  # __post_init__ refuses infinities
             spread = np.outer([*errors.values()], [*errors.values()])
             return cls(tuple(errors), spread * correlation[np.ix_(rows, rows)])
 
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
-        """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by the parameters `names`.
+        """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by the
+        parameters `names`.
 
-        Derivatives are central differences, or 0 for a parameter without error. Raises InvalidValueError for a name
-        that is not a parameter of the law.
+        Derivatives are central differences, or 0 for a parameter without error. Raises
+        InvalidValueError for a name that is not a parameter of the law.
         """
         slopes = np.zeros((*omega.shape, len(self.names)))
-        for k, (name, variance) in enumerate(zip(self.names, np.diag(self.covariance).tolist(), strict=True)):
+        for k, (name, variance) in enumerate(
+            zip(self.names, np.diag(self.covariance).tolist(), strict=True)
+        ):
             value, step = getattr(law, name, None), _DIFFERENCE * np.sqrt(variance)
             require(value is not None, "names", name, f"parameters of {law}")
             if step > 0:

@@ -1,1 +1,3 @@
-"""Compensation of slip while driving, by a fixed law or by a law that a Kalman filter updates continuously."""
+"""Compensation of slip while driving, by a fixed law or by a law that a Kalman filter updates
+continuously.
+"""

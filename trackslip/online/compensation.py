@@ -1,4 +1,6 @@
-"""Slip compensation by a law that converts twists into sprocket speeds, fixed or learnt while driving."""
+"""Slip compensation by a law that converts twists into sprocket speeds, fixed or learnt while
+driving.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,15 @@ KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 MAX_CRAB_ANGLE = 0.3
 """Maximum angle between a robot's heading and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
-"""Tuning for laws under load, which do not model how the turning centre moves along a robot that turns on a slope."""
+"""Tuning for laws under load, which do not model how the turning centre moves along a robot that
+turns on a slope.
+"""
 
 
 class Compensation(Protocol):
-    """Provider of the current slip laws of N robots. By default, the laws are not updated during runs."""
+    """Provider of the current slip laws of N robots. By default, the laws are not updated during
+    runs.
+    """
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
@@ -39,7 +45,9 @@ class Compensation(Protocol):
         return
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
+        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured
+        afterwards.
+        """
         return
 
     @abstractmethod
@@ -49,18 +57,26 @@ class Compensation(Protocol):
 
 @runtime_checkable
 class SensesLoad(Protocol):
-    """A compensation that also uses the robots' traction per unit load, for example from their inclination."""
+    """A compensation that also uses the robots' traction per unit load, for example from their
+    inclination.
+    """
 
     def sense(self, load: Array) -> None:
-        """Set the tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
+        """Set the tractions per unit load (N, 2), along the robots and to their left [-], before
+        each call of `law`.
+        """
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left [rad]."""
+        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left
+        [rad].
+        """
 
 
 @dataclass(frozen=True)
 class FixedLaw(Compensation):
-    """Compensation by a fixed law for all robots, by default the law without slip, which means no compensation."""
+    """Compensation by a fixed law for all robots, by default the law without slip, which means no
+    compensation.
+    """
 
     known: SlipLaw = field(default_factory=NoSlip)
 
@@ -92,7 +108,8 @@ class LoadedLaw(Compensation):
         return self._known.under(self._load)
 
     def crab_angle(self, twist: Array, drift: Array | float = 0.0) -> Array:
-        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left [rad].
+        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left
+        [rad].
 
         `drift` (N,) is added to the leftward speed [m/s]. Angles are limited to MAX_CRAB_ANGLE.
         """
@@ -107,10 +124,15 @@ def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
 
 
 class OnlineIcr(Compensation):
-    """Compensation by constant ICRs that an `IcrFilter` learns while driving, from `prior` or from no knowledge."""
+    """Compensation by constant ICRs that an `IcrFilter` learns while driving, from `prior` or from
+    no knowledge.
+    """
 
     def __init__(
-        self, geometry: RobotGeometry, prior: ConstantIcr | None = None, tuning: FilterTuning | None = None
+        self,
+        geometry: RobotGeometry,
+        prior: ConstantIcr | None = None,
+        tuning: FilterTuning | None = None,
     ) -> None:
         self._geometry, self._prior, self._tuning = geometry, prior, tuning
         self._started: IcrFilter | None = None
@@ -124,7 +146,9 @@ class OnlineIcr(Compensation):
         self._filter.start(robots, start)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Update the filter with mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses afterwards."""
+        """Update the filter with mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the
+        poses afterwards.
+        """
         self._filter.update(omega, duration, estimate)
 
     def law(self) -> ConstantIcr | IcrLoad:
@@ -139,9 +163,13 @@ class OnlineIcr(Compensation):
 
 
 class LoadedOnlineIcr(OnlineIcr):
-    """Compensation by constant ICRs and turning centres learnt while driving, plus slip under load from a known law."""
+    """Compensation by constant ICRs and turning centres learnt while driving, plus slip under load
+    from a known law.
+    """
 
-    def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
+    def __init__(
+        self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None
+    ) -> None:
         super().__init__(geometry, prior.unloaded_law, tuning or _LOADED_TUNING)
         self._loaded = LoadedLaw(prior)
 
@@ -151,7 +179,9 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.reset(start)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs for the robots with indices `robots` (R,), at poses (R, 3), without load."""
+        """Start new runs for the robots with indices `robots` (R,), at poses (R, 3), without
+        load.
+        """
         super().restart(robots, start)
         self._loaded.restart(robots, start)
 
@@ -160,7 +190,9 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.sense(load)
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left [rad]."""
+        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left
+        [rad].
+        """
         return self._loaded.crab_angle(twist, drift=-self._filter.state[:, 5] * twist[:, 1])
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
@@ -168,18 +200,23 @@ class LoadedOnlineIcr(OnlineIcr):
         self._filter.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
 
     def law(self) -> IcrLoad:
-        """The law with the current estimates, whose parameters are (N,), at the last sensed load."""
+        """The law with the current estimates, whose parameters are (N,), at the last sensed
+        load.
+        """
         learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
 
 
-_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}  # laws from which learning starts, by compensation
+# laws from which learning starts, by compensation
+_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}
 
 
 def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPPED) -> Compensation:
-    """Build a compensation from its name and the laws in a file, by default the file in the package.
+    """Build a compensation from its name and the laws in a file, by default the file in the
+    package.
 
-    Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
+    Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for
+    another robot.
     """
     if name in KNOWN_LAWS:
         return FixedLaw(KNOWN_LAWS[name])

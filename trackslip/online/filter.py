@@ -1,20 +1,26 @@
-"""Online slip estimation: an extended Kalman filter for the pose and the constants D and epsilon of constant ICRs.
+"""Online slip estimation: an extended Kalman filter for the pose and the constants D and epsilon of
+constant ICRs.
 
-Between two scans the encoders measure the distances that the belts move. With constant ICRs the robot drives an arc:
+Between two scans the encoders measure the distances that the belts move. With constant ICRs the
+robot drives an arc:
 
-    v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b / (b + D)
+    v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b /
+    (b + D)
 
-with belt speeds s = r omega. The turning centre is not always beside the robot's centre: with the centre of mass ahead,
-or when a fast robot skids on slippery ground, it is ahead by c, and the robot's centre drifts sideways at -c w. A scan
-measures the pose. The state is (x, y, phi, g, epsilon, c). The rates are linear in the yaw gain g, whereas a filter
-linearised in D diverges if the initial D is very wrong. The process noise of the constants grows with the distance and
-turn driven, not with time, so a constant that a motion does not excite (D on a straight path, or all at rest) keeps its
-value and its uncertainty. While a robot turns so slowly that the turn may be noise, g and c are considered but not
-updated: a controller responds to scan noise with small turns, from which wrong g and c would be learnt.
+with belt speeds s = r omega. The turning centre is not always beside the robot's centre: with the
+centre of mass ahead, or when a fast robot skids on slippery ground, it is ahead by c, and the
+robot's centre drifts sideways at -c w. A scan measures the pose. The state is (x, y, phi, g,
+epsilon, c). The rates are linear in the yaw gain g, whereas a filter linearised in D diverges if
+the initial D is very wrong. The process noise of the constants grows with the distance and turn
+driven, not with time, so a constant that a motion does not excite (D on a straight path, or all at
+rest) keeps its value and its uncertainty. While a robot turns so slowly that the turn may be noise,
+g and c are considered but not updated: a controller responds to scan noise with small turns, from
+which wrong g and c would be learnt.
 
-Two gates monitor the innovations. A pose whose innovation is too large for scan noise is rejected; several rejections
-in a row indicate that the filter is wrong. Small innovations with a persistent bias indicate that the ground has
-changed. In both cases the filter restarts from the scanned pose, with the initial uncertainty of the constants.
+Two gates monitor the innovations. A pose whose innovation is too large for scan noise is rejected;
+several rejections in a row indicate that the filter is wrong. Small innovations with a persistent
+bias indicate that the ground has changed. In both cases the filter restarts from the scanned pose,
+with the initial uncertainty of the constants.
 """
 
 from __future__ import annotations
@@ -33,9 +39,12 @@ _LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # limits on g [-], e
 _KNOWN = 0.15  # factor on the initial spreads if the filter starts from a known law [-]
 _LEAST_TURN = 0.015  # mean yaw rate above which g and c are updated [rad/s]
 _FLOOR = 1e-4  # standard deviation added to that of a measured pose, in quadrature [m, rad]
-_OUTLIER = 30.0  # normalised squared innovation above which a pose is rejected (chi-square, 3 degrees of freedom)
+# normalised squared innovation above which a pose is rejected (chi-square, 3 degrees of freedom)
+_OUTLIER = 30.0
 _PATIENCE = 5  # number of rejections in a row after which the filter restarts
-_CHANGE = 60.0  # normalised squared mean innovation that indicates changed ground (chi-square, 3 degrees of freedom)
+# normalised squared mean innovation that indicates changed ground (chi-square, 3 degrees of
+# freedom)
+_CHANGE = 60.0
 _MEMORY = 10.0  # time constant of the mean innovation and yaw rate [scans]
 
 
@@ -64,9 +73,15 @@ class IcrFilter:
         law: ConstantIcr | None = None,
         tuning: FilterTuning | None = None,
     ) -> None:
-        """Start at known poses (N, 3) with D and epsilon from `law`, or with D = epsilon = 0 without a law."""
+        """Start at known poses (N, 3) with D and epsilon from `law`, or with D = epsilon = 0
+        without a law.
+        """
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
-        spreads = (self._tuning.gain_spread, self._tuning.radius_error_spread, self._tuning.centre_spread)
+        spreads = (
+            self._tuning.gain_spread,
+            self._tuning.radius_error_spread,
+            self._tuning.centre_spread,
+        )
         self._spreads = np.array(spreads)  # initial standard deviations of g, epsilon and c
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
@@ -103,10 +118,14 @@ class IcrFilter:
         """Estimates of D (N,) [m]."""
         return self._geometry.half_gauge * (1 / self.state[:, 3] - 1)
 
-    def update(self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None) -> None:
-        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards.
+    def update(
+        self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None
+    ) -> None:
+        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured
+        afterwards.
 
-        Velocities `known` (N, 3) (forwards, leftwards, yaw) are added to the velocities from the constant ICRs.
+        Velocities `known` (N, 3) (forwards, leftwards, yaw) are added to the velocities from the
+        constant ICRs.
         """
         self._predict(omega, duration, known)
         rows = np.flatnonzero(estimate.valid)
@@ -131,7 +150,8 @@ class IcrFilter:
         walks = (*pose_walks, tuning.gain_walk, tuning.radius_error_walk, tuning.centre_walk)
         self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(walks)
         for k, most in enumerate(self._spreads, 3):
-            over = self.covariance[:, k, k] > most**2  # never more uncertain than without prior knowledge
+            # never more uncertain than without prior knowledge
+            over = self.covariance[:, k, k] > most**2
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
             self.covariance[:, k, :] *= shrink[:, None]
             self.covariance[:, :, k] *= shrink[:, None]
@@ -154,7 +174,9 @@ class IcrFilter:
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
     def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
-        """Update the states with innovations `white` (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
+        """Update the states with innovations `white` (R, 3), whitened by the roots (R, 3, 3) of
+        their covariances.
+        """
         half = np.linalg.solve(root, self.covariance[rows, :3, :]).swapaxes(1, 2)  # (R, 6, 3)
         taken = half.copy()
         slow = np.abs(self._turning[rows]) < _LEAST_TURN
@@ -170,7 +192,9 @@ class IcrFilter:
         self._drift_variance[rows] = fade**2 * self._drift_variance[rows] + 1
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
-        """Start or restart at poses (R, 3) with covariances `noise` (R, 3, 3), and initial spreads times `share`."""
+        """Start or restart at poses (R, 3) with covariances `noise` (R, 3, 3), and initial spreads
+        times `share`.
+        """
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
@@ -181,8 +205,8 @@ class IcrFilter:
 def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array, Array]:
     """Velocities (N, 3) and their derivatives (N, 3, 3) at sprocket speeds omega (N, 2) [rad/s].
 
-    A velocity is (forward speed, lateral speed to the left, yaw rate). The derivatives are with respect to the law's
-    (g, epsilon, c) (N, 3).
+    A velocity is (forward speed, lateral speed to the left, yaw rate). The derivatives are with
+    respect to the law's (g, epsilon, c) (N, 3).
     """
     gain, scale, centre = law[:, 0], 1 + law[:, 1], law[:, 2]
     left, right = (geometry.sprocket_radius * omega).T

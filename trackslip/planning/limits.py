@@ -13,14 +13,21 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.identified import LawInUse, identified_law
 
 TURNING = 2.0
-"""Distance from a robot's centre to its corners, in half gauges, for tracks 1.5 times as long as the gauge [-]."""
-_BOUNDS = {"max_speed": (1e-3, 10.0, "m/s"), "acceleration": (1e-3, 100.0, "m/s^2"), "duration": (10.0, 3600.0, "s")}
+"""Distance from a robot's centre to its corners, in half gauges, for tracks 1.5 times as long as
+the gauge [-].
+"""
+_BOUNDS = {
+    "max_speed": (1e-3, 10.0, "m/s"),
+    "acceleration": (1e-3, 100.0, "m/s^2"),
+    "duration": (10.0, 3600.0, "s"),
+}
 _SIDES = (1e-3, 1000.0, "m")  # allowed lengths of an area's sides
 _MOST_OFFSET = 100.0  # largest distance of a track's ICR from the track [m]
 MOST_DOUBT = 0.9  # largest relative error of prior knowledge of a robot [-]
 _PATH_LAW = "icr_radius"  # law with which paths are predicted
 _DEVIATIONS = 4.0  # standard errors from an earlier identification for which the area leaves room
-_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # smallest errors assumed after identification [-]
+# smallest errors assumed after identification [-]
+_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005
 _LEAST_SLIP = 1e-4  # smallest white slip assumed after identification [m/sqrt(m), rad/sqrt(m)]
 
 
@@ -46,7 +53,9 @@ class DriveLimits:
         for side in self.area:
             require_within("area", side, *_SIDES)
             if side <= 2 * self.clearance:
-                raise InvalidValueError("area", self.area_text, f"more than twice the clearance, {self.clearance:g} m")
+                raise InvalidValueError(
+                    "area", self.area_text, f"more than twice the clearance, {self.clearance:g} m"
+                )
 
     @property
     def area_text(self) -> str:
@@ -65,7 +74,8 @@ class Knowledge:
 
     geometry: RobotGeometry
     offset: float  # D: expected distance of the ICRs outside the tracks [m]
-    radius_error: float = 0.0  # epsilon: expected relative error of the effective sprocket radius [-]
+    # epsilon: expected relative error of the effective sprocket radius [-]
+    radius_error: float = 0.0
     reach_doubt: float = 0.15  # largest relative error of b + D [-]
     radius_doubt: float = 0.02  # largest deviation of epsilon from `radius_error` [-]
     pull: float = 0.001  # largest difference between the left and right radius errors [-]
@@ -84,7 +94,9 @@ class Knowledge:
 
     @property
     def extremes(self) -> Array:
-        """Possible laws (9, 3) of the robot, the expected law first: b + D [m], and 1 + epsilon left and right."""
+        """Possible laws (9, 3) of the robot, the expected law first: b + D [m], and 1 + epsilon
+        left and right.
+        """
         scale = 1 + self.radius_error
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         reach = self.reach * (1 + signs[:, 0] * self.reach_doubt)
@@ -95,12 +107,15 @@ class Knowledge:
 
 
 def first_knowledge(geometry: RobotGeometry) -> Knowledge:
-    """Prior knowledge of a robot that was never identified: values typical of hard ground, with a margin."""
+    """Prior knowledge of a robot that was never identified: values typical of hard ground, with a
+    margin.
+    """
     return Knowledge(geometry, offset=0.3 * geometry.half_gauge)
 
 
 def read_identification(path: str | Path, law: str | None = None) -> tuple[LawInUse, Knowledge]:
-    """Read a law, by default the best, from an identification or a file, and derive the knowledge of the robot from it.
+    """Read a law, by default the best, from an identification or a file, and derive the knowledge
+    of the robot from it.
 
     Raises InvalidValueError if the law is missing, LogError if the law has no standard errors.
     """
@@ -115,14 +130,22 @@ def read_identification(path: str | Path, law: str | None = None) -> tuple[LawIn
     errors = by_path.errors or used.errors
     doubts = dict(zip(errors.names, _DEVIATIONS * np.sqrt(np.diag(errors.covariance)), strict=True))
     if "offset" in doubts:
-        doubt = np.clip(doubts["offset"] / (used.geometry.half_gauge + known["offset"]), _LEAST_REACH, MOST_DOUBT)
+        doubt = np.clip(
+            doubts["offset"] / (used.geometry.half_gauge + known["offset"]),
+            _LEAST_REACH,
+            MOST_DOUBT,
+        )
         knowledge = replace(knowledge, offset=float(known["offset"]), reach_doubt=float(doubt))
     if "radius_error" in doubts:
         doubt = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT)
-        knowledge = replace(knowledge, radius_error=float(known["radius_error"]), radius_doubt=float(doubt))
+        knowledge = replace(
+            knowledge, radius_error=float(known["radius_error"]), radius_doubt=float(doubt)
+        )
     with suppress(InvalidValueError):  # if icr_sides was not identified
         sides = vars(identified_law(path, "icr_sides").law)
-        pull = np.clip(abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT)
+        pull = np.clip(
+            abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT
+        )
         knowledge = replace(knowledge, pull=float(pull))
     if used.noise is not None:
         along, across, turning = (max(size, _LEAST_SLIP) for size in vars(used.noise).values())

@@ -13,14 +13,21 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
-from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
+from trackslip.planning.information import (
+    Expectation,
+    PoseQuality,
+    drive_to_measure,
+    expected,
+    rate_of,
+)
 from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path, placed
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws for which a drive can be planned."""
 PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
-_EVALUATIONS, _FEWEST = 1000, 200  # routes tried in a search for drives up to _LONG, and fewest for longer drives
+# routes tried in a search for drives up to _LONG, and fewest for longer drives
+_EVALUATIONS, _FEWEST = 1000, 200
 _LONG = 120.0  # duration above which a search tries fewer routes [s]
 _POSES = 1200  # most poses used in a search; more are replaced by fewer, more precise poses
 _THINNED = (2.0, 10.0)  # fewest and most poses per second in a search [Hz]
@@ -63,13 +70,17 @@ class DrivePlan(PlacedRoute):
 
     @property
     def path(self) -> Array:
-        """Expected positions (K, 2) of the robot's centre, relative to the centre of the area [m]."""
+        """Expected positions (K, 2) of the robot's centre, relative to the centre of the area
+        [m].
+        """
         x, y = path(self.maneuvers, float(self.start[2]), self.knowledge.extremes[:1])
         return np.asarray(self.start[:2] + np.stack([x[0], y[0]], axis=-1))
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Value to which the error of each of the law's parameters is relative, in the parameter's unit."""
+        """Value to which the error of each of the law's parameters is relative, in the parameter's
+        unit.
+        """
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
@@ -84,11 +95,13 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan the drive that minimises the largest relative standard error of a parameter of `law`, from PLANNED_LAWS.
+    """Plan the drive that minimises the largest relative standard error of a parameter of `law`,
+    from PLANNED_LAWS.
 
-    By default, prior `knowledge` of the robot's motion and expected parameters `values` (q,) are typical of hard
-    ground. `known` are the law's errors from an earlier identification. `step` is called with 1.0 after each drive
-    tried. Raises InvalidValueError for an unknown law, or an area or duration in which no drive determines the law.
+    By default, prior `knowledge` of the robot's motion and expected parameters `values` (q,) are
+    typical of hard ground. `known` are the law's errors from an earlier identification. `step` is
+    called with 1.0 after each drive tried. Raises InvalidValueError for an unknown law, or an area
+    or duration in which no drive determines the law.
     """
     require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
     least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
@@ -97,7 +110,9 @@ def plan_drive(
         raise InvalidValueError("area", limits.area_text, allowed)
     knowledge = knowledge or first_knowledge(geometry)
     model = DriveModel(family(law), geometry)
-    expected_values = np.array(usual_values(model.family, knowledge) if values is None else values, float)
+    expected_values = np.array(
+        usual_values(model.family, knowledge) if values is None else values, float
+    )
     sizes = relative_to(model.family, expected_values, geometry)
     quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
 
@@ -109,7 +124,11 @@ def plan_drive(
     def cost(route: Route) -> float:
         drive = placed(route, limits, knowledge)
         step(1.0)
-        return np.inf if drive is None else largest(expectation_of(drive, quality, rate_of(quality)), sizes)
+        return (
+            np.inf
+            if drive is None
+            else largest(expectation_of(drive, quality, rate_of(quality)), sizes)
+        )
 
     route, least_cost = best_route(cost, evaluations(limits), np.random.default_rng(seed))
     drive = placed(route, limits, knowledge)
@@ -130,15 +149,18 @@ def evaluations(limits: DriveLimits) -> int:
 
 
 def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
-    """Largest standard error relative to `sizes`; infinite if a parameter of the law isn't determined."""
+    """Largest standard error relative to `sizes`; infinite if a parameter of the law isn't
+    determined.
+    """
     return max(expectation.stderr.get(name, np.inf) / size for name, size in sizes.items())
 
 
 def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
-    """Value by which the error of each parameter is divided to become relative, by the parameter's name.
+    """Value by which the error of each parameter is divided to become relative, by the parameter's
+    name.
 
-    Errors in D are divided by b + D, the effective half gauge. Errors in epsilon are divided by 1, because belt speeds
-    scale with 1 + epsilon, and so are errors in other dimensionless parameters.
+    Errors in D are divided by b + D, the effective half gauge. Errors in epsilon are divided by 1,
+    because belt speeds scale with 1 + epsilon, and so are errors in other dimensionless parameters.
     """
     return {
         name: geometry.half_gauge + value if parameter.unit == "m" else 1.0
@@ -155,13 +177,17 @@ def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
 
 
 def paper_runs(geometry: RobotGeometry) -> list[Array]:
-    """Belt speeds (2,) [m/s] in each of the paper's 25 runs except those with a radius too small for the robot."""
+    """Belt speeds (2,) [m/s] in each of the paper's 25 runs except those with a radius too small
+    for the robot.
+    """
     radii = [radius for radius in COMMANDED_RADII if radius > geometry.half_gauge]
     return [v * (1 + SIDES * geometry.half_gauge / radius) for radius in radii for v in SPEEDS]
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
-    """Errors to expect from the paper's runs; None if the robot is too large or the runs don't determine the law."""
+    """Errors to expect from the paper's runs; None if the robot is too large or the runs don't
+    determine the law.
+    """
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
     radius, merge = geometry.sprocket_radius, rate_of(plan.poses)
     runs = [np.tile(speeds, (count, 1)) for speeds in paper_runs(geometry)]

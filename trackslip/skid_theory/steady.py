@@ -18,15 +18,21 @@ _UNLOADED = Load()
 
 
 def steady_twist(
-    surface_speeds: ArrayLike, contact: Contact, gravity: float = np.inf, shear: float = 0.0, load: Load = _UNLOADED
+    surface_speeds: ArrayLike,
+    contact: Contact,
+    gravity: float = np.inf,
+    shear: float = 0.0,
+    load: Load = _UNLOADED,
 ) -> Array:
-    """Twists (..., 3), v, lateral u and w [m/s, m/s, rad/s], at track surface speeds, left and right (..., 2) [m/s].
+    """Twists (..., 3), v, lateral u and w [m/s, m/s, rad/s], at track surface speeds, left and
+    right (..., 2) [m/s].
 
-    With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer
-    track; both follow from fixed-point iteration. By default inertia is neglected, and slip does not depend on speed.
-    `shear` is the modulus K of ground that shears [m], or 0 for Coulomb ground. Where uphill is to the side of a
-    turning robot, the twist is momentary. Raises InvalidValueError for speeds that are not finite or too fast for a
-    turn, and for a load that the ground does not carry.
+    With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts
+    load to the outer track; both follow from fixed-point iteration. By default inertia is
+    neglected, and slip does not depend on speed. `shear` is the modulus K of ground that shears
+    [m], or 0 for Coulomb ground. Where uphill is to the side of a turning robot, the twist is
+    momentary. Raises InvalidValueError for speeds that are not finite or too fast for a turn, and
+    for a load that the ground does not carry.
     """
     speeds = np.asarray(surface_speeds, float)
     require(np.isfinite(speeds).all(), "surface_speeds", surface_speeds, "finite")
@@ -59,7 +65,9 @@ class Turns:
 
     @property
     def icr(self) -> Array:
-        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the robot's centre line [m]."""
+        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the robot's centre line
+        [m].
+        """
         return self.radius[:, None] - self.belts
 
     @property
@@ -73,10 +81,14 @@ class Turns:
         return 1 - self.radius / self.belts.mean(axis=1)
 
 
-def steady_turns(radius: ArrayLike, contact: Contact, shear: float = 0.0, load: Load = _UNLOADED) -> Turns:
-    """Compute turns to the left with driven radii (M,) [m]. The other arguments are those of `steady_twist`.
+def steady_turns(
+    radius: ArrayLike, contact: Contact, shear: float = 0.0, load: Load = _UNLOADED
+) -> Turns:
+    """Compute turns to the left with driven radii (M,) [m]. The other arguments are those of
+    `steady_twist`.
 
-    Raises InvalidValueError for a load that the ground does not carry, and for a radius that no belt speeds achieve.
+    Raises InvalidValueError for a load that the ground does not carry, and for a radius that no
+    belt speeds achieve.
     """
     radius = np.asarray(radius, float)
     half_gauge = float(np.abs(contact.y).mean())
@@ -90,11 +102,15 @@ def steady_turns(radius: ArrayLike, contact: Contact, shear: float = 0.0, load: 
         belts = (factors[0] * mean)[:, None] + (factors[1] * spread)[:, None] * SIDES
         if np.abs(factors - 1).max() < _TURN_TOLERANCE:
             return Turns(radius, belts, half_gauge)
-    raise InvalidValueError("radius", radius.tolist(), "radii that the robot can drive under its load")
+    raise InvalidValueError(
+        "radius", radius.tolist(), "radii that the robot can drive under its load"
+    )
 
 
 def _require_carried(load: Load, contact: Contact) -> None:
-    """Raise InvalidValueError unless friction carries the load and all points of the tracks remain loaded."""
+    """Raise InvalidValueError unless friction carries the load and all points of the tracks remain
+    loaded.
+    """
     along, across = load.downhill + np.array([load.drawbar, 0.0])
     shown = f"slope {load.slope:.3g} rad, pull {load.pull:.3g} of the weight"
     if not np.hypot(along / contact.along, across / contact.across) < 1:
@@ -104,14 +120,20 @@ def _require_carried(load: Load, contact: Contact) -> None:
 
 
 def _acceleration(twist: Array, contact: Contact) -> Array:
-    """Accelerations (M, 2) of the centre of mass along and across the robot in steady turns [m/s^2]."""
+    """Accelerations (M, 2) of the centre of mass along and across the robot in steady turns
+    [m/s^2].
+    """
     v, u, w = twist.T
     forwards, left, _ = contact.centre_of_mass
     return np.stack([-w * (u + w * forwards), w * (v - w * left)], axis=1)
 
 
-def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load) -> Array:
-    """Twists (M, 3) at which the ground forces balance the load and cause accelerations (M, 2) in units of gravity."""
+def _balanced(
+    speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load
+) -> Array:
+    """Twists (M, 3) at which the ground forces balance the load and cause accelerations (M, 2) in
+    units of gravity.
+    """
     scale = np.abs(speeds).max(axis=1, keepdims=True)
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill
@@ -121,7 +143,9 @@ def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float
     if not held.all():
         lost = speeds[np.argmin(held)].tolist()
         raise InvalidValueError(
-            "surface_speeds", lost, "slower, or straighter: friction doesn't hold the robot on its turn"
+            "surface_speeds",
+            lost,
+            "slower, or straighter: friction doesn't hold the robot on its turn",
         )
     loads = contact.loads(carried, load.hitch_height * load.drawbar)
     relative = speeds / scale

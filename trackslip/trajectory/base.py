@@ -28,8 +28,12 @@ class Reference(Protocol):
 class PiecewiseReference(ABC):
     """Base class of references with constant acceleration between knots."""
 
-    def __init__(self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike) -> None:
-        """Store durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at the cells' starts and ends."""
+    def __init__(
+        self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike
+    ) -> None:
+        """Store durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at the cells'
+        starts and ends.
+        """
         self.cells = np.array([durations, start_speeds, end_speeds])  # (3, K)
         durations, self._speeds, last = self.cells
         self._accelerations = (last - self._speeds) / durations
@@ -56,12 +60,16 @@ class PiecewiseReference(ABC):
         return np.stack([speed, speed * self.curvature_in(k, way)], axis=-1)
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
-        """Indices of cells, distances driven in them so far [m] and speeds [m/s], each (...), at times (...) [s]."""
+        """Indices of cells, distances driven in them so far [m] and speeds [m/s], each (...), at
+        times (...) [s].
+        """
         time = np.asarray(time, float)
         clipped = np.minimum(np.maximum(time, 0.0), self.duration)
         k = cell(self._times, clipped)
         t = clipped - self._times[k]
-        speed = np.where((time < 0) | (time >= self.duration), 0.0, self._speeds[k] + self._accelerations[k] * t)
+        speed = np.where(
+            (time < 0) | (time >= self.duration), 0.0, self._speeds[k] + self._accelerations[k] * t
+        )
         return k, t * (self._speeds[k] + self._accelerations[k] * t / 2), speed
 
     @abstractmethod
@@ -70,7 +78,9 @@ class PiecewiseReference(ABC):
 
     @abstractmethod
     def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Curvatures (...) [1/m] in cells k (...) at distances `way` (...) [m] from the cells' starts."""
+        """Curvatures (...) [1/m] in cells k (...) at distances `way` (...) [m] from the cells'
+        starts.
+        """
 
 
 def cell(knots: Array, at: Array) -> NDArray[np.intp]:

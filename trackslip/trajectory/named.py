@@ -1,4 +1,6 @@
-"""References by name: the paper's path, smooth curves, straights, arcs and clothoids, and waypoint files."""
+"""References by name: the paper's path, smooth curves, straights, arcs and clothoids, and waypoint
+files.
+"""
 
 from __future__ import annotations
 
@@ -31,19 +33,30 @@ class PathPiece:
 
 
 class ClothoidPath(PlanarPath):
-    """A sequence of pieces. Headings are quadratic in the arc length, and positions are Gauss-Legendre integrals."""
+    """A sequence of pieces. Headings are quadratic in the arc length, and positions are
+    Gauss-Legendre integrals.
+    """
 
     def __init__(self, start: ArrayLike, pieces: Sequence[PathPiece]) -> None:
         """Join the pieces, the first from the pose `start` (3,)."""
         counts = [max(int(np.ceil(piece.length / STEP)), 2) for piece in pieces]
-        steps = np.repeat([piece.length / n for piece, n in zip(pieces, counts, strict=True)], counts)
+        steps = np.repeat(
+            [piece.length / n for piece, n in zip(pieces, counts, strict=True)], counts
+        )
         self._s = np.concatenate([[0.0], np.cumsum(steps)])  # (K,)
-        self._sharpness = np.repeat([(p.end_curvature - p.start_curvature) / p.length for p in pieces], counts)
-        fractions = np.concatenate([np.arange(n) * (p.length / n) for p, n in zip(pieces, counts, strict=True)])
-        self._curvature = np.repeat([p.start_curvature for p in pieces], counts) + self._sharpness * fractions
+        self._sharpness = np.repeat(
+            [(p.end_curvature - p.start_curvature) / p.length for p in pieces], counts
+        )
+        fractions = np.concatenate(
+            [np.arange(n) * (p.length / n) for p, n in zip(pieces, counts, strict=True)]
+        )
+        self._curvature = (
+            np.repeat([p.start_curvature for p in pieces], counts) + self._sharpness * fractions
+        )
         x, y, phi = np.asarray(start, float)
         turns = steps * (self._curvature + self._sharpness * steps / 2)
-        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), like _curvature
+        # (K - 1,), like _curvature
+        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])
         chords = self._chord(np.arange(len(steps)), steps)
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
 
@@ -61,16 +74,22 @@ class ClothoidPath(PlanarPath):
         return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
 
     def _chord(self, k: np.ndarray, way: Array) -> Complex:
-        """Vectors (...) from knots k (...) to points `way` (...) [m] further along, by Gauss-Legendre quadrature."""
+        """Vectors (...) from knots k (...) to points `way` (...) [m] further along, by
+        Gauss-Legendre quadrature.
+        """
         at = way[..., None] * _NODES
-        heading = self._heading[k, None] + at * (self._curvature[k, None] + self._sharpness[k, None] * at / 2)
+        heading = self._heading[k, None] + at * (
+            self._curvature[k, None] + self._sharpness[k, None] * at / 2
+        )
         return way * (np.exp(1j * heading) @ _WEIGHTS)
 
 
 def clothoid(start: ArrayLike) -> ProfiledReference:
-    """A left and a right bend of continuous curvature, from the pose `start` (3,): clothoids join straights and arcs.
+    """A left and a right bend of continuous curvature, from the pose `start` (3,): clothoids join
+    straights and arcs.
 
-    The straights are 0.6 m long, the arcs 0.5 m with a radius of 0.5 m, the outer clothoids 1 m and the middle one 2 m.
+    The straights are 0.6 m long, the arcs 0.5 m with a radius of 0.5 m, the outer clothoids 1 m and
+    the middle one 2 m.
     """
     bend = 2.0  # [1/m]
     pieces = [
@@ -86,29 +105,39 @@ def clothoid(start: ArrayLike) -> ProfiledReference:
 
 
 def rounded_square(start: ArrayLike) -> ProfiledReference:
-    """An anticlockwise 2 m square with corners of 0.4 m radius, from the pose `start` (3,) in the middle of a side."""
+    """An anticlockwise 2 m square with corners of 0.4 m radius, from the pose `start` (3,) in the
+    middle of a side.
+    """
     half, straight, corner = PathPiece(0.6), PathPiece(1.2), PathPiece(np.pi / 2 * 0.4, 2.5, 2.5)
     return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]))
 
 
 def figure_eight(start: ArrayLike) -> ProfiledReference:
-    """Bernoulli's lemniscate, 3 m long, from its crossing: first the left loop, then the right loop.
+    """Bernoulli's lemniscate, 3 m long, from its crossing: first the left loop, then the right
+    loop.
 
-    `start` (3,) is the pose at the crossing. The long axis is 45 deg to the left of its heading. The smallest radius is
-    0.5 m.
+    `start` (3,) is the pose at the crossing. The long axis is 45 deg to the left of its heading.
+    The smallest radius is 0.5 m.
     """
 
     def lemniscate(u: Array, nu: int) -> Complex:
         sine, cosine = np.sin(u), np.cos(u)
         away = 1 - 1j * sine
-        factor = (cosine / away, 1j * (1 + 1j * sine) / away**2, -cosine * (3 + 1j * sine) / away**3)[nu]
+        factor = (
+            cosine / away,
+            1j * (1 + 1j * sine) / away**2,
+            -cosine * (3 + 1j * sine) / away**3,
+        )[nu]
         return 1.5 * factor
 
-    return ProfiledReference(ParametricPath(lemniscate, [-np.pi / 2, np.pi / 2, 3 * np.pi / 2], start))
+    return ProfiledReference(
+        ParametricPath(lemniscate, [-np.pi / 2, np.pi / 2, 3 * np.pi / 2], start)
+    )
 
 
 def slalom(start: ArrayLike) -> ProfiledReference:
-    """Two periods of a sine wave along a line, each 2 m long and 0.5 m wide, from a minimum and first to the left.
+    """Two periods of a sine wave along a line, each 2 m long and 0.5 m wide, from a minimum and
+    first to the left.
 
     `start` (3,) is the first pose, with the heading of the line. The smallest radius is 0.4 m.
     """
@@ -122,7 +151,8 @@ def slalom(start: ArrayLike) -> ProfiledReference:
 
 
 def spiral(start: ArrayLike) -> ProfiledReference:
-    """One and a half turns of Archimedes' spiral to the left, inwards from a radius of 1.2 m to 0.45 m.
+    """One and a half turns of Archimedes' spiral to the left, inwards from a radius of 1.2 m to
+    0.45 m.
 
     `start` (3,) is the pose at the outer end.
     """
@@ -136,8 +166,8 @@ def spiral(start: ArrayLike) -> ProfiledReference:
     return ProfiledReference(ParametricPath(archimedes, np.linspace(0, end, 8), start))
 
 
-# The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. With these starts the plate stays more than 1 m from
-# the scanner and within its field of view even if the robot is 0.4 m off.
+# The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. With these starts the plate
+# stays more than 1 m from the scanner and within its field of view even if the robot is 0.4 m off.
 REFERENCES: dict[str, Callable[..., Reference]] = {
     "paper": partial(paper_reference, start=PAPER_START),
     "circle": partial(circle, 1.0, 0.15, 2 * np.pi / 0.15, start=(-1.5, 0.4, 0.0)),
@@ -152,7 +182,8 @@ REFERENCES: dict[str, Callable[..., Reference]] = {
 
 
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
-    """Build the reference called `name` in REFERENCES, from the pose `start` (3,) or else its default start.
+    """Build the reference called `name` in REFERENCES, from the pose `start` (3,) or else its
+    default start.
 
     Raises InvalidValueError for an unknown name.
     """
@@ -170,5 +201,10 @@ def load_reference(name_or_path: str | Path) -> Reference:
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":
         return read_waypoints(Path(name))
-    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints")
+    require(
+        name in REFERENCES,
+        "reference",
+        name,
+        f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints",
+    )
     return REFERENCES[name]()

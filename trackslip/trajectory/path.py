@@ -14,7 +14,13 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from trackslip.errors import InvalidValueError, require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import (
+    InvalidValueError,
+    require,
+    require_at_most,
+    require_non_negative,
+    require_positive,
+)
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import PiecewiseReference, cell
 
@@ -22,7 +28,8 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 MAX_LENGTH = 1000.0  # maximum length of a path [m]
 STEP = 0.005  # maximum spacing of path knots [m]
-_MIN_KNOT_SPACING = 1e-6  # minimum spacing of path knots; a curve that needs a smaller one has a cusp [m]
+# minimum spacing of path knots; a curve that needs a smaller one has a cusp [m]
+_MIN_KNOT_SPACING = 1e-6
 _MAX_TURN = 0.1  # maximum turn between neighbouring knots [rad]
 _CLOSE = 1e-12  # maximum error of the arc length between knots [m]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -35,7 +42,8 @@ class PlanarPath(ABC):
 
     @property
     def knots(self) -> Array:
-        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them.
+        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature
+        between them.
 
         There are at least three knots, so that a path can be driven from rest to rest.
         """
@@ -51,21 +59,25 @@ class PlanarPath(ABC):
 
 
 Curve = Callable[[Array, int], Complex]
-"""Function that returns a curve's points (order 0) or derivatives (orders 1, 2) at parameters (...), as in SciPy."""
+"""Function that returns a curve's points (order 0) or derivatives (orders 1, 2) at parameters
+(...), as in SciPy.
+"""
 
 
 class ParametricPath(PlanarPath):
     """A smooth curve parametrised by arc length.
 
-    The arc length between knots is a Gauss-Legendre integral of the parametric speed. The parameter is a cubic Hermite
-    polynomial of the arc length, with knots so close that the error is below 1e-12 m.
+    The arc length between knots is a Gauss-Legendre integral of the parametric speed. The parameter
+    is a cubic Hermite polynomial of the arc length, with knots so close that the error is below
+    1e-12 m.
     """
 
     def __init__(self, curve: Curve, breaks: ArrayLike, start: ArrayLike | None = None) -> None:
-        """Follow a twice differentiable curve from the first to the last of ascending `breaks` (B,) of its parameter.
+        """Follow a twice differentiable curve from the first to the last of ascending `breaks` (B,)
+        of its parameter.
 
-        At the breaks any derivative may jump. With `start` (3,), the curve is moved to begin at that pose. Raises
-        InvalidValueError if the curve has a cusp or is longer than MAX_LENGTH.
+        At the breaks any derivative may jump. With `start` (3,), the curve is moved to begin at
+        that pose. Raises InvalidValueError if the curve has a cusp or is longer than MAX_LENGTH.
         """
         self._curve = curve
         self._u, lengths = _cells(curve, np.asarray(breaks, float))
@@ -73,7 +85,9 @@ class ParametricPath(PlanarPath):
         self._velocity = curve(self._u, 1)  # (K,)
         turns = np.angle(self._velocity[1:] / self._velocity[:-1])
         heading = np.angle(self._velocity[0]) + np.concatenate([[0.0], np.cumsum(turns)])
-        self._parameter = scipy.interpolate.CubicHermiteSpline(self._s, self._u, 1 / np.abs(self._velocity))
+        self._parameter = scipy.interpolate.CubicHermiteSpline(
+            self._s, self._u, 1 / np.abs(self._velocity)
+        )
         self._rotation, self._shift = complex(1.0), complex(0.0)
         if start is not None:
             x, y, phi = np.asarray(start, float)
@@ -108,16 +122,20 @@ def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
 
 
 def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
-    """Parameters (K,) of the knots and lengths (K - 1,) between them, from cells that are halved until fine enough."""
+    """Parameters (K,) of the knots and lengths (K - 1,) between them, from cells that are halved
+    until fine enough.
+    """
     u = breaks
     length = float(_arc_length(curve, u[:-1], u[1:]).sum())
     require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
     while True:
         lengths = _arc_length(curve, u[:-1], u[1:])
         velocity = curve(u, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):  # the speed is zero at a cusp; NaN counts as coarse
+        # the speed is zero at a cusp; NaN counts as coarse
+        with np.errstate(divide="ignore", invalid="ignore"):
             slope = 1 / np.abs(velocity)
-            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # polynomial halfway along
+            # polynomial halfway along
+            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8
             miss = np.abs(_arc_length(curve, u[:-1], middle) - lengths / 2)
             turn = np.abs(np.angle(velocity[1:] / velocity[:-1]))
         coarse = (lengths > STEP) | ~(miss < _CLOSE) | ~(turn < _MAX_TURN) | (len(lengths) < 2)
@@ -127,13 +145,16 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         if lengths[shortest] < _MIN_KNOT_SPACING:
             point = curve(u[shortest], 0)
             where = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
-            raise InvalidValueError("path", where, "smooth; waypoints may reverse where a column yaw says so")
+            raise InvalidValueError(
+                "path", where, "smooth; waypoints may reverse where a column yaw says so"
+            )
         u = np.sort(np.concatenate([u, (u[:-1] + u[1:])[coarse] / 2]))
 
 
 MIN_SPEED = 1e-3  # minimum speed that the tightest bend in a path must allow [m/s]
 _MIN_ACCELERATION = 1e-4  # smallest valid limit on the acceleration [m/s^2]
-_WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points in a cell; at the ends the curvature may jump
+# points in a cell; at the ends the curvature may jump
+_WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])
 
 
 @dataclass(frozen=True)
@@ -149,7 +170,9 @@ class MotionLimits:
     track_speed: float = 0.27
     """Maximum surface speed of the faster track [m/s]."""
     half_gauge: float = 0.215
-    """Distance of a track's ICR from the robot's centre line: half the gauge plus the effect of slip [m]."""
+    """Distance of a track's ICR from the robot's centre line: half the gauge plus the effect of
+    slip [m].
+    """
 
     def __post_init__(self) -> None:
         require_non_negative("half_gauge", self.half_gauge)
@@ -176,7 +199,9 @@ LIMITS = MotionLimits()
 
 
 class ProfiledReference(PiecewiseReference):
-    """A path driven as fast as the limits allow, from rest to rest, at constant acceleration between its knots."""
+    """A path driven as fast as the limits allow, from rest to rest, at constant acceleration
+    between its knots.
+    """
 
     def __init__(
         self,
@@ -185,10 +210,11 @@ class ProfiledReference(PiecewiseReference):
         speed_at: Callable[[Array], Array] | None = None,
         direction: int = 1,
     ) -> None:
-        """Plan the speeds. `speed_at` returns limits (...) [m/s] at arc lengths (...) [m]; at least MIN_SPEED is used.
+        """Plan the speeds. `speed_at` returns limits (...) [m/s] at arc lengths (...) [m]; at least
+        MIN_SPEED is used.
 
-        `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError if a bend is too tight for
-        MIN_SPEED.
+        `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError if a bend is too
+        tight for MIN_SPEED.
         """
         self._path, self._direction = path, direction
         turn = -np.copysign(np.pi, path.pose(path.knots[0])[2]) if direction < 0 else 0.0
@@ -206,8 +232,12 @@ class ProfiledReference(PiecewiseReference):
         return self._direction * self._path.curvature(self._path.knots[k] + self._direction * way)
 
 
-def _speeds(path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], Array] | None) -> Array:
-    """Maximum speeds (K,) [m/s] at the knots of the path, zero at both ends; between knots, v^2 is linear."""
+def _speeds(
+    path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], Array] | None
+) -> Array:
+    """Maximum speeds (K,) [m/s] at the knots of the path, zero at both ends; between knots, v^2 is
+    linear.
+    """
     s = path.knots
     within = s[:-1, None] + np.diff(s)[:, None] * _WITHIN
     curvature = path.curvature(within)
@@ -218,7 +248,8 @@ def _speeds(path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], 
         raise InvalidValueError(
             f"radius of curvature at ({x:.3f}, {y:.3f})",
             float(f"{1 / abs(curvature[row, column]):.3g}"),
-            f"large enough to drive at {MIN_SPEED:g} m/s within the limits of yaw rate and track speed",
+            f"large enough to drive at {MIN_SPEED:g} m/s within the limits of yaw rate and track "
+            "speed",
         )
     if speed_at is not None:
         allowed = np.minimum(allowed, np.maximum(speed_at(within).min(axis=1), MIN_SPEED))

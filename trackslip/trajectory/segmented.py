@@ -1,4 +1,6 @@
-"""References of straight lines and arcs at piecewise constant acceleration: the paper's path, circles, stop-and-go."""
+"""References of straight lines and arcs at piecewise constant acceleration: the paper's path,
+circles, stop-and-go.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +42,17 @@ class SegmentedReference(PiecewiseReference):
         poses = [np.asarray(start, float)]
         for s in segments:
             poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
-        self._start_poses, self._curvatures = np.array(poses[:-1]), np.array([s.curvature for s in segments])
+        self._start_poses, self._curvatures = (
+            np.array(poses[:-1]),
+            np.array([s.curvature for s in segments]),
+        )
         super().__init__(*np.array([(s.duration, s.start_speed, s.end_speed) for s in segments]).T)
 
     def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
         """See PiecewiseReference."""
-        return advance(self._start_poses[k], np.stack([way, way * self._curvatures[k]], axis=-1), 1.0)
+        return advance(
+            self._start_poses[k], np.stack([way, way * self._curvatures[k]], axis=-1), 1.0
+        )
 
     def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
         """See PiecewiseReference."""
@@ -62,20 +69,31 @@ def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:
     """
     speed, yaw_rate = 0.15, 0.12
     turn = 4 * np.pi / 3 - np.pi / 2
-    straight, arc = Segment(7.0, speed, speed), Segment(turn / yaw_rate, speed, speed, yaw_rate / speed)
-    return SegmentedReference(start, [Segment(5.0, 0.0, speed), straight, arc, straight, Segment(5.0, speed, 0.0)])
+    straight, arc = (
+        Segment(7.0, speed, speed),
+        Segment(turn / yaw_rate, speed, speed, yaw_rate / speed),
+    )
+    return SegmentedReference(
+        start, [Segment(5.0, 0.0, speed), straight, arc, straight, Segment(5.0, speed, 0.0)]
+    )
 
 
-def circle(radius: float, speed: float, duration: float, start: ArrayLike = (0.0, 0.0, 0.0)) -> SegmentedReference:
-    """A circle of signed `radius` [m], positive to the left, from pose `start` at `speed` [m/s] for `duration` [s]."""
+def circle(
+    radius: float, speed: float, duration: float, start: ArrayLike = (0.0, 0.0, 0.0)
+) -> SegmentedReference:
+    """A circle of signed `radius` [m], positive to the left, from pose `start` at `speed` [m/s] for
+    `duration` [s].
+    """
     require_positive("abs(radius)", abs(radius))
     return SegmentedReference(start, [Segment(duration, speed, speed, 1 / radius)])
 
 
 def stop_and_go(start: ArrayLike) -> SegmentedReference:
-    """2.5 m forwards, a 1.6 m arc backwards and 2.5 m forwards, with 2 s at rest after the first two legs.
+    """2.5 m forwards, a 1.6 m arc backwards and 2.5 m forwards, with 2 s at rest after the first
+    two legs.
 
-    `start` (3,) is the first pose. The arc has a radius of 1 m, and its centre is to the left of the robot.
+    `start` (3,) is the first pose. The arc has a radius of 1 m, and its centre is to the left of
+    the robot.
     """
     forwards, backwards, stop = _leg(2.5, 0.0, 1.0), _leg(1.6, 1.0, -1.0), Segment(2.0, 0.0, 0.0)
     return SegmentedReference(start, [*forwards, stop, *backwards, stop, *forwards])

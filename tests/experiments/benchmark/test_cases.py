@@ -18,7 +18,9 @@ def test_suites_have_every_run_once(suite, runs):
 
 @pytest.mark.slow
 def test_a_run_is_the_same_in_any_company(tmp_path):
-    """Whichever controllers, compensations and grounds share its fleet; all controllers meet the same noise."""
+    """Whichever controllers, compensations and grounds share its fleet; all controllers meet the
+    same noise.
+    """
     path = tmp_path / "bow.csv"
     path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
     loops = ClosedLoops(Config())
@@ -40,7 +42,10 @@ def test_a_run_is_the_same_in_any_company(tmp_path):
 
 def test_plants_are_drawn_around_the_nominal_one_and_are_the_same_for_all_controllers():
     loops = ClosedLoops(Config(), "drawn")
-    plants = [loops.plant(BenchmarkCase("linear", "none", "circle", "stone", "zero", seed)) for seed in range(200)]
+    plants = [
+        loops.plant(BenchmarkCase("linear", "none", "circle", "stone", "zero", seed))
+        for seed in range(200)
+    ]
     assert plants[3] == loops.plant(BenchmarkCase("lqr", "online", "circle", "stone", "random", 3))
     assert plants[3] != loops.plant(BenchmarkCase("linear", "none", "slalom", "stone", "zero", 3))
     ratios = [plant.setting.ground.across / load_ground("stone").across for plant in plants]
@@ -55,7 +60,12 @@ def run(controller, rms, success=True, error=None, seed=0, compensation="online"
     axes = BenchmarkCase(controller, compensation, "paper", "stone", "zero", seed).axes
     if error:
         return axes | {"error": error}
-    return axes | {"error": None, "rms_position": rms, "rms_position_after_12s": rms, "success": success}
+    return axes | {
+        "error": None,
+        "rms_position": rms,
+        "rms_position_after_12s": rms,
+        "success": success,
+    }
 
 
 def test_means_are_over_the_seeds_that_ran():
@@ -67,7 +77,12 @@ def test_means_are_over_the_seeds_that_ran():
 
 
 def test_who_keeps_the_path_stands_above_who_is_near_it():
-    runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
+    runs = [
+        run("near", 0.001, success=False),
+        run("kept", 0.1),
+        run("better", 0.05),
+        run("failed", 0, error="no"),
+    ]
     entries = board(runs)
     assert [entry["controller"] for entry in entries] == ["better", "kept", "near", "failed"]
     assert "2 of 4 entries lose the path in some runs" in answer(entries, "next", {}, 0.05).warnings
@@ -76,10 +91,21 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
 def test_entries_are_compared_pair_by_pair():
     rng = np.random.default_rng(0)
     plant = rng.uniform(0.001, 0.1, 32)
-    errors = {"first": plant, "second": plant + 0.001, "third": plant + 0.001 + 3e-5 * rng.normal(size=32)}
-    runs = [run(name, rms, seed=k) for name, values in errors.items() for k, rms in enumerate(values)]
+    errors = {
+        "first": plant,
+        "second": plant + 0.001,
+        "third": plant + 0.001 + 3e-5 * rng.normal(size=32),
+    }
+    runs = [
+        run(name, rms, seed=k) for name, values in errors.items() for k, rms in enumerate(values)
+    ]
     first, *others = board(runs)
-    assert (first["controller"], first["rank"], first["behind"], first["behind_ci95"]) == ("first", 1, 0.0, None)
+    assert (first["controller"], first["rank"], first["behind"], first["behind_ci95"]) == (
+        "first",
+        1,
+        0.0,
+        None,
+    )
     assert [entry["rank"] for entry in others] == [2, 2]
     for entry in others:
         low, high = entry["behind_ci95"]
@@ -94,10 +120,14 @@ def test_intervals_of_paired_differences_and_gains_cover_as_they_should(paths, g
     covered, gains = [], []
     for _ in range(400):
         shape = paths, grounds, seeds
-        plant, differs = rng.exponential(0.01, shape), 0.002 + rng.normal(0, 0.002, (paths, 1, seeds))
+        plant, differs = (
+            rng.exponential(0.01, shape),
+            0.002 + rng.normal(0, 0.002, (paths, 1, seeds)),
+        )
         errors = {"online": plant, "none": plant + differs + rng.normal(0, 0.0002, shape)}
         runs = [
-            run("linear", 0.1 + rms, seed=seed, compensation=name) | {"reference": f"{path}", "ground": f"{ground}"}
+            run("linear", 0.1 + rms, seed=seed, compensation=name)
+            | {"reference": f"{path}", "ground": f"{ground}"}
             for name, values in errors.items()
             for (path, ground, seed), rms in np.ndenumerate(values)
         ]

@@ -27,7 +27,16 @@ class Careless(LinearTimeVarying):
         pose += 1.0
         return twist
 """
-ALONE = ("--compensations", "none", "--grounds", "stone", "--plants", "nominal", "--gains", "default")
+ALONE = (
+    "--compensations",
+    "none",
+    "--grounds",
+    "stone",
+    "--plants",
+    "nominal",
+    "--gains",
+    "default",
+)
 
 
 @pytest.mark.usefixtures("with_figures")
@@ -35,34 +44,57 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     options = ("--controllers", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
     options += ("--plants", "nominal")
     result = trackslip("benchmark", *short, *options, "--grounds", "stone", "gravel")
-    rows, logs = result.summary["rows"], {log.run: log for log in read_runs(result.folder / "runs.parquet")}
+    rows, logs = (
+        result.summary["rows"],
+        {log.run: log for log in read_runs(result.folder / "runs.parquet")},
+    )
     assert len(rows) == 2 * 2
     assert len(logs) == result.summary["runs"] == 8
     assert result.summary["failures"] == []
     reference = load_reference("bend.csv")
     for row in rows:
-        case = [row[name] for name in ("controller", "compensation", "reference", "ground", "start")]
+        case = [
+            row[name] for name in ("controller", "compensation", "reference", "ground", "start")
+        ]
         errors = []
         for seed in (0, 3):
             log = logs[" ".join([*case, str(seed)])]
             assert log.metadata["seed"] == seed
-            assert log.metadata["ground"]["across"] == {"stone": 0.778, "gravel": 0.455}[row["ground"]]
+            assert (
+                log.metadata["ground"]["across"] == {"stone": 0.778, "gravel": 0.455}[row["ground"]]
+            )
             assert (log.icr is not None) == (row["compensation"] == "online")
             errors.append(tracking_errors(log.time, log.truth.pose, reference))
-        for key in ("rms_position", "rms_position_after_12s", "rms_position_arc", "rms_heading", "cross_track"):
+        for key in (
+            "rms_position",
+            "rms_position_after_12s",
+            "rms_position_arc",
+            "rms_heading",
+            "cross_track",
+        ):
             assert row[key] == pytest.approx(np.mean([getattr(e, key) for e in errors]))
-        assert (row["seeds"], row["failed"], row["success"], row["valid_fraction"]) == (2, 0, 1.0, 1.0)
+        assert (row["seeds"], row["failed"], row["success"], row["valid_fraction"]) == (
+            2,
+            0,
+            1.0,
+            1.0,
+        )
     page = (result.folder / "report.html").read_text(encoding="utf-8")
     best = result.summary["board"][0]
     for text in (page, result.printed):
-        assert f"Best: {best['controller']} with {best['compensation']}, {1e3 * best['score']:.1f} mm" in text
+        assert (
+            f"Best: {best['controller']} with {best['compensation']}, {1e3 * best['score']:.1f} mm"
+            in text
+        )
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
     assert {"leaderboard"} == names == set(re.findall(r'<figure id="(\w+)"', page))
     assert not (result.folder / STORE).exists()
 
 
 def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
-    """Other runs of the fleet are unaffected, even by a controller that overwrites the poses it is given."""
+    """Other runs of the fleet are unaffected, even by a controller that overwrites the poses it is
+    given.
+    """
     (tmp_path / "mine.py").write_text(MODULE)
     broken = {
         "mine:Broken": "its controller fails at 0 s (RuntimeError: out of order), mine.py line 11",
@@ -73,8 +105,16 @@ def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     rows = {row["controller"]: row for row in result.summary["rows"]}
     assert rows["mine:Careless"]["rms_position"] == rows["linear"]["rms_position"]
     for name, message in broken.items():
-        assert (rows[name]["failed"], rows[name]["rms_position"], rows[name]["success"]) == (2, None, 0)
-        reasons = [failure["error"] for failure in result.summary["failures"] if failure["run"].startswith(name)]
+        assert (rows[name]["failed"], rows[name]["rms_position"], rows[name]["success"]) == (
+            2,
+            None,
+            0,
+        )
+        reasons = [
+            failure["error"]
+            for failure in result.summary["failures"]
+            if failure["run"].startswith(name)
+        ]
         assert len(reasons) == 2
         assert message in reasons[0]
         assert message in result.printed
@@ -88,11 +128,19 @@ STICKIER_AT, ARC_END = 20.0, 33.8  # the ground called sticky; the end of the pa
 def test_section_4_with_five_seeds(trackslip):
     rows = trackslip("benchmark", "--suite", "paper").summary["rows"]
     assert {row["seeds"] for row in rows} == {5}
-    final = {row["compensation"]: row["final_position"] for row in rows if row["controller"] == "feedforward"}
+    final = {
+        row["compensation"]: row["final_position"]
+        for row in rows
+        if row["controller"] == "feedforward"
+    }
     assert 1.2 < final["none"] < 1.6
     assert final["icr_radius"] < 0.04
     linear = [row for row in rows if row["controller"] == "linear"]
-    late = {row["compensation"]: row["rms_position_after_12s"] for row in linear if row["start"] == "paper"}
+    late = {
+        row["compensation"]: row["rms_position_after_12s"]
+        for row in linear
+        if row["start"] == "paper"
+    }
     arc = {row["compensation"]: row["rms_position_arc"] for row in linear if row["start"] == "zero"}
     assert late["icr_radius"] < 0.005
     assert late["icr_radius"] * 3.5 < late["none"]
@@ -105,9 +153,21 @@ def test_section_4_with_five_seeds(trackslip):
 
 @pytest.mark.slow
 def test_on_ground_that_grows_stickier_online_adapts_within_seconds(trackslip):
-    options = ("--controllers", "linear", "--references", "paper", "--grounds", "stone", "sticky", "--starts", "zero")
+    options = (
+        "--controllers",
+        "linear",
+        "--references",
+        "paper",
+        "--grounds",
+        "stone",
+        "sticky",
+        "--starts",
+        "zero",
+    )
     options += ("--plants", "nominal", "--gains", "default", "--seeds", "0", "1", "--jobs", "1")
-    result = trackslip("benchmark", *options, "--compensations", "icr_radius", "online", "online_cold")
+    result = trackslip(
+        "benchmark", *options, "--compensations", "icr_radius", "online", "online_cold"
+    )
     for log in read_runs(result.folder / "runs.parquet"):
         error = np.hypot(*(log.truth.pose - paper_reference().pose(log.time))[:, :2].T)
         adapted = rms(error[(log.time > STICKIER_AT + 5) & (log.time < ARC_END)])

@@ -13,7 +13,11 @@ from sim.robot.parameters import RobotParameters
 
 ROWS = [
     {"controller": "linear", "compensation": "icr_radius", "arguments": {"stiffness": 40.0}},
-    {"controller": "linear", "compensation": "online", "arguments": {"stiffness": 60.0, "damping": 1.0}},
+    {
+        "controller": "linear",
+        "compensation": "online",
+        "arguments": {"stiffness": 60.0, "damping": 1.0},
+    },
 ]
 NEVER = """
 from trackslip.controllers.feedback import Kanayama
@@ -32,8 +36,13 @@ def test_a_controller_gets_the_gains_of_its_compensation_or_the_like(tmp_path):
     assert gains.specification("linear:stiffness=160", "online") == "linear:stiffness=160"
     assert gains.choice("linear", "online_cold").gains == f"{tmp_path} for online"
     assert gains.choice("linear:stiffness=160", "online").gains == "given"
-    assert gains.choice("my:Mine", "online") == Gains.load("default").choice("lqr", "online") == ("default", {})
-    assert gains.choice("lqr", "online") == Gains.load("tuned").choice("lqr", "online")  # which is not in the folder
+    assert (
+        gains.choice("my:Mine", "online")
+        == Gains.load("default").choice("lqr", "online")
+        == ("default", {})
+    )
+    # which is not in the folder
+    assert gains.choice("lqr", "online") == Gains.load("tuned").choice("lqr", "online")
 
 
 def test_shipped_gains_are_those_of_controllers_that_take_them():
@@ -44,14 +53,25 @@ def test_shipped_gains_are_those_of_controllers_that_take_them():
 
 
 def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
-    """A made-up error with its minimum at 0.9 and 40, and a roughness that forbids a stiffness above 30."""
+    """A made-up error with its minimum at 0.9 and 40, and a roughness that forbids a stiffness
+    above 30.
+    """
 
     def drive(generation):
         assert len(generation) == 12
         rows = []
         for gains in generation.values():
-            position = 0.01 + np.log(gains["damping"] / 0.9) ** 2 + np.log(gains["stiffness"] / 40) ** 2
-            rows.append({"error": None, "gains": gains, "position": position, "roughness": gains["stiffness"] / 15})
+            position = (
+                0.01 + np.log(gains["damping"] / 0.9) ** 2 + np.log(gains["stiffness"] / 40) ** 2
+            )
+            rows.append(
+                {
+                    "error": None,
+                    "gains": gains,
+                    "position": position,
+                    "roughness": gains["stiffness"] / 15,
+                }
+            )
         return rows
 
     config = Config(evaluations=600, roughness=2.0)
@@ -59,7 +79,9 @@ def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
     assert row["arguments"]["damping"] == pytest.approx(0.9, rel=0.05)
     assert 28 < row["arguments"]["stiffness"] <= 30
     assert row["roughness"] <= 2.0
-    assert row["default_error"] == pytest.approx(0.01 + np.log(0.7 / 0.9) ** 2 + np.log(10 / 40) ** 2)
+    assert row["default_error"] == pytest.approx(
+        0.01 + np.log(0.7 / 0.9) ** 2 + np.log(10 / 40) ** 2
+    )
 
 
 def test_a_search_without_a_candidate_that_drives_says_why(refused, short, tmp_path, monkeypatch):
@@ -78,8 +100,24 @@ def test_tuning_and_driving_with_the_gains(trackslip, short, tmp_path, monkeypat
     (row,) = tuned.summary["gains"]
     assert row["error"] < row["default_error"]
     assert "linear" in tuned.printed
-    options = ("--controllers", "linear", "--gains", str(tuned.folder), "--references", str(tmp_path / "bend.csv"))
-    options += ("--localization", "truth", "--compensations", "none", "--seeds", "100", "--jobs", "1")
+    options = (
+        "--controllers",
+        "linear",
+        "--gains",
+        str(tuned.folder),
+        "--references",
+        str(tmp_path / "bend.csv"),
+    )
+    options += (
+        "--localization",
+        "truth",
+        "--compensations",
+        "none",
+        "--seeds",
+        "100",
+        "--jobs",
+        "1",
+    )
     driven = trackslip("benchmark", *options)
     (entry,) = driven.summary["board"]
     assert entry["score"] == pytest.approx(row["error"], rel=1e-9)

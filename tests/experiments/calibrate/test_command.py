@@ -6,7 +6,10 @@ from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 
-ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = 0.5\nacross = {across}\n"
+ROBOT = (
+    "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = "
+    "0.5\nacross = {across}\n"
+)
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +59,23 @@ def driven(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
-    options = ("--target", str(driven / "out"), "--robot", str(driven / "start.toml"), "--folds", "2")
-    found = ran(tmp_path / "out", "calibrate", *options, "--free", "friction_ratio", "radius_error", "com_height")
+    options = (
+        "--target",
+        str(driven / "out"),
+        "--robot",
+        str(driven / "start.toml"),
+        "--folds",
+        "2",
+    )
+    found = ran(
+        tmp_path / "out",
+        "calibrate",
+        *options,
+        "--free",
+        "friction_ratio",
+        "radius_error",
+        "com_height",
+    )
     parameters = found.summary["parameters"]
     for name, truth in (("friction_ratio", 1.2), ("radius_error", 0.02)):
         assert parameters[name]["low"] < truth < parameters[name]["high"]
@@ -78,7 +96,12 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
         ),
         ground,
     )
-    known = ("--robot", str(found.folder / "robot.toml"), "--ground", str(found.folder / "ground.toml"))
+    known = (
+        "--robot",
+        str(found.folder / "robot.toml"),
+        "--ground",
+        str(found.folder / "ground.toml"),
+    )
     models = ran(tmp_path / "evaluate", "evaluate", str(driven / "out"), *known).summary["models"]
     ahead = {name: model["after_seconds"]["5"]["position"]["rms"] for name, model in models.items()}
     assert ahead["robot"] < 0.6 * ahead["none"]

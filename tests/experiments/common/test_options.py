@@ -4,7 +4,16 @@ from typing import Annotated, ClassVar
 
 import pytest
 
-from experiments.common.options import Distinct, Excludes, Needs, NonNegative, Options, Positive, Whole, Within
+from experiments.common.options import (
+    Distinct,
+    Excludes,
+    Needs,
+    NonNegative,
+    Options,
+    Positive,
+    Whole,
+    Within,
+)
 from trackslip.errors import InvalidValueError
 
 NAN, INF = float("nan"), float("inf")
@@ -41,5 +50,8 @@ def test_what_is_out_of_bounds_or_without_effect_is_refused(given, message):
 
 
 def test_what_is_within_bounds_is_taken():
-    for given in ({"speed": 2.0, "radii": (3.0, 0.1), "noise": 0.0}, {"jobs": 8, "bag": True, "method": "paper"}):
+    for given in (
+        {"speed": 2.0, "radii": (3.0, 0.1), "noise": 0.0},
+        {"jobs": 8, "bag": True, "method": "paper"},
+    ):
         Config(**given)

@@ -32,7 +32,11 @@ HOSTILE = "<script>alert('1')</script> & \"name\""
 LAWS = Table(
     HOSTILE,
     ("law", "parameter", "value"),
-    [(Cell("constant ICR", "icr", ("a / b",), "best"), "D", "−43 ± 2 mm"), ("", "ε", "nan"), (HOSTILE, "–", "1")],
+    [
+        (Cell("constant ICR", "icr", ("a / b",), "best"), "D", "−43 ± 2 mm"),
+        ("", "ε", "nan"),
+        (HOSTILE, "–", "1"),
+    ],
     "llr",
     note="a note",
 )
@@ -45,26 +49,40 @@ def elements(text):
 
 def test_a_page_is_sections_of_blocks():
     plot = Plot("slip", [drawn(), drawn()], "Slip", "As driven.")
-    slip = Section("Slip", ["a paragraph", LAWS, None, Bullets(["one", "two"]), plot, Section("Inner", ["x"])])
+    slip = Section(
+        "Slip", ["a paragraph", LAWS, None, Bullets(["one", "two"]), plot, Section("Inner", ["x"])]
+    )
     text = Page("A page", "trackslip", {"seed": 1}, [slip, Section("Nothing", [None, ""])]).html()
     page = elements(text)
     assert [heading.text for heading in page.iter("h2")] == ["Slip"]
     assert [summary.text for summary in page.iter("summary")] == ["How it was made"]
     assert [heading.text for heading in page.iter("h3")] == ["Inner"]
     assert [item.text for item in page.iter("li")] == ["one", "two"]
-    assert " ".join("".join(page.find(".//figcaption").itertext()).split()) == "Slip. As driven. seed 1 · trackslip"
+    assert (
+        " ".join("".join(page.find(".//figcaption").itertext()).split())
+        == "Slip. As driven. seed 1 · trackslip"
+    )
     first, second = page.iter("tbody")
     assert (first.get("class"), second.get("class")) == ("chosen", None)
     assert first.find("tr/th").get("rowspan") == "2"
     assert [cell.text for cell in first.iter("td")] == ["D", "−43 ± 2 mm", "ε", "–"]
     assert page.find(".//caption/span").text == second.find("tr/th").text == HOSTILE
-    assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*|url\((?!#)|@import|<link|<script", text) == []  # no other file
+    # no other file
+    assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*|url\((?!#)|@import|<link|<script", text) == []
 
 
 def test_names_are_escaped_everywhere():
-    blocks = [HOSTILE, LAWS, Bullets([HOSTILE]), Plot("slip", drawn(), HOSTILE, HOSTILE), Section(HOSTILE, [HOSTILE])]
+    blocks = [
+        HOSTILE,
+        LAWS,
+        Bullets([HOSTILE]),
+        Plot("slip", drawn(), HOSTILE, HOSTILE),
+        Section(HOSTILE, [HOSTILE]),
+    ]
     answer = Answer(HOSTILE, [(HOSTILE, HOSTILE)], [HOSTILE], [HOSTILE], [HOSTILE])
-    text = Page(HOSTILE, "", {HOSTILE: HOSTILE}, [Section(HOSTILE, blocks)], [HOSTILE], answer).html()
+    text = Page(
+        HOSTILE, "", {HOSTILE: HOSTILE}, [Section(HOSTILE, blocks)], [HOSTILE], answer
+    ).html()
     assert "<script" not in text
     assert text.count("&lt;script&gt;") == 22
     elements(text)
@@ -74,5 +92,10 @@ def test_numbers_as_printed():
     for unknown in (None, math.nan, math.inf):
         assert number(unknown, 2, "mm") == significant(unknown, "mm") == percent(unknown) == MISSING
     assert number(-1.256, 2, "mm") == "−1.26 mm"
-    assert [significant(value) for value in (0.0, 0.00123, 4.56, 12345.6)] == ["0", "0.0012", "4.6", "12,346"]
+    assert [significant(value) for value in (0.0, 0.00123, 4.56, 12345.6)] == [
+        "0",
+        "0.0012",
+        "4.6",
+        "12,346",
+    ]
     assert percent(0.0123) == "1.2 %"

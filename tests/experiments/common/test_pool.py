@@ -63,7 +63,9 @@ if __name__ == "__main__":
         print(*(child.pid for child in multiprocessing.active_children()), flush=True)
         list(pending)
 """
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
+    ) as process:
         first = process.stdout.readline().split()
         process.kill()
         began = time.monotonic()
@@ -91,9 +93,18 @@ def test_an_interrupted_command_ends_at_once_and_leaves_nothing(tmp_path):
     """No process of its group, and no file but a store, with which it resumes."""
     out, temporary = tmp_path / "out", tmp_path / "tmp"
     temporary.mkdir()
-    environment = {**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": str(Path(__file__).parents[3])}
+    environment = {
+        **os.environ,
+        "TMPDIR": str(temporary),
+        "PYTHONPATH": str(Path(__file__).parents[3]),
+    }
     command = [sys.executable, "-m", "experiments", "grid", *GRID, *NOISES, "--out", str(out)]
-    options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    options = {
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.PIPE,
+        "text": True,
+        "start_new_session": True,
+    }
     with subprocess.Popen(command, env=environment, **options) as process:
         while not out.exists():
             assert process.poll() is None

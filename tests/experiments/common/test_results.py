@@ -95,14 +95,25 @@ def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_pa
     assert json.loads((old / "manifest.json").read_text())["format"] == FORMAT
     (old / "summary.json").write_text(SHIPPED.read_text())
     (old / "manifest.json").write_text(json.dumps({"format": 2, "versions": {"trackslip": "9.8"}}))
-    for command in ("identify {}", "calibrate --target {}", "track --laws {}", "benchmark --laws {}"):
+    for command in (
+        "identify {}",
+        "calibrate --target {}",
+        "track --laws {}",
+        "benchmark --laws {}",
+    ):
         message = refused(*command.format(old).split())
-        assert message.startswith(f"{old / 'manifest.json'}: written by trackslip 9.8 in format 2; ")
+        assert message.startswith(
+            f"{old / 'manifest.json'}: written by trackslip 9.8 in format 2; "
+        )
         assert message.endswith(" reads formats up to 1")
     (tmp_path / "laws.json").write_text(json.dumps(json.loads(SHIPPED.read_text()) | {"format": 3}))
-    assert "laws.json: written by a newer trackslip in format 3; " in refused(*TRACK, "--laws", "laws.json")
+    assert "laws.json: written by a newer trackslip in format 3; " in refused(
+        *TRACK, "--laws", "laws.json"
+    )
     table = pyarrow.parquet.read_table(old / "runs.parquet")
     stored = json.loads(table.schema.metadata[b"trackslip"])
     table = table.replace_schema_metadata({b"trackslip": json.dumps(stored | {"format": 2})})
     pyarrow.parquet.write_table(table, tmp_path / "runs.parquet")
-    assert "runs.parquet: written by a newer trackslip in format 2; " in refused("identify", "runs.parquet")
+    assert "runs.parquet: written by a newer trackslip in format 2; " in refused(
+        "identify", "runs.parquet"
+    )

@@ -38,14 +38,18 @@ def test_a_drive_is_stored_with_units_and_without_nan(stored):
         if field.name != "run":
             assert field.metadata[b"unit"], field.name
             assert field.metadata[b"description"], field.name
-            values = table[field.name].to_numpy(zero_copy_only=False)[table[field.name].is_valid().to_numpy()]
+            values = table[field.name].to_numpy(zero_copy_only=False)[
+                table[field.name].is_valid().to_numpy()
+            ]
             assert np.isfinite(values).all(), field.name
     assert table["slip_chassis_left"][0].as_py() is None  # nothing is known at rest
     flippers = ("front_left", "front_right", "rear_left", "rear_right")
     assert {f"angle_{side}_flipper" for side in flippers} < set(table.column_names)
     (log,) = library.load(str(stored))
     assert (log.run, log.time[-1]) == ("drive", pytest.approx(2.0))
-    np.testing.assert_allclose(log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12)
+    np.testing.assert_allclose(
+        log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12
+    )
     drive = json.loads((stored / "summary.json").read_text())["drive"]
     assert (drive["outcome"], drive["duration"]) == ("time", pytest.approx(2.0))
     assert 0 < drive["max_penetration"] < 0.02
@@ -61,7 +65,12 @@ def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
     for k, name in enumerate(("x", "y", "z")):
         np.testing.assert_allclose(place[:, k], table[name].to_numpy()[::2], atol=1e-5)
     entities = {chunk.entity_path for chunk in RrdReader(file).stream()}
-    assert {"/field/ground", "/run/contacts/points", "/run/contacts/forces", "/run/path/driven"} <= entities
+    assert {
+        "/field/ground",
+        "/run/contacts/points",
+        "/run/contacts/forces",
+        "/run/path/driven",
+    } <= entities
     for kind in ("boxes", "wheels"):
         _, place = component(file, f"/run/robot/chassis/chassis_left/{kind}", "centers")
         assert np.ptp(place.reshape(len(time), -1, 3), axis=0).max() > 0.01
@@ -86,18 +95,24 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
 
 def test_a_policy_drives_as_in_its_environment(tmp_path):
     options = OPTIONS | {"course": "flat"}
-    network = Network((np.random.default_rng(0).normal(0, 0.05, (63, 4)),), (np.array([0.0, 0.3, 0.3, -0.3]),))
+    network = Network(
+        (np.random.default_rng(0).normal(0, 0.05, (63, 4)),), (np.array([0.0, 0.3, 0.3, -0.3]),)
+    )
     policy = Policy(network, options)
     policy.save(tmp_path / "policy.npz")
     config = Config(course="flat", policy=tmp_path, duration=3.0, preset="fast")
     world = make_world(config)
     drive = drive_course(world, driver(config, world))
     task = Crossing(from_options(TraverseConfig, options), 1, threads=1)
-    task.begin([0], [task.draw(np.random.default_rng(0), {"start_offset": 0.0, "start_heading": 0.0})])
+    task.begin(
+        [0], [task.draw(np.random.default_rng(0), {"start_offset": 0.0, "start_heading": 0.0})]
+    )
     for _ in range(15):
         task.step(policy.action(task.observation()))
     assert abs(task.world.state.heading[0]) > 0.05
-    np.testing.assert_allclose(drive.state.position[-1, :2], task.world.state.position[0, :2], atol=0.02)
+    np.testing.assert_allclose(
+        drive.state.position[-1, :2], task.world.state.position[0, :2], atol=0.02
+    )
     np.testing.assert_allclose(drive.state.heading[-1], task.world.state.heading[0], atol=0.03)
     with pytest.raises(InvalidValueError, match="from 55 inputs to 2"):
         driver(Config(robot="box", policy=tmp_path), make_world(Config(robot="box", course="flat")))

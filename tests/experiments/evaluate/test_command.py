@@ -26,7 +26,9 @@ SIZE = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("mine")
-    write_json(out / "summary.json", identification_to_json(identified_from(wandered(duration=15.0))))
+    write_json(
+        out / "summary.json", identification_to_json(identified_from(wandered(duration=15.0)))
+    )
     return str(out)
 
 
@@ -43,13 +45,17 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def wander(tmp_path_factory):
-    return ran(tmp_path_factory.mktemp("wander") / "out", "wander", "--drives", "2", "--duration", "12").folder
+    return ran(
+        tmp_path_factory.mktemp("wander") / "out", "wander", "--drives", "2", "--duration", "12"
+    ).folder
 
 
 @pytest.mark.usefixtures("with_figures")
 def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     true = f"{files / 'true.json'}:icr_radius"
-    result = trackslip("evaluate", str(files / "two.parquet"), "--law", true, "--law", "none", "--pdf")
+    result = trackslip(
+        "evaluate", str(files / "two.parquet"), "--law", true, "--law", "none", "--pdf"
+    )
     models = result.summary["models"]
     assert list(models) == ["icr_radius", "none"]
     for lengths in ("after_metres", "after_seconds"):
@@ -63,8 +69,12 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     assert ahead["position"]["median"] < ahead["position"]["p90"] < ahead["position"]["largest"]
     assert "icr_radius, after 10 m, compared with no slip compensation" in result.printed
     assert sorted(file.name for file in result.folder.iterdir()) == [
-        "figures", "manifest.json", "report.html", "summary.json", "trajectories",
-    ]  # fmt: skip
+        "figures",
+        "manifest.json",
+        "report.html",
+        "summary.json",
+        "trajectories",
+    ]
 
 
 def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip, files, folder):
@@ -73,14 +83,25 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     extras = known["drive"]["laws"][known["best"]]["extras"]
     result = trackslip("evaluate", log, "--law", folder, "--law", "none")
     for model in result.summary["models"].values():
-        place = {"x": extras["sensor_x"], "y": extras["sensor_y"], "yaw": pytest.approx(extras["sensor_yaw"])}
+        place = {
+            "x": extras["sensor_x"],
+            "y": extras["sensor_y"],
+            "yaw": pytest.approx(extras["sensor_yaw"]),
+        }
         assert model["sensor"] == place
         assert model["clock_offset"] == extras["clock_offset"] - extras["lag"]
     assert result.summary["geometry"] == known["geometry"]
-    two = trackslip("evaluate", log, "--law", f"{folder}:icr", "--law", f"{folder}:icr_radius").summary["models"]
+    two = trackslip(
+        "evaluate", log, "--law", f"{folder}:icr", "--law", f"{folder}:icr_radius"
+    ).summary["models"]
     assert two["icr"]["sensor"]["x"] == known["drive"]["laws"]["icr"]["extras"]["sensor_x"]
-    assert two["icr"]["after_seconds"]["1"]["count"] == two["icr_radius"]["after_seconds"]["1"]["count"]
-    given = trackslip("evaluate", log, "--law", folder, "--sensor", "0.1", "-0.2", "0.3", "--clock-offset", "0.05")
+    assert (
+        two["icr"]["after_seconds"]["1"]["count"]
+        == two["icr_radius"]["after_seconds"]["1"]["count"]
+    )
+    given = trackslip(
+        "evaluate", log, "--law", folder, "--sensor", "0.1", "-0.2", "0.3", "--clock-offset", "0.05"
+    )
     (model,) = given.summary["models"].values()
     assert model["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
     assert model["clock_offset"] == 0.05
@@ -88,10 +109,16 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
 
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     log = drive_log(6, 8.0, EXACT, STILL)
-    write_parquet([replace(log, run=name) for name in ("../a b", "a_b", "é")], tmp_path / "log.parquet")
-    result = trackslip("evaluate", str(tmp_path / "log.parquet"), *SIZE, "--rrd", "--out", str(tmp_path / "out"))
+    write_parquet(
+        [replace(log, run=name) for name in ("../a b", "a_b", "é")], tmp_path / "log.parquet"
+    )
+    result = trackslip(
+        "evaluate", str(tmp_path / "log.parquet"), *SIZE, "--rrd", "--out", str(tmp_path / "out")
+    )
     names = sorted(file.name for file in (result.folder / "trajectories").iterdir())
-    expected = [f"{name}_{what}.tum" for name in ("a_b", "a_b_2", "é") for what in ("measured", "none")]
+    expected = [
+        f"{name}_{what}.tum" for name in ("a_b", "a_b_2", "é") for what in ("measured", "none")
+    ]
     assert names == sorted(expected)
     assert np.isfinite(np.loadtxt(result.folder / "trajectories" / names[0])).all()
     assert len(list((result.folder / "recordings").glob("*.rrd"))) == 3
@@ -100,8 +127,12 @@ def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
 @pytest.mark.slow
 def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_path):
     def errors(*options):
-        result = ran(tmp_path / f"out{len(options)}", "evaluate", str(wander), "--robot", "shipped", *options)
-        return {name: model["after_seconds"]["5"] for name, model in result.summary["models"].items()}
+        result = ran(
+            tmp_path / f"out{len(options)}", "evaluate", str(wander), "--robot", "shipped", *options
+        )
+        return {
+            name: model["after_seconds"]["5"] for name, model in result.summary["models"].items()
+        }
 
     ahead = errors()
     assert list(ahead) == ["none", "robot"]
@@ -126,13 +157,17 @@ def test_folds_fit_laws_gains_and_the_robot_to_the_other_parts(wander, tmp_path)
     assert len(result.summary["calibrated"]["folds"]) == 2
 
 
-def test_errors_of_steady_samples_a_second_ahead_are_those_of_their_twists(trackslip, files, tmp_path):
+def test_errors_of_steady_samples_a_second_ahead_are_those_of_their_twists(
+    trackslip, files, tmp_path
+):
     omega = np.array([[2.0, 3.0], [-1.0, 4.0], [3.0, 3.0]] * 4)
     v, w = ICR.twist(omega, GEOMETRY).T + np.array([[0.01], [0.02]])
     table = pa.table({"omega_l": omega[:, 0], "omega_r": omega[:, 1], "v": v, "w": w})
     pq.write_table(table, tmp_path / "steady.parquet")
     true = f"{files / 'true.json'}:icr_radius"
-    ahead = trackslip("evaluate", str(tmp_path / "steady.parquet"), "--law", true).summary["models"]["icr_radius"]
+    ahead = trackslip("evaluate", str(tmp_path / "steady.parquet"), "--law", true).summary[
+        "models"
+    ]["icr_radius"]
     errors = ahead["after_seconds"]["1"]
     assert errors["count"] == len(omega)
     assert errors["heading"]["rms"] == pytest.approx(0.02)
@@ -143,27 +178,46 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
     log = str(files / "two.parquet")
     for arguments, message in (
         ((log,), "half_gauge = None: must be given (--half-gauge on the command line)"),
-        ((log, "--law", "x" * 300), ": must be none, a folder or file with laws, or with --folds a law of drives"),
+        (
+            (log, "--law", "x" * 300),
+            ": must be none, a folder or file with laws, or with --folds a law of drives",
+        ),
         ((log, "--law", f"{folder}:power"), "law = 'power': must be one of none, "),
         ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
-        ((log, "--sensor", "0", "0", "9", *SIZE), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
-        ((str(files / "no_poses.parquet"), *SIZE), "encoders were read at less than two of its poses"),
-        ((log, *SIZE, "--folds", "2", "--law", "exponential"), "law = 'exponential': must be none, a folder or file"),
+        (
+            (log, "--sensor", "0", "0", "9", *SIZE),
+            "sensor = 9.0: must be from -3.14159 to 3.14159 rad",
+        ),
+        (
+            (str(files / "no_poses.parquet"), *SIZE),
+            "encoders were read at less than two of its poses",
+        ),
+        (
+            (log, *SIZE, "--folds", "2", "--law", "exponential"),
+            "law = 'exponential': must be none, a folder or file",
+        ),
         ((log, "--law", folder, "--law", folder), "must be all different"),
     ):
         assert message in refused("evaluate", *arguments), arguments
 
 
 LOGS = Path(__file__).parents[3] / "examples" / "logs"
-TOML = 'title = "t"\nlog = "log.csv"\nsource = "s"\nlicence = "l"\nrobot = ["husky"]\nground = "ice"\n'
+TOML = (
+    'title = "t"\nlog = "log.csv"\nsource = "s"\nlicence = "l"\nrobot = ["husky"]\nground = "ice"\n'
+)
 BOUND = '[[bounds]]\nrow = "{}"\nquantity = "heading_rms"\nmost = {}\n'
 
 
 def test_one_command_is_in_one_part_and_parts_are_in_order():
-    drives = [SimpleNamespace(run=str(k), command=np.full((3, 2), float(value))) for k, value in enumerate("11222341")]
+    drives = [
+        SimpleNamespace(run=str(k), command=np.full((3, 2), float(value)))
+        for k, value in enumerate("11222341")
+    ]
     np.testing.assert_array_equal(parts(drives, 2, ""), [0, 0, 0, 0, 0, 1, 1, 0])
     np.testing.assert_array_equal(parts(drives, 4, ""), [0, 0, 1, 1, 1, 2, 3, 0])
-    with pytest.raises(TrackslipError, match=r"log.csv: has 4 different commands, too few for folds = 5"):
+    with pytest.raises(
+        TrackslipError, match=r"log.csv: has 4 different commands, too few for folds = 5"
+    ):
         parts(drives, 5, "log.csv")
 
 
@@ -171,11 +225,17 @@ def test_one_command_is_in_one_part_and_parts_are_in_order():
     ("text", "message"),
     [
         (TOML + "colour = 1", "colour is unknown; known are title, log"),
-        (TOML.replace("log.csv", "gone.csv"), "log = .*gone.csv.*: must be a file beside the data set"),
+        (
+            TOML.replace("log.csv", "gone.csv"),
+            "log = .*gone.csv.*: must be a file beside the data set",
+        ),
         (TOML + "folds = 1", "folds = 1: must be"),
         (TOML + 'free = ["wax"]', "free = 'wax': must be one of half_gauge"),
         (TOML + BOUND.format("today", -1.0), "most = -1.0: must be"),
-        (TOML + BOUND.replace("heading_rms", "v").format("today", 1.0), "quantity = 'v': must be one of position_"),
+        (
+            TOML + BOUND.replace("heading_rms", "v").format("today", 1.0),
+            "quantity = 'v': must be one of position_",
+        ),
     ],
 )
 def test_a_bad_file_names_field_value_and_what_is_allowed(tmp_path, text, message):
@@ -193,7 +253,9 @@ def data_set(tmp_path_factory):
     table = pq.read_table(LOGS / "husky_windows.parquet")
     pq.write_table(table.filter(pc.less(table["command"], 4)), folder / "log.parquet")
     text = TOML.replace("log.csv", "log.parquet").replace('"ice"', '"asphalt"')
-    text += 'law = ["icr_radius"]\n' + BOUND.format("icr_radius", 0.5) + BOUND.format("two_gains", 0.5)
+    text += (
+        'law = ["icr_radius"]\n' + BOUND.format("icr_radius", 0.5) + BOUND.format("two_gains", 0.5)
+    )
     (folder / "mine.toml").write_text(text)
     return folder / "mine.toml"
 
@@ -201,15 +263,23 @@ def data_set(tmp_path_factory):
 def test_a_data_set_states_models_and_bounds(data_set, tmp_path, refused):
     result = ran(tmp_path / "out", "evaluate", str(data_set))
     models = result.summary["models"]
-    heading = {name: model["after_seconds"]["1"]["heading"]["rms"] for name, model in models.items()}
+    heading = {
+        name: model["after_seconds"]["1"]["heading"]["rms"] for name, model in models.items()
+    }
     assert list(heading) == ["today", "two_gains", "icr_radius", "robot"]
     assert heading["two_gains"] < 0.6 * heading["today"]
     assert [check["holds"] for check in result.summary["checks"]] == [True, True]
     assert "2 of 2 checks passed" in result.printed
     assert "Best after 1 s: " in (result.folder / "report.html").read_text()
-    lines = [line for line in data_set.read_text().splitlines(True) if line[:5] not in ("robot", "groun")]
-    (laws := data_set.with_name("laws.toml")).write_text("".join(lines) + BOUND.format("robot", 0.5))
-    assert "bounds = 'robot': must be one of today, two_gains, icr_radius" in refused("evaluate", str(laws), *SIZE)
+    lines = [
+        line for line in data_set.read_text().splitlines(True) if line[:5] not in ("robot", "groun")
+    ]
+    (laws := data_set.with_name("laws.toml")).write_text(
+        "".join(lines) + BOUND.format("robot", 0.5)
+    )
+    assert "bounds = 'robot': must be one of today, two_gains, icr_radius" in refused(
+        "evaluate", str(laws), *SIZE
+    )
 
 
 @pytest.mark.slow

@@ -13,7 +13,16 @@ SHORT = ("--radii", "1.0", "--speeds", "0.1", "--duration", "4")
 
 def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     one, two, other = (
-        trackslip("grid", *SMALL, "--seed", seed, "--threads", threads, "--out", str(tmp_path / (seed + threads)))
+        trackslip(
+            "grid",
+            *SMALL,
+            "--seed",
+            seed,
+            "--threads",
+            threads,
+            "--out",
+            str(tmp_path / (seed + threads)),
+        )
         for seed, threads in (("5", "1"), ("5", "2"), ("6", "1"))
     )
     stored = [(grid.folder / "runs.parquet").read_bytes() for grid in (one, two, other)]
@@ -39,7 +48,9 @@ def test_a_ground_by_name_or_from_a_file_with_changes(trackslip, tmp_path):
     ground = ground_of(trackslip("grid", *SHORT, "--ground", "gravel", "--ground.across", "0.5"))
     assert (ground["along"], ground["across"], ground["slope"]) == (0.35, 0.5, 0.0)
     path = tmp_path / "wet.toml"
-    path.write_text("base = 'wet'\n[[patches]]\nx = [-inf, inf]\ny = [0.0, 1.0]\nalong = 0.2\nacross = 0.2\n")
+    path.write_text(
+        "base = 'wet'\n[[patches]]\nx = [-inf, inf]\ny = [0.0, 1.0]\nalong = 0.2\nacross = 0.2\n"
+    )
     ground = ground_of(trackslip("grid", *SHORT, "--ground", str(path), "--ground.slope", "0.05"))
     assert (ground["along"], ground["slope"], ground["patches"][0]["along"]) == (0.6, 0.05, 0.2)
     assert ground["patches"][0]["x"] == [None, None]  # infinite
@@ -50,13 +61,47 @@ def planned(*arguments):
 
 
 def test_a_run_is_the_same_however_it_is_asked_for():
-    (one,) = planned("--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7")
-    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--vary", "slope=0.02", "--seeds", "7")
+    (one,) = planned(
+        "--radii",
+        "1",
+        "--speeds",
+        "0.1",
+        "--ground",
+        "ice",
+        "--ground.slope",
+        "0.02",
+        "--seed",
+        "7",
+    )
+    (same,) = planned(
+        "--radii",
+        "1",
+        "--speeds",
+        "0.1",
+        "--grounds",
+        "ice",
+        "--vary",
+        "slope=0.02",
+        "--seeds",
+        "7",
+    )
     assert (one.id, one.cell.key) == (same.id, same.cell.key)
     assert one.name == "radius=1.0 speed=0.1"
     assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
-    usual = {"--radii": "1", "--speeds": "0.1", "--ground": "ice", "--ground.slope": "0.02", "--seed": "7"}
-    others = {"--seed": "8", "--radii": "1.1", "--scanner.noise": "0.006", "--drive.lag": "0.06", "--motion": "arc"}
+    usual = {
+        "--radii": "1",
+        "--speeds": "0.1",
+        "--ground": "ice",
+        "--ground.slope": "0.02",
+        "--seed": "7",
+    }
+    others = {
+        "--seed": "8",
+        "--radii": "1.1",
+        "--scanner.noise": "0.006",
+        "--drive.lag": "0.06",
+        "--motion": "arc",
+    }
     others |= {"--obstacles": "posts", "--radius-error": "0.01", "--duration": "20"}
     ids = {one.id}
     for change in others.items():
@@ -71,7 +116,8 @@ def _shared(setting):
 
 def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
     (tmp_path / "sweep.toml").write_text(
-        'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
+        'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = '
+        "[0.15, 0.168]\n"
         "[scanner]\nnoise = [0.005, 0.01]\n"
     )
     runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=False,True")
@@ -91,7 +137,9 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
         *((duration, 1, 2, count, 25) for duration, count in ((79, 1), (160, 2), (3600, 5))),
     ],
 )
-def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(duration, ratios, workers, count, largest):
+def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(
+    duration, ratios, workers, count, largest
+):
     ratio = f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(ratios))}"
     runs = planned("--duration", str(duration), "--vary", ratio)
     parts = fleets(runs, workers, GridRuns.sizes)
@@ -102,6 +150,14 @@ def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(dur
 
 def test_options_win_over_a_sweep_file(tmp_path):
     (tmp_path / "sweep.toml").write_text("radius = [1, 2]\nseed = [0, 1]\n[ground]\nslope = 0.1")
-    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--seeds", "7", "--vary", "radius=0.5", "motion=arc")
+    runs = planned(
+        "--sweep",
+        str(tmp_path / "sweep.toml"),
+        "--seeds",
+        "7",
+        "--vary",
+        "radius=0.5",
+        "motion=arc",
+    )
     fixed = {"seed": 7, "motion": "arc", "slope": 0.1, "radius": 0.5}
     assert [run.axes for run in runs] == [fixed | {"speed": speed} for speed in SPEEDS]

@@ -54,8 +54,14 @@ def test_every_combination_is_a_run_with_a_row(trackslip):
 
 
 def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
-    few = logs(trackslip("grid", *SHORT, "--vary", "slope=0.05", "--out", str(tmp_path / "few")).folder)
-    more = logs(trackslip("grid", *SHORT, "--seeds", "3", "0", "--vary", "slope=0,0.05", "drive.lag=0.05,0.08").folder)
+    few = logs(
+        trackslip("grid", *SHORT, "--vary", "slope=0.05", "--out", str(tmp_path / "few")).folder
+    )
+    more = logs(
+        trackslip(
+            "grid", *SHORT, "--seeds", "3", "0", "--vary", "slope=0,0.05", "drive.lag=0.05,0.08"
+        ).folder
+    )
     assert set(few) < set(more)
     for key, log in few.items():
         for ours, theirs in ((log.pose, more[key].pose), (log.truth.pose, more[key].truth.pose)):
@@ -66,7 +72,9 @@ def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
 
 def test_methods_are_compared_on_the_same_scans(trackslip, tmp_path):
     found = []
-    for k, options in enumerate(((), ("--motion", "arc"), ("--localization", "line"), ("--seed", "1"))):
+    for k, options in enumerate(
+        ((), ("--motion", "arc"), ("--localization", "line"), ("--seed", "1"))
+    ):
         folder = trackslip("grid", *ONE, *options, "--out", str(tmp_path / str(k))).folder
         found += read_runs(folder / "runs.parquet")
     usual, *same, other = (log.scans.cluster.range for log in found)
@@ -78,15 +86,31 @@ def test_methods_are_compared_on_the_same_scans(trackslip, tmp_path):
 
 @pytest.mark.slow
 def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
-    small = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8", "--executor", "inline")
-    folder = str(trackslip("grid", *small, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1").folder)
+    small = (
+        "--radii",
+        "0.6",
+        "1.5",
+        "--speeds",
+        "0.1",
+        "0.2",
+        "--duration",
+        "8",
+        "--executor",
+        "inline",
+    )
+    folder = str(
+        trackslip("grid", *small, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1").folder
+    )
     unknown, missing = ("--where", "colour=red"), ("--where", "friction_ratio=1.1")
     assert "its runs differ in ground (across): choose with --where" in refused("identify", folder)
-    assert "must be NAME=VALUE with one of seed, friction_ratio, " in refused("identify", folder, *unknown)
+    assert "must be NAME=VALUE with one of seed, friction_ratio, " in refused(
+        "identify", folder, *unknown
+    )
     assert "must be friction_ratio=one of 1.0, 1.2" in refused("identify", folder, *missing)
     found = trackslip("identify", folder, "--where", "friction_ratio=1.2", "seed=1")
     assert found.summary["samples"] == 4
-    assert found.summary["slip_laws"]["icr"]["values"]["offset"] > 0.05  # 40 % more friction across doubles it
+    # 40 % more friction across doubles it
+    assert found.summary["slip_laws"]["icr"]["values"]["offset"] > 0.05
     assert len(chosen(Path(folder), ["friction_ratio=1", "radius=0.6"])) == 4
 
 
@@ -112,7 +136,9 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
         with pytest.raises(SystemExit) as stop:
             main([*arguments, "--out", str(tmp_path / "part")])
     assert stop.value.code == 130
-    assert "interrupted with 4 of 6 runs driven; the same command resumes" in capsys.readouterr().err
+    assert (
+        "interrupted with 4 of 6 runs driven; the same command resumes" in capsys.readouterr().err
+    )
     cut = min((tmp_path / "part" / STORE).glob("*.json"))
     cut.write_text(cut.read_text()[:50])  # by a disk that was full
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
@@ -138,8 +164,17 @@ def test_a_worker_that_is_killed_loses_nothing(trackslip, tmp_path):
         2, processes=True, threads_per_worker=1, dashboard_address="127.0.0.1:0", protocol="tcp"
     ) as cluster:
         address = cluster.scheduler_address.removeprefix("tcp://")
-        command = [sys.executable, "-m", "experiments", *arguments, "--executor", f"dask://{address}"]
-        driving = subprocess.Popen([*command, "--out", str(tmp_path / "dask")], stdout=subprocess.DEVNULL)
+        command = [
+            sys.executable,
+            "-m",
+            "experiments",
+            *arguments,
+            "--executor",
+            f"dask://{address}",
+        ]
+        driving = subprocess.Popen(
+            [*command, "--out", str(tmp_path / "dask")], stdout=subprocess.DEVNULL
+        )
         while not list((tmp_path / "dask" / STORE).glob("*.json")):
             assert driving.poll() is None
             time.sleep(0.01)
@@ -157,7 +192,9 @@ def test_failed_runs_are_rows_and_are_driven_again(trackslip, refused, tmp_path)
     assert rows[2]["error"].startswith("slope = 0.9: must be less, to park")
     assert rows[2]["slip_l"] is None
     assert len(logs(result.folder)) == 2
-    assert [failure["run"] for failure in result.summary["failures"]] == [row["run"] for row in rows[2:]]
+    assert [failure["run"] for failure in result.summary["failures"]] == [
+        row["run"] for row in rows[2:]
+    ]
     assert "failed: radius=0.6 speed=0.2 slope=0.9: slope = 0.9" in result.printed
     store = Store(tmp_path, set(), anew=False)
     store.keep(result.summary["runs"])

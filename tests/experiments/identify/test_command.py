@@ -25,13 +25,17 @@ def written(runs, path, columns=COLUMNS):
 def written_drive(log, path, columns=COLUMNS):
     count, rows = len(columns) - 4, []
     for k, valid in enumerate(log.is_valid):
-        rows.append([log.run, log.time[k], *log.omega[k], *(log.pose[k, :count] if valid else [""] * count)])
+        rows.append(
+            [log.run, log.time[k], *log.omega[k], *(log.pose[k, :count] if valid else [""] * count)]
+        )
     return written([rows], path, columns)
 
 
 def test_steady_samples_with_encoders_before_a_gear(trackslip, tmp_path):
     twist = np.array([*TWISTS, (-0.3, 0.2), (0.0, 0.6)])
-    omega = ICR.sprocket_speeds(twist, ROBOT) + np.random.default_rng(0).normal(0, 0.01, (len(twist), 2))
+    omega = ICR.sprocket_speeds(twist, ROBOT) + np.random.default_rng(0).normal(
+        0, 0.01, (len(twist), 2)
+    )
     rows = "\n".join(",".join(map(str, row)) for row in np.column_stack([30 * omega, twist]))
     (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
     result = trackslip("identify", str(tmp_path / "samples.csv"), *OF_ROBOT, "--gear", "30")
@@ -45,7 +49,9 @@ def test_steady_samples_with_encoders_before_a_gear(trackslip, tmp_path):
 
 @pytest.fixture
 def few_laws(monkeypatch):
-    monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius"))
+    monkeypatch.setattr(
+        "trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius")
+    )
 
 
 @pytest.mark.usefixtures("few_laws")
@@ -54,9 +60,15 @@ def test_a_drive_is_chosen_by_itself(trackslip, refused, tmp_path):
     result = trackslip("identify", log, *OF_DRIVES)
     assert result.summary["method"] == "drive"
     assert set(result.summary["prediction"]["none"]) == {"1", "2", "5", "10"}
-    assert result.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.045, abs=0.002)
+    assert result.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(
+        0.045, abs=0.002
+    )
     assert set(result.summary["answer"]) == {
-        *("wheel_separation_multiplier", "left_wheel_radius_multiplier", "right_wheel_radius_multiplier"),
+        *(
+            "wheel_separation_multiplier",
+            "left_wheel_radius_multiplier",
+            "right_wheel_radius_multiplier",
+        ),
         *("offset", "radius_error"),
     }
     times = result.summary["answer"]["wheel_separation_multiplier"]
@@ -68,16 +80,22 @@ def test_a_drive_is_chosen_by_itself(trackslip, refused, tmp_path):
 
 
 def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):
-    grid = trackslip("grid", "--radii", "0.5", "1", "2", "--speeds", "0.1", "0.2", "--duration", "12").folder
+    grid = trackslip(
+        "grid", "--radii", "0.5", "1", "2", "--speeds", "0.1", "0.2", "--duration", "12"
+    ).folder
     found = identify(grid)
     assert found.warnings == ()
-    steady, whole = (laws["icr_radius"].values["offset"] for laws in (found.comparison.laws, found.drive.laws))
+    steady, whole = (
+        laws["icr_radius"].values["offset"] for laws in (found.comparison.laws, found.drive.laws)
+    )
     assert whole == pytest.approx(steady, abs=2e-4)
 
 
 @pytest.mark.usefixtures("few_laws")
 def test_odometry_as_encoders_needs_the_multiplier_that_it_was_computed_with(trackslip):
-    """Odometry of a controller with multiplier 1.2: its wheels' difference is 1 / 1.2 of the true one."""
+    """Odometry of a controller with multiplier 1.2: its wheels' difference is 1 / 1.2 of the true
+    one.
+    """
     log = wandered(duration=70.0)
     mean = log.omega.mean(axis=1, keepdims=True)
     bag = {"bag": {"encoders": "/odom", "odometry": True}}
@@ -90,6 +108,7 @@ def test_odometry_as_encoders_needs_the_multiplier_that_it_was_computed_with(tra
     (alarm,) = found.alarms
     assert alarm.kind == "multiplier"
     assert alarm.line == (
-        "odometry /odom was computed with a wheel_separation_multiplier that the log does not state: give --multiplier "
+        "odometry /odom was computed with a wheel_separation_multiplier that the log does not "
+        "state: give --multiplier "
         f"(1 if it had none); the answer is then current × {right / 1.2:.2f}"
     )

@@ -30,14 +30,19 @@ def found():
 
 def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(found, two_drives):
     about = {"config": {"out": "out/mine"}}
-    for each, gain in ((found, "yaw rate at left-out radii: "), (two_drives, "5 s ahead, position")):
+    for each, gain in (
+        (found, "yaw rate at left-out radii: "),
+        (two_drives, "5 s ahead, position"),
+    ):
         answer = page(each, "Laws", "trackslip identify", about).answer
         assert answer.heading == f"Best law: {each.best}"
         facts = dict(answer.facts)
         assert [*facts][:3] == [name for name in each.answer if name.endswith("multiplier")]
         expected = each.answer["wheel_separation_multiplier"]
         said = floats(facts["wheel_separation_multiplier"])
-        assert said == pytest.approx([number for number in expected if np.isfinite(number)], abs=6e-3)
+        assert said == pytest.approx(
+            [number for number in expected if np.isfinite(number)], abs=6e-3
+        )
         fit = each.main.laws[each.expressible]
         assert floats(facts["D"])[0] == pytest.approx(1e3 * fit.values["offset"], rel=0.06)
         assert gain in facts["error today -> now"]
@@ -49,11 +54,17 @@ def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(fou
 
 def test_turns_to_both_sides_straight_and_on_the_spot_have_a_page():
     on_the_spot = [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6)]
-    for twists in ([*circles(), *circles(side=-1), (0.1, 0.0), (0.2, 0.0)], [*on_the_spot, *circles()[:4]]):
+    for twists in (
+        [*circles(), *circles(side=-1), (0.1, 0.0), (0.2, 0.0)],
+        [*on_the_spot, *circles()[:4]],
+    ):
         found = identified(driven(twists), ("icr", "icr_radius"))
         assert plots(found) == OF_STEADY
         turns = Turns.of(found.samples, GEOMETRY)
-        for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
+        for figure in (
+            *figures.fitted_laws(turns, found.steady),
+            *figures.slip_against_speed(turns),
+        ):
             assert_readable(figure)
 
 
@@ -74,14 +85,20 @@ def test_straight_runs_are_left_out_and_turns_on_the_spot_have_radius_zero():
 
 def test_errors_are_the_scatter_of_many_measurements():
     many = [Turns.of(driven(np.array([[0.15, 0.12]]), seed=seed), GEOMETRY) for seed in range(1000)]
-    assert np.std([each.radius[0] for each in many]) == pytest.approx(many[0].radius_error[0], rel=0.06)
-    np.testing.assert_allclose(np.std([each.slip[0] for each in many], axis=0), many[0].slip_error[0], rtol=0.06)
+    assert np.std([each.radius[0] for each in many]) == pytest.approx(
+        many[0].radius_error[0], rel=0.06
+    )
+    np.testing.assert_allclose(
+        np.std([each.slip[0] for each in many], axis=0), many[0].slip_error[0], rtol=0.06
+    )
 
 
 def test_a_law_has_a_curve_for_each_side_that_it_tells_apart():
     radius = np.array([0.5, 1.0, 2.0])
     (curve,) = Turns.of(driven(circles()), GEOMETRY).curves(PUBLISHED, radius)
-    np.testing.assert_allclose(curve[:, 0], PUBLISHED.alpha_inner * np.exp(PUBLISHED.beta_inner * radius))
+    np.testing.assert_allclose(
+        curve[:, 0], PUBLISHED.alpha_inner * np.exp(PUBLISHED.beta_inner * radius)
+    )
     np.testing.assert_allclose(curve, slip_at(PUBLISHED, radius, 0.1, left=False))
     law = IcrSides(0.03, 0.07, 0.0, 0.01, GEOMETRY.half_gauge)
     for twists, sides in (([*circles(), *circles(side=-1)], 2), (circles(), 1)):

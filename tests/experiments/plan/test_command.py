@@ -27,9 +27,18 @@ def test_its_commands_are_those_of_a_robot_without_slip_and_its_bag_sends_them(t
     assert max(np.abs(left).max(), np.abs(right).max()) * 0.06 <= 0.3 + 1e-6
     with AnyReader([result.folder / "bags" / "cmd_vel.mcap"]) as reader:
         (connection,) = reader.connections
-        assert (connection.topic, connection.msgtype) == ("/base/cmd_vel", "geometry_msgs/msg/TwistStamped")
-        sent = [(1e-9 * at, reader.deserialize(raw, connection.msgtype)) for _, at, raw in reader.messages()]
-    assert {(sample.header.stamp.sec, sample.header.stamp.nanosec) for _, sample in sent} == {(0, 0)}  # of arrival
+        assert (connection.topic, connection.msgtype) == (
+            "/base/cmd_vel",
+            "geometry_msgs/msg/TwistStamped",
+        )
+        sent = [
+            (1e-9 * at, reader.deserialize(raw, connection.msgtype))
+            for _, at, raw in reader.messages()
+        ]
+    # of arrival
+    assert {(sample.header.stamp.sec, sample.header.stamp.nanosec) for _, sample in sent} == {
+        (0, 0)
+    }
     np.testing.assert_allclose(np.array([at for at, _ in sent]) - sent[0][0], t, atol=1e-5)
     twists = [(sample.twist.linear.x, sample.twist.angular.z) for _, sample in sent]
     np.testing.assert_allclose(twists, np.column_stack([v, w]), atol=1e-4)
@@ -38,7 +47,10 @@ def test_its_commands_are_those_of_a_robot_without_slip_and_its_bag_sends_them(t
 @pytest.mark.usefixtures("with_figures")
 def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(trackslip):
     result = trackslip("plan", *SHORT)
-    assert {path.name for path in (result.folder / "figures").iterdir()} == {"plan_path.svg", "plan_belts.svg"}
+    assert {path.name for path in (result.folder / "figures").iterdir()} == {
+        "plan_path.svg",
+        "plan_belts.svg",
+    }
     report = (result.folder / "report.html").read_text()
     error = significant(1e3 * result.summary["stderr"]["offset"], "mm")
     assert f"30 s of driving will determine D ± {error} and ε ± " in report
@@ -47,11 +59,16 @@ def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(tr
 
 
 def test_a_second_round_takes_the_robot_and_the_law_of_the_first(trackslip, tmp_path):
-    law = {"values": {"offset": 0.04, "radius_error": 0.01}, "stderr": {"offset": 1e-3, "radius_error": 1e-3}}
+    law = {
+        "values": {"offset": 0.04, "radius_error": 0.01},
+        "stderr": {"offset": 1e-3, "radius_error": 1e-3},
+    }
     geometry = {"half_gauge": 0.168, "sprocket_radius": 0.06}
     content = {"format": 1, "geometry": geometry, "slip_laws": {"icr_radius": law}}
     (tmp_path / "known.json").write_text(json.dumps(content))
-    result = trackslip("plan", "--after", str(tmp_path / "known.json"), "--duration", "20", "--no-bag")
+    result = trackslip(
+        "plan", "--after", str(tmp_path / "known.json"), "--duration", "20", "--no-bag"
+    )
     assert result.summary["values"] == law["values"]
     assert result.summary["stderr"]["radius_error"] < 1e-3
     assert result.summary["knowledge"]["reach_doubt"] == pytest.approx(4e-3 / 0.208)

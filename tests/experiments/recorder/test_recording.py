@@ -23,7 +23,18 @@ def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
     logs, folder = [], tmp_path_factory.mktemp("recording")
     for compensation in ("none", "icr_radius"):
         out = folder / compensation
-        main([*TRACK.split(), "--compensation", compensation, "--obstacles", "posts", "--rrd", "--out", str(out)])
+        main(
+            [
+                *TRACK.split(),
+                "--compensation",
+                compensation,
+                "--obstacles",
+                "posts",
+                "--rrd",
+                "--out",
+                str(out),
+            ]
+        )
         logs += read_runs(out / "runs.parquet")
     return folder, logs
 
@@ -39,7 +50,9 @@ def require_pose(file: Path, entity: str, log: RunLog) -> None:
     x, y, z, w = quaternion.T.astype(float)  # rerun's order
     np.testing.assert_allclose([x, y], 0, atol=1e-7)
     assert np.ptp(log.truth.pose[:, 2]) > 1  # the robot turned
-    np.testing.assert_allclose(np.exp(2j * np.arctan2(z, w)), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6)
+    np.testing.assert_allclose(
+        np.exp(2j * np.arctan2(z, w)), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6
+    )
 
 
 def test_recordings_hold_one_run_or_several_side_by_side(driven, tmp_path):
@@ -66,9 +79,13 @@ def rows_of(file: Path, entity: str, name: str) -> list[list]:
     rows = []
     for chunk in RrdReader(file).stream().filter(content=entity):
         batch = chunk.to_record_batch()
-        columns = [c for c in batch.schema.names if c.endswith(f":{name}") and "time" in batch.schema.names]
+        columns = [
+            c for c in batch.schema.names if c.endswith(f":{name}") and "time" in batch.schema.names
+        ]
         for column in columns:
-            rows += zip(batch.column("time").to_pylist(), batch.column(column).to_pylist(), strict=True)
+            rows += zip(
+                batch.column("time").to_pylist(), batch.column(column).to_pylist(), strict=True
+            )
     return [values or [] for _, values in sorted(rows, key=lambda row: row[0])]
 
 
@@ -76,14 +93,22 @@ def test_scan_points_lie_on_the_plate(driven):
     log, plate = driven[1][0], Plate()
     rows = rows_of(driven[0] / FILES["none"], "/run/scan/plate", "positions")
     points = np.array([point for row in rows for point in row])
-    off = plate.outside(log.truth.pose, np.repeat(np.arange(len(rows)), [*map(len, rows)]), points[:, 0], points[:, 1])
+    off = plate.outside(
+        log.truth.pose,
+        np.repeat(np.arange(len(rows)), [*map(len, rows)]),
+        points[:, 0],
+        points[:, 1],
+    )
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
 
 
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
-    bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
+    bare = [
+        replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None)
+        for log in driven[1]
+    ]
     write_csv(bare, tmp_path / "real.csv")
     file = tmp_path / "a real.rrd"
     main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
@@ -100,7 +125,11 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     "odd",
     [
         {"geometry": {"half_gauge": "x", "sprocket_radius": {}}, "robot": {"mass": 10**400}},
-        {"ground": {"patches": [None], "slope": "steep"}, "obstacles": [3], "circle": {"radius": []}},
+        {
+            "ground": {"patches": [None], "slope": "steep"},
+            "obstacles": [3],
+            "circle": {"radius": []},
+        },
     ],
 )
 def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, odd):
@@ -113,7 +142,9 @@ def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, od
 def test_view_refuses(driven, refused, monkeypatch):
     folder = str(driven[0] / "none")
     for unknown in ("other", ""):
-        assert refused("view", folder, "--run", unknown).endswith(f"no run {unknown!r}; there are 'linear none'")
+        assert refused("view", folder, "--run", unknown).endswith(
+            f"no run {unknown!r}; there are 'linear none'"
+        )
     assert "a file that ends in .rrd" in refused("view", folder, "--save", "x.txt")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)

@@ -34,11 +34,15 @@ def slip_errors(folder, method):
     """Errors of slips (n, 2) of the runs on circles in a folder of results, by a motion method."""
     logs = grid_of(folder)
     geometry = stored_geometry(logs[0])
-    return usable_samples(logs, geometry, method=method, longest=True).samples.slip - true_samples(logs, geometry).slip
+    return (
+        usable_samples(logs, geometry, method=method, longest=True).samples.slip
+        - true_samples(logs, geometry).slip
+    )
 
 
 def over_bound(logs):
-    """Root mean square errors (3,) of measured x, y and heading over their Cramér-Rao bound, but for edge-on views.
+    """Root mean square errors (3,) of measured x, y and heading over their Cramér-Rao bound, but
+    for edge-on views.
 
     The scanner sees the plate: its true place on the leaning robot counts.
     """
@@ -58,7 +62,9 @@ def test_slips_and_radii_stand_beside_the_published(summary):
     assert summary["slip_rms_vs_published"] < 0.008
     assert summary["radius"]["rms_vs_published"] < 0.06
     np.testing.assert_allclose(summary["radius"]["published"], [0.62, 1.34, 2.05, 2.68, 3.12])
-    np.testing.assert_allclose(summary["radius"]["observed"], summary["radius"]["published"], rtol=0.09)
+    np.testing.assert_allclose(
+        summary["radius"]["observed"], summary["radius"]["published"], rtol=0.09
+    )
     assert max(summary["speed_spread"].values()) < 0.003
 
 
@@ -79,10 +85,15 @@ def test_localization_and_slip_errors(reproduced, summary):
 def test_compensation_pays(summary):
     rows = {(row["controller"], row["compensation"]): row for row in summary["tracking"]}
     assert len(rows) == 10
-    final = [rows["feedforward", law]["final_position"] for law in ("none", "exponential", "icr_radius")]
+    final = [
+        rows["feedforward", law]["final_position"] for law in ("none", "exponential", "icr_radius")
+    ]
     assert final[0] > final[1] > final[2]
     assert np.all(np.array(final) < [1.6, 0.35, 0.06])
-    late = {law: rows["linear", law]["rms_position_after_12s"] for law in ("none", "exponential", "icr_radius")}
+    late = {
+        law: rows["linear", law]["rms_position_after_12s"]
+        for law in ("none", "exponential", "icr_radius")
+    }
     assert late["none"] > 2.5 * late["exponential"]
     assert late["none"] > 2.5 * late["icr_radius"]
 
@@ -105,7 +116,9 @@ def test_what_is_left_behind(reproduced, summary):
     assert {path.name for path in reproduced.folder.iterdir()} == {
         *("manifest.json", "summary.json", "runs.parquet", "report.html", "figures")
     }
-    assert summary["timing"]["simulated_s"] == pytest.approx(25 * 30 + 10 * paper_reference().duration, abs=1)
+    assert summary["timing"]["simulated_s"] == pytest.approx(
+        25 * 30 + 10 * paper_reference().duration, abs=1
+    )
     manifest = reproduced.manifest
     assert (manifest["config"]["duration"], manifest["config"]["scanner"]["noise"]) == (30, 0.005)
     assert manifest["versions"]["mujoco"] >= "4.0"
@@ -114,12 +127,18 @@ def test_what_is_left_behind(reproduced, summary):
 
 def test_the_pages_show_what_is_printed(reproduced):
     page = ROOT / "docs" / "reproduction.md"
-    for text in (shown(ROOT / "README.md", "slip law"), shown(page, "slip law"), shown(page, "Tracking errors")):
+    for text in (
+        shown(ROOT / "README.md", "slip law"),
+        shown(page, "slip law"),
+        shown(page, "Tracking errors"),
+    ):
         assert missing_line(text, reproduced.printed) is None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [(), ("--random-phase",), ("--random-phase", "--scanner.noise", "0.01")])
+@pytest.mark.parametrize(
+    "options", [(), ("--random-phase",), ("--random-phase", "--scanner.noise", "0.01")]
+)
 def test_slip_error_over_seeds(tmp_path, options):
     """125 runs, starting nearest to the scanner or at random phases."""
     bounds = {"bundle": 0.0003, "arc": 0.0004}

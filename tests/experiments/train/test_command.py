@@ -10,11 +10,20 @@ from sim.traverse.policy import OPTIONS
 
 pytest.importorskip("stable_baselines3")
 TINY = {"robots": 4, "horizon": 32, "batch": 64, "epochs": 1, "network": 8, "references": "slalom"}
-LEARNS = {"robots": 32, "horizon": 16, "batch": 128, "epochs": 6, "network": 32, "references": "slalom"}
+LEARNS = {
+    "robots": 32,
+    "horizon": 16,
+    "batch": 128,
+    "epochs": 6,
+    "network": 32,
+    "references": "slalom",
+}
 
 
 def sized(sizes, **changed):
-    return tuple(word for name, value in (sizes | changed).items() for word in (f"--{name}", str(value)))
+    return tuple(
+        word for name, value in (sizes | changed).items() for word in (f"--{name}", str(value))
+    )
 
 
 def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path, monkeypatch):
@@ -23,18 +32,33 @@ def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path
     assert not [*tmp_path.glob("SB3-*")]
     assert [point["steps"] for point in trained.summary["curve"]] == [128, 256]
     assert TrackingPolicy.load(trained.folder).authority == (0.12, 0.6)
-    options = ("--references", "slalom", "--starts", "zero", "--seeds", "0", "--localization", "truth", "--jobs", "1")
+    options = (
+        "--references",
+        "slalom",
+        "--starts",
+        "zero",
+        "--seeds",
+        "0",
+        "--localization",
+        "truth",
+        "--jobs",
+        "1",
+    )
     controllers = ("--controllers", "feedforward", f"ppo:{trained.folder}")
     table = trackslip("benchmark", *options, *controllers, "--compensations", "icr_radius")
     assert table.summary["failures"] == []
-    assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{trained.folder}"]
+    assert [row["controller"] for row in table.summary["rows"]] == [
+        "feedforward",
+        f"ppo:{trained.folder}",
+    ]
 
 
 @pytest.mark.slow
 def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     """The checkpoint fixes the network; every other option may change.
 
-    At first the mean reward is 0, as changes of random actions cost; with any of four seeds, training ends above 0.29.
+    At first the mean reward is 0, as changes of random actions cost; with any of four seeds,
+    training ends above 0.29.
     """
     trained = trackslip("train", *sized(LEARNS), "--learning-rate", "3e-3", "--steps", "61440")
     reward = np.array([point["reward"] for point in trained.summary["curve"]])
@@ -46,13 +70,16 @@ def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     longer = trackslip("train", *sized(LEARNS, horizon=32), *resumed)
     assert longer.summary["curve"][:-1] == trained.summary["curve"]
     assert longer.summary["curve"][-1]["steps"] == 62464  # 32 robots, 32 steps each
-    assert trackslip("train", *sized(LEARNS), *resumed).summary["curve"] == longer.summary["curve"]  # nothing is left
+    # nothing is left
+    assert trackslip("train", *sized(LEARNS), *resumed).summary["curve"] == longer.summary["curve"]
     with pytest.raises(SystemExit):
         main(["train", *sized(LEARNS, network=16), *resumed])
     assert "network = (16,): must be (32,) with --resume" in capsys.readouterr().err
 
 
-def test_an_interrupted_training_has_a_checkpoint_of_its_first_update(trackslip, tmp_path, monkeypatch, capsys):
+def test_an_interrupted_training_has_a_checkpoint_of_its_first_update(
+    trackslip, tmp_path, monkeypatch, capsys
+):
     def interrupt(*_):
         raise KeyboardInterrupt
 
@@ -65,15 +92,35 @@ def test_an_interrupted_training_has_a_checkpoint_of_its_first_update(trackslip,
             main(begin)
     assert "--resume continues" in capsys.readouterr().err
     assert [file.name for file in (tmp_path / "out").iterdir()] == [UNFINISHED]
-    assert trackslip(*begin[:-2], "--resume", "--out", str(tmp_path / "out")).summary["steps"] == 512
+    assert (
+        trackslip(*begin[:-2], "--resume", "--out", str(tmp_path / "out")).summary["steps"] == 512
+    )
     assert not (tmp_path / "out" / UNFINISHED).exists()
 
 
 def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
-    sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
-    found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
+    sizes = (
+        "--robots",
+        "2",
+        "--horizon",
+        "8",
+        "--batch",
+        "16",
+        "--epochs",
+        "1",
+        "--network",
+        "8",
+        "--steps",
+        "16",
+    )
+    found = trackslip(
+        "train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0"
+    )
     rates = found.summary["rates"]
-    assert [(row["controller"], row["courses"]) for row in rates] == [("scripted", 1), ("policy", 1)]
+    assert [(row["controller"], row["courses"]) for row in rates] == [
+        ("scripted", 1),
+        ("policy", 1),
+    ]
     assert (found.folder / "curve.png").is_file()
     policy = Policy.load(found.folder)
     assert policy.options == {**OPTIONS, "robot": "rescue", "course": ["random"]}

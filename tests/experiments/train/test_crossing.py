@@ -16,7 +16,8 @@ def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_doe
     assert (scripted["controller"], learned["controller"]) == ("scripted", "policy")
     assert scripted | {"controller": "policy"} == learned
     assert (scripted["course"], scripted["courses"], scripted["crossed"]) == ("own", 2, 2)
-    assert (scripted["low"], scripted["high"]) == pytest.approx((0.342, 1.0), abs=1e-3)  # Wilson, two of two
+    # Wilson, two of two
+    assert (scripted["low"], scripted["high"]) == pytest.approx((0.342, 1.0), abs=1e-3)
 
 
 @pytest.mark.slow

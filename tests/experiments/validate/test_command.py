@@ -30,7 +30,17 @@ def test_a_check_that_fails_ends_with_1_once_everything_is_written(tmp_path, mon
     monkeypatch.setattr(checks, "GRAVITY", 12.0)
     monkeypatch.setattr(command, "check_energy", lambda *_: None)
     with pytest.raises(SystemExit) as stop:
-        main(["validate", "--out", str(tmp_path / "out"), "--ground.along", "0.6", "--ground.slope", "0.1"])
+        main(
+            [
+                "validate",
+                "--out",
+                str(tmp_path / "out"),
+                "--ground.along",
+                "0.6",
+                "--ground.slope",
+                "0.1",
+            ]
+        )
     assert stop.value.code == 1
     assert "8 checks passed, 2 failed\n" in capsys.readouterr().out
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -42,8 +52,17 @@ def test_a_check_that_fails_ends_with_1_once_everything_is_written(tmp_path, mon
     ("robot", "skipped"),
     [
         ("husky", []),
-        ("maxxii", ["acceleration sliding downhill: too steep for this robot: 35° and 9° to spare > 43°, where"]),
-        ("com_height = 0.3", ["acceleration sliding downhill: ", "acceleration sliding sideways: "]),
+        (
+            "maxxii",
+            [
+                "acceleration sliding downhill: too steep for this robot: 35° and 9° to spare > "
+                "43°, where"
+            ],
+        ),
+        (
+            "com_height = 0.3",
+            ["acceleration sliding downhill: ", "acceleration sliding sideways: "],
+        ),
     ],
 )
 def test_every_robot_that_stands_slides_as_coulomb_has_it(tmp_path, robot, skipped):

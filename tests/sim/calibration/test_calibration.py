@@ -18,7 +18,8 @@ from trackslip.skid_theory import steady_twist
 
 BASE = Candidate()
 TRUE = Candidate(
-    RobotParameters(half_gauge=0.2, contact_length=0.42, radius_error=-0.012, com_y=0.015), Ground(0.7, 0.91)
+    RobotParameters(half_gauge=0.2, contact_length=0.42, radius_error=-0.012, com_y=0.015),
+    Ground(0.7, 0.91),
 )
 START = Candidate(replace(TRUE.robot, radius_error=0.0, com_y=0.0), Ground(0.7, 0.7))
 FREE = ("friction_ratio", "radius_error", "com_y")
@@ -34,7 +35,9 @@ def theory(robot, ground, omega, **options):
 
 
 def rows(candidate, rng=None, noise=0.0, lateral=False):
-    """Steady rows of a candidate that turns to both sides, with noise on the tracks' speeds over the faster one's."""
+    """Steady rows of a candidate that turns to both sides, with noise on the tracks' speeds over
+    the faster one's.
+    """
     turns = theory(candidate.robot, candidate.ground, OMEGA)
     place = candidate.sensor
     seen = se2.rotate(-place.yaw, turns[:, :2] + turns[:, 2:] * [-place.y, place.x])
@@ -42,9 +45,13 @@ def rows(candidate, rng=None, noise=0.0, lateral=False):
     if rng is not None:
         speeds = rng.normal(0, noise, OMEGA.shape) * np.abs(OMEGA).max(axis=1, keepdims=True) * 0.06
         b = candidate.robot.half_gauge
-        twist = twist + np.stack([speeds.mean(axis=1), (speeds[:, 1] - speeds[:, 0]) / (2 * b)], axis=-1)
+        twist = twist + np.stack(
+            [speeds.mean(axis=1), (speeds[:, 1] - speeds[:, 0]) / (2 * b)], axis=-1
+        )
     names = [f"{k}" for k in range(len(OMEGA))]
-    samples = SlipSamples.of(OMEGA, twist, candidate.geometry, names, lateral=seen[:, 1] if lateral else None)
+    samples = SlipSamples.of(
+        OMEGA, twist, candidate.geometry, names, lateral=seen[:, 1] if lateral else None
+    )
     return SteadyRows(samples, candidate.geometry, turns=theory)
 
 
@@ -53,7 +60,9 @@ def test_parameters_can_be_changed_and_read_back():
         for limit in parameter.limits(BASE):
             value = parameter.unscaled(BASE, limit)
             assert parameter.low <= value <= parameter.high  # despite rounding
-            assert BASE.with_values({name: value}).value(name) == pytest.approx(value, rel=1e-6, abs=1e-9)
+            assert BASE.with_values({name: value}).value(name) == pytest.approx(
+                value, rel=1e-6, abs=1e-9
+            )
             assert parameter.scaled(BASE, value) == pytest.approx(limit, abs=1e-6)
 
 
@@ -62,7 +71,16 @@ def test_parameters_can_be_changed_and_read_back():
     [
         ({"friction_ratio": 1.3, "radius_error": -0.012, "com_y": 0.015}, 2.0),
         ({"shear": 0.008, "friction_ratio": 1.15}, 1.0),
-        ({"sensor_x": 0.2, "sensor_y": -0.1, "sensor_yaw": 0.03, "radius_left": -0.02, "radius_right": 0.01}, 1.0),
+        (
+            {
+                "sensor_x": 0.2,
+                "sensor_y": -0.1,
+                "sensor_yaw": 0.03,
+                "radius_left": -0.02,
+                "radius_right": 0.01,
+            },
+            1.0,
+        ),
     ],
 )
 def test_parameters_are_found_again_in_steady_rows_although_one_is_wrong(truth, wrong):
@@ -77,7 +95,9 @@ def test_parameters_are_found_again_in_steady_rows_although_one_is_wrong(truth, 
 
 
 def test_what_is_not_told_widens_the_intervals_of_the_others():
-    """Only the product of ratio and length matters: their priors, 30 and 15 %, leave 13 % of the ratio unknown."""
+    """Only the product of ratio and length matters: their priors, 30 and 15 %, leave 13 % of the
+    ratio unknown.
+    """
     target = rows(BASE, rng=np.random.default_rng(3), noise=0.002)
     fit = calibrate(target, BASE, ("friction_ratio", "contact_length", "radius_error"))
     vague = {name: estimate.vague for name, estimate in fit.estimates.items() if estimate.vague}
@@ -119,11 +139,23 @@ def test_no_window_contains_a_jump_of_the_poses():
     assert not any(one.time[0] < 10 < one.time[-1] - 0.05 for one in target.windows)
     seen = np.concatenate([one.time[one.is_valid] for one in target.windows])
     assert whole.time[wild] not in seen
-    (left,) = [errors for name, errors in target.metrics(target.errors(BASE)).items() if name == "position_1s_p90"]
+    (left,) = [
+        errors
+        for name, errors in target.metrics(target.errors(BASE)).items()
+        if name == "position_1s_p90"
+    ]
     assert left < 0.2
 
 
-GRIP = ("friction_ratio", "radius_left", "radius_right", "sensor_x", "sensor_y", "sensor_yaw", "clock")
+GRIP = (
+    "friction_ratio",
+    "radius_left",
+    "radius_right",
+    "sensor_x",
+    "sensor_y",
+    "sensor_yaw",
+    "clock",
+)
 ICE = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
 COMMANDS = ("friction_ratio", "radius_error", "lag", "sensor_x")
 
@@ -152,26 +184,36 @@ def test_intervals_contain_the_truth(robot, ground, free, inputs, noise):
 
 
 def drawn(base: Candidate, names: Sequence[str], rng: np.random.Generator) -> Candidate:
-    """A candidate whose parameters differ from those of `base` as their priors allow, by up to two deviations."""
+    """A candidate whose parameters differ from those of `base` as their priors allow, by up to two
+    deviations.
+    """
     values = {}
     for name in names:
         low, high = PARAMETERS[name].limits(base)
         scaled = np.clip(rng.normal(0.0, 0.7), max(low, -2.0), min(high, 2.0))
-        values[name] = PARAMETERS[name].unscaled(base, float(abs(rng.normal(0.0, 0.7)) if low == 0 else scaled))
+        values[name] = PARAMETERS[name].unscaled(
+            base, float(abs(rng.normal(0.0, 0.7)) if low == 0 else scaled)
+        )
     return base.with_values(values)
 
 
 def driven(candidate: Candidate, rng: np.random.Generator, noise: float) -> list[RunLog]:
-    """Ten drives of 15 s by random commands; every second row has a pose of the sensor, by its own clock."""
+    """Ten drives of 15 s by random commands; every second row has a pose of the sensor, by its own
+    clock.
+    """
     robot, period, count = candidate.robot, 0.05, 10
     fleet = Fleet(compiled(robot), np.zeros((count, 3)), candidate.ground, robot.radius_error)
     driver = Driver(0.9 * fleet.drive.limit * robot.sprocket_radius, 5.0, robot.half_gauge)
     speeds = [track_commands("random", 15.0, 1 / period, driver, rng) for _ in range(count)]
     logs = []
-    for log in open_loop(fleet, np.stack(speeds, axis=1) / robot.sprocket_radius, 15.0, period=period):
+    for log in open_loop(
+        fleet, np.stack(speeds, axis=1) / robot.sprocket_radius, 15.0, period=period
+    ):
         seen = log.time + candidate.clock
         true = np.stack([np.interp(seen, log.time, column) for column in log.truth.pose.T], axis=-1)
         pose = se2.compose(true, candidate.sensor.pose) + noise * rng.standard_normal(true.shape)
         valid = (np.arange(len(seen)) % 2 == 0) & (seen >= 0) & (seen <= log.time[-1])
-        logs.append(replace(log, pose=np.where(valid[:, None], pose, np.nan), valid=valid, truth=None))
+        logs.append(
+            replace(log, pose=np.where(valid[:, None], pose, np.nan), valid=valid, truth=None)
+        )
     return logs

@@ -22,7 +22,9 @@ def torque_of_weight(robot, slope):
 
 @pytest.mark.parametrize(("slope", "limit", "period"), [(0.3, 1.0, 0.005), (0.15, 0.6, 0.01)])
 def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, limit, period):
-    """The gear's friction holds it too, and the rotors count for more than their weight: gears square it."""
+    """The gear's friction holds it too, and the rotors count for more than their weight: gears
+    square it.
+    """
     fleet = on_slope(robot, slope, Drive(torque_limit=limit, period=period))
     radius = robot.geometry.sprocket_radius
     inert = robot.mass + 2 * MOTOR.inertia / radius**2
@@ -31,7 +33,9 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     before = fleet.twist()[0, 0]
     fleet.advance(0.5)
     assert fleet.twist()[0, 0] - before == pytest.approx(0.5 * expected, rel=0.01)
-    np.testing.assert_allclose(fleet.drive.torque, limit, atol=0.001 * limit + 0.0002 * robot.mass * GRAVITY * 0.06)
+    np.testing.assert_allclose(
+        fleet.drive.torque, limit, atol=0.001 * limit + 0.0002 * robot.mass * GRAVITY * 0.06
+    )
     np.testing.assert_allclose(fleet.drive.saturated_time, 1.0, atol=0.02)
 
 
@@ -57,9 +61,12 @@ def test_power_of_a_steady_turn_is_what_ground_gear_and_winding_dissipate(robot)
 
 
 def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
-    """The right motor can't slide its track: it pushes all it can, and the left one brakes it to its own set point."""
+    """The right motor can't slide its track: it pushes all it can, and the left one brakes it to
+    its own set point.
+    """
     strong, weak = (
-        Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=Drive(torque_limit=limit)) for limit in (8.0, 1.5)
+        Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=Drive(torque_limit=limit))
+        for limit in (8.0, 1.5)
     )
     for fleet in (strong, weak):
         fleet.command([2.0, 3.0])
@@ -74,8 +81,14 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
 
 
 def test_limits_are_the_current_and_the_torque_speed_line_and_angles_whole_counts():
-    """Beyond its no-load speed, 10 rad/s of the sprocket, a motor brakes; a turning one, with its whole current."""
-    state = DriveState(Drive(torque_limit=4.0, motor=Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)), 1, 0.06)
+    """Beyond its no-load speed, 10 rad/s of the sprocket, a motor brakes; a turning one, with its
+    whole current.
+    """
+    state = DriveState(
+        Drive(torque_limit=4.0, motor=Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)),
+        1,
+        0.06,
+    )
     least, most = state.drive.torque_range(np.array([0.0, 7.0, 12.0, 50.0, -50.0]))
     np.testing.assert_allclose(most, [4.0, 3.0, -2.0, -4.0, 4.0])
     np.testing.assert_allclose(least, [-4.0, -4.0, -4.0, -4.0, 4.0])

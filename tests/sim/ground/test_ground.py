@@ -26,7 +26,8 @@ def test_patches_act_under_the_pads_that_are_on_them():
     first, second = friction.surface(0.0, at, np.zeros(2))[..., :2]
     np.testing.assert_allclose(first, [[0.5, 0.6], [0.5, 0.6]])
     np.testing.assert_allclose(second, [[0.2, 0.3], [0.5, 0.6]])  # the right pad is at y = -0.1
-    turned = friction.surface(0.0, at, np.full(2, np.pi))[1, :, :2]  # the left pad at y = -0.1, the right at 0.3
+    # the left pad at y = -0.1, the right at 0.3
+    turned = friction.surface(0.0, at, np.full(2, np.pi))[1, :, :2]
     np.testing.assert_allclose(turned, [[0.5, 0.6], [0.2, 0.3]])
     on_both = friction.surface(0.0, np.add(at, [0.4, 0.0]), np.zeros(2))[1][..., :2]
     np.testing.assert_allclose(on_both[0], [0.9, 0.8])  # the last counts
@@ -34,9 +35,16 @@ def test_patches_act_under_the_pads_that_are_on_them():
 
 def test_changes_take_effect_at_their_times_outside_patches():
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.3)
-    ground = Ground(0.5, 0.6, patches=(patch,), changes=(Change(1.0, 0.7, 0.8), Change(2.0, 0.1, 0.1)))
+    ground = Ground(
+        0.5, 0.6, patches=(patch,), changes=(Change(1.0, 0.7, 0.8), Change(2.0, 0.1, 0.1))
+    )
     friction = PadFriction([ground, Ground()], PADS)
-    for time, right in ((0.0, (0.5, 0.6)), (0.99, (0.5, 0.6)), (1.0, (0.7, 0.8)), (2.5, (0.1, 0.1))):
+    for time, right in (
+        (0.0, (0.5, 0.6)),
+        (0.99, (0.5, 0.6)),
+        (1.0, (0.7, 0.8)),
+        (2.5, (0.1, 0.1)),
+    ):
         found = friction.surface(time, np.zeros((2, 2)), np.zeros(2))[..., :2]
         np.testing.assert_allclose(found[0], [(0.2, 0.3), right])
         np.testing.assert_allclose(found[1], [(0.7, 0.778)] * 2)
@@ -67,7 +75,9 @@ def test_turns_and_slopes_are_those_of_theory(robot):
     half_width, expected = spread / twist[:3, 2], spread / theory[:, 2]
     np.testing.assert_allclose(half_width, expected, rtol=0.01)
     np.testing.assert_allclose(half_width[:2], expected[:2], rtol=0.004)
-    slip, climbing = (track_slip(omega[3:], some[:, ::2], robot.geometry) for some in (twist[3:], uphill))
+    slip, climbing = (
+        track_slip(omega[3:], some[:, ::2], robot.geometry) for some in (twist[3:], uphill)
+    )
     np.testing.assert_allclose(slip, climbing, atol=1e-3)
 
 
@@ -78,9 +88,12 @@ def test_what_is_pulled_slips_as_theory_says(robot):
     fleet.advance(1.0)
     slip = 1 - (fleet.pose()[0, 0] - before) / 0.24
     contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=100)
-    expected = steady_twist([1.0, 1.0], contact, shear=0.01, load=Load(pull=60 / (25 * 9.81), hitch_height=0.1))
+    expected = steady_twist(
+        [1.0, 1.0], contact, shear=0.01, load=Load(pull=60 / (25 * 9.81), hitch_height=0.1)
+    )
     assert slip == pytest.approx(1 - expected[0], abs=2e-4)
-    np.testing.assert_allclose(fleet.drive.torque.sum(), 0.06 * 60 + 2 * 0.3, rtol=0.02)  # and the gears' friction
+    # and the gears' friction
+    np.testing.assert_allclose(fleet.drive.torque.sum(), 0.06 * 60 + 2 * 0.3, rtol=0.02)
 
 
 def test_the_ground_holds_a_parked_robot_with_just_the_shear_it_needs(robot):
@@ -91,8 +104,11 @@ def test_the_ground_holds_a_parked_robot_with_just_the_shear_it_needs(robot):
     contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=10)
     load = contact.loads(np.tan(slope) * np.array([np.cos(0.3), np.sin(0.3)]))
     np.testing.assert_allclose((fleet.shear.share * load).sum(axis=1), needed, rtol=0.03)
-    direction = 0.2 + np.arctan2(np.sin(0.3) / 0.778**2, np.cos(0.3) / 0.7**2)  # of the push, but for its sign
-    for shear, moved, share in zip((0.002, 0.01, 0.025), fleet.shear.displacement, fleet.shear.share, strict=True):
+    # of the push, but for its sign
+    direction = 0.2 + np.arctan2(np.sin(0.3) / 0.778**2, np.cos(0.3) / 0.7**2)
+    for shear, moved, share in zip(
+        (0.002, 0.01, 0.025), fleet.shear.displacement, fleet.shear.share, strict=True
+    ):
         np.testing.assert_allclose(np.hypot(*moved.T), -shear * np.log(1 - share), rtol=1e-6)
         np.testing.assert_allclose(np.arctan2(*-moved.T[::-1]), direction, rtol=1e-6)
     coulomb = Fleet(robot, [[0.0, 0.0, 0.2]], Ground(slope=slope, uphill=0.5))
@@ -114,27 +130,35 @@ def test_displacements_stay_bounded_under_belts_that_stand(robot):
 
 
 def least_power_twist(robot, belts, friction):
-    """The twist (v, u, w) that dissipates least, where every point has a friction of its own; Moreau's principle.
+    """The twist (v, u, w) that dissipates least, where every point has a friction of its own;
+    Moreau's principle.
 
-    belts, friction: forward speed (K,) of the belt and (K, 2) coefficients at each point of contact.
+    belts, friction: forward speed (K,) of the belt and (K, 2) coefficients at each point of
+    contact.
     """
     x, y = robot.contact_points.T
 
     def power(twist, rounding):
         v, u, w = twist
         along, across = v - w * y - belts, u + w * x
-        return np.sqrt((friction[:, 0] * along) ** 2 + (friction[:, 1] * across) ** 2 + rounding**2).sum()
+        return np.sqrt(
+            (friction[:, 0] * along) ** 2 + (friction[:, 1] * across) ** 2 + rounding**2
+        ).sum()
 
     twist = np.array([belts.mean(), 0.0, 0.0])
-    for rounding in 10.0 ** -np.arange(1, 6):  # convex, but for its corners: come nearer to them step by step
+    # convex, but for its corners: come nearer to them step by step
+    for rounding in 10.0 ** -np.arange(1, 6):
         twist = minimize(power, twist, (rounding,), options={"gtol": 1e-10}).x
     return twist
 
 
 @pytest.mark.parametrize("omega", [(2.0, 3.0), (3.0, 2.0), (-2.0, 2.0), (2.0, 2.0)])
 def test_a_patch_under_one_track_turns_the_robot_as_theory_says(robot, omega):
-    """The left track stands on ice, from one end of the world to the other: on the patch as long as y > 0."""
-    slow = 0.2 * np.array(omega)  # so that inertia doesn't count, and the tracks stay on their sides
+    """The left track stands on ice, from one end of the world to the other: on the patch as long as
+    y > 0.
+    """
+    # so that inertia doesn't count, and the tracks stay on their sides
+    slow = 0.2 * np.array(omega)
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.25)
     fleet = Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.8, patches=(patch,)), 0.0)
     fleet.command(slow)
@@ -168,14 +192,17 @@ def test_beyond_the_friction_angle_it_slides_as_coulomb_says(robot, heading):
 
 
 def test_lateral_speed_is_in_the_truth_and_as_theory_says():
-    fleet = Fleet(load_robot(parameters=RobotParameters(com_x=0.02)), np.zeros((1, 3)), radius_error=0.0)
+    fleet = Fleet(
+        load_robot(parameters=RobotParameters(com_x=0.02)), np.zeros((1, 3)), radius_error=0.0
+    )
     (log,) = open_loop(fleet, [2.0, 4.0], 3.0, period=0.05)
     ground = Ground()
     forwards = 0.02 + 0.12 * fleet.attitude()[0, 2]  # it leans forwards, and so does its weight
     contact = line_contact(0.168, 0.17, ground.along, ground.across, (forwards, 0.0, 0.12))
     expected = steady_twist(np.array([2.0, 4.0]) * 0.06, contact, 9.81)
     assert abs(expected[1]) > 5e-3
-    # the grip's lag of 10 ms moves the centre of rotation forwards by 10 ms of way; see models/README.md
+    # the grip's lag of 10 ms moves the centre of rotation forwards by 10 ms of way; see
+    # models/README.md
     expected[1] -= 0.01 * expected[0] * expected[2]
     np.testing.assert_allclose(log.truth.twist[-20:].mean(axis=0), expected, rtol=0.02)
 
@@ -192,7 +219,9 @@ def test_the_needed_traction_is_the_slopes_component_and_the_pull(robot):
 
 
 def test_a_robot_that_knows_its_sideslip_keeps_to_a_line_across_the_slope(robot):
-    """Straight across a slope of 10 deg, it crabs by C t; the heading that the controller holds must allow for it."""
+    """Straight across a slope of 10 deg, it crabs by C t; the heading that the controller holds
+    must allow for it.
+    """
     b = robot.geometry.half_gauge
     line = SegmentedReference((0.0, 0.0, 0.0), [Segment(8.0, 0.15, 0.0)])
     fleet = Fleet(robot, np.zeros((2, 3)), Ground(slope=TEN_DEGREES, uphill=np.pi / 2, shear=0.01))

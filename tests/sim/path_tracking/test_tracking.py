@@ -17,7 +17,9 @@ from trackslip.trajectory.named import REFERENCES, load_reference
 
 def test_episodes_differ_within_their_ranges():
     drawn = Randomization.typical()
-    env = PathTrackingEnv(reference=("paper", "circle"), ground=("stone", "ice"), randomization=drawn)
+    env = PathTrackingEnv(
+        reference=("paper", "circle"), ground=("stone", "ice"), randomization=drawn
+    )
     episodes = [env.task.draw(np.random.default_rng(seed), {}) for seed in range(200)]
     settings = [episode.setting for episode in episodes]
     for name, low, high in (("radius_error", *drawn.radius_error), ("lag", *drawn.lag)):
@@ -39,14 +41,20 @@ UPHILL = Ground(slope=0.1745, uphill=np.pi / 2, shear=0.01)
 
 
 @pytest.mark.parametrize(
-    ("compensation", "ground", "pull"), [("icr_radius", Ground(), Pull()), ("online_load", UPHILL, Pull(20.0))]
+    ("compensation", "ground", "pull"),
+    [("icr_radius", Ground(), Pull()), ("online_load", UPHILL, Pull(20.0))],
 )
-def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot, compensation, ground, pull, tmp_path):
+def test_a_controller_keeps_the_path_as_it_does_elsewhere(
+    robot, compensation, ground, pull, tmp_path
+):
     """The classical controller of the closed loop, through the environment's eyes and hands."""
     laws, path = tmp_path / "laws.json", tmp_path / "arc.csv"
     under_load = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
     save_laws(laws, load_laws() | {"icr_load": under_load}, robot.geometry)
-    path.write_text("x,y\n" + "".join(f"{0.8 * np.sin(a)},{0.8 - 0.8 * np.cos(a)}\n" for a in np.linspace(0, 0.6, 7)))
+    path.write_text(
+        "x,y\n"
+        + "".join(f"{0.8 * np.sin(a)},{0.8 - 0.8 * np.cos(a)}\n" for a in np.linspace(0, 0.6, 7))
+    )
     reference = load_reference(path)
     fleet = Fleet(robot, reference.pose([0.0]), ground, pull=pull)
     pilot = Pilot(LinearTimeVarying(), [0], named_compensation(compensation, robot.geometry, laws))
@@ -70,10 +78,18 @@ def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot, compensation, g
 
 def test_whatever_is_drawn_can_be_parked():
     drawn = Randomization(
-        friction_ratio=(0.3, 3.0), com_x=(-0.03, 0.03), com_y=(-0.06, 0.06), slope=(0.0, 1.0), patches=(0, 10),
-        shear=(0.0, 0.02), start_distance=(0.0, 0.4), start_heading=(-3.0, 3.0),
-    )  # fmt: skip
-    env = PathTrackingVectorEnv(60, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
+        friction_ratio=(0.3, 3.0),
+        com_x=(-0.03, 0.03),
+        com_y=(-0.06, 0.06),
+        slope=(0.0, 1.0),
+        patches=(0, 10),
+        shear=(0.0, 0.02),
+        start_distance=(0.0, 0.4),
+        start_heading=(-3.0, 3.0),
+    )
+    env = PathTrackingVectorEnv(
+        60, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn
+    )
     _, info = env.reset(seed=5)
     start = info["true_pose"]
     for _ in range(10):
@@ -103,7 +119,10 @@ def test_observations_of_a_known_case():
 def test_a_reference_ends_with_truncation_and_leaving_it_with_termination(tmp_path):
     path = tmp_path / "line.csv"
     path.write_text("x,y\n0,0\n0.3,0\n0.7,0\n")
-    env, reference = PathTrackingEnv(reference=str(path), off_path=0.55, action="twist"), load_reference(path)
+    env, reference = (
+        PathTrackingEnv(reference=str(path), off_path=0.55, action="twist"),
+        load_reference(path),
+    )
     _, info = env.reset(seed=0)
     steps, ended = 0, False
     while not ended:
@@ -125,7 +144,9 @@ def test_a_reference_ends_with_truncation_and_leaving_it_with_termination(tmp_pa
 
 
 def test_rewards_are_the_sum_of_their_terms():
-    env = PathTrackingEnv(reward=TrackingReward(weight_position=2.0, heading_scale=0.1), reference="slalom")
+    env = PathTrackingEnv(
+        reward=TrackingReward(weight_position=2.0, heading_scale=0.1), reference="slalom"
+    )
     env.reset(seed=0, options={"start_error": (0.1, 0.1, 0.2)})
     env.action_space.seed(0)
     previous = np.zeros(2)
@@ -137,7 +158,9 @@ def test_rewards_are_the_sum_of_their_terms():
         assert info["reward_alive"] == 1
         assert info["reward_position"] == pytest.approx(-2 * place / (1 + place))
         assert info["reward_heading"] == pytest.approx(-0.2 * turn / (1 + turn))
-        assert info["reward_change"] == pytest.approx(-0.1 * np.mean((action.astype(float) - previous) ** 2) / 4)
+        assert info["reward_change"] == pytest.approx(
+            -0.1 * np.mean((action.astype(float) - previous) ** 2) / 4
+        )
         assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in TrackingReward.TERMS))
         previous = action.astype(float)
 
@@ -154,13 +177,18 @@ def test_options_ask_for_what_is_not_to_be_drawn():
     env = PathTrackingEnv(randomization="typical", robot=RobotParameters(half_gauge=0.2))
     assert env.task.fleet.robot.geometry.half_gauge == 0.2
     ground = Ground(0.4, 0.6)
-    _, info = env.reset(seed=1, options={"ground": ground, "start_error": (0, 0, 0), "com": (0.01, 0.0)})
+    _, info = env.reset(
+        seed=1, options={"ground": ground, "start_error": (0, 0, 0), "com": (0.01, 0.0)}
+    )
     np.testing.assert_allclose(info["friction"], [0.4, 0.6])
     np.testing.assert_allclose(info["true_error"], 0, atol=1e-9)
     for options, message in (
         ({"reference": "moon"}, "moon"),
         ({"latency": 3}, "latency"),
-        ({"start_error": (0.3, -0.5, 0.0)}, r"start_error = 0\.5.*: must be at most 0.5 m, which is off_path"),
+        (
+            {"start_error": (0.3, -0.5, 0.0)},
+            r"start_error = 0\.5.*: must be at most 0.5 m, which is off_path",
+        ),
         ({"com": (1.0, 0.0)}, "com_x"),
         ({"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
         ({"ground": "clay"}, r"ground\.shear = 0\.006: must be 0 in an environment"),

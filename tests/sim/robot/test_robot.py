@@ -22,8 +22,15 @@ FIELD = MODELS / "field.xml"
 def test_the_shipped_file_is_what_the_recipe_makes_of_the_default_parameters(robot):
     """So that the model opens in MuJoCo's viewer as it is simulated."""
     file, made = mujoco.MjModel.from_xml_path(str(FIELD)), robot.model
-    pads = [[k for k in range(model.ngeom) if "_pad" in model.geom(k).name] for model in (file, made)]
-    for name, tolerance in (("solref", 2e-4), ("solreffriction", 1e-9), ("solimp", 1e-9), ("friction", 0.0)):
+    pads = [
+        [k for k in range(model.ngeom) if "_pad" in model.geom(k).name] for model in (file, made)
+    ]
+    for name, tolerance in (
+        ("solref", 2e-4),
+        ("solreffriction", 1e-9),
+        ("solimp", 1e-9),
+        ("friction", 0.0),
+    ):
         written, by_recipe = (getattr(model, f"pair_{name}")[:, :3] for model in (file, made))
         np.testing.assert_allclose(written, by_recipe, rtol=tolerance)
     np.testing.assert_allclose(file.geom_pos[pads[0]], made.geom_pos[pads[1]], atol=1e-12)
@@ -45,7 +52,9 @@ def test_models_load_and_stand_without_our_code(name):
     assert data.qpos[2] == pytest.approx(-0.002, abs=2e-5)
 
 
-@pytest.mark.parametrize(("width", "shear", "within"), [(1.25, 0.0, 0.01), (3.0, 0.0, 0.01), (2.0, 0.01, 0.02)])
+@pytest.mark.parametrize(
+    ("width", "shear", "within"), [(1.25, 0.0, 0.01), (3.0, 0.0, 0.01), (2.0, 0.01, 0.02)]
+)
 def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within):
     half_length, half_gauge = 0.17, 0.17 * width
     speed = 0.2 if shear else 0.1
@@ -63,7 +72,10 @@ def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within
 
 
 def test_robots_wider_than_verified_are_told_of():
-    with pytest.warns(RobotWarning, match=r"half_gauge = 0\.6: turns are verified up to 0\.51 m, 1\.5 contact lengths"):
+    with pytest.warns(
+        RobotWarning,
+        match=r"half_gauge = 0\.6: turns are verified up to 0\.51 m, 1\.5 contact lengths",
+    ):
         load_robot(RobotParameters(half_gauge=0.6))
 
 
@@ -71,7 +83,9 @@ WIDE = RobotParameters(half_gauge=0.3, contact_length=0.5, mass=60.0, com_x=0.03
 
 
 def rigid_inertia(made, angles):
-    """Mass, centre of mass (3,) and inertia (3, 3) about it, from the mass matrix of the free joint."""
+    """Mass, centre of mass (3,) and inertia (3, 3) about it, from the mass matrix of the free
+    joint.
+    """
     model, data = made.model, mujoco.MjData(made.model)
     qpos, first = made.free
     data.qpos[qpos : qpos + 7] = [-made.robot.middle, 0, -made.robot.lowest, 1, 0, 0, 0]
@@ -103,7 +117,9 @@ def test_a_tracked_robot_on_flat_ground_has_the_mass_matrix_of_its_model(name):
 UNEVEN = replace(load_tracked("box"), hull=((-0.2, 0.1, 0.1), (0, 0.099, 0.1), (0.2, 0.1, 0.1)))
 
 
-@pytest.mark.parametrize("source", ["rescue", "husky", WIDE, UNEVEN, replace(UNEVEN, contact="wheels")])
+@pytest.mark.parametrize(
+    "source", ["rescue", "husky", WIDE, UNEVEN, replace(UNEVEN, contact="wheels")]
+)
 def test_it_turns_as_theory_says_on_flat_ground_and_on_terrain(source):
     speeds, friction = np.array([0.04, 0.08]), 0.7
     parameters, tracked = load_parameters(source)[0], load_tracked(source)
@@ -114,7 +130,13 @@ def test_it_turns_as_theory_says_on_flat_ground_and_on_terrain(source):
     data.ctrl[made.flipper_motor] = data.qpos[made.flipper_qpos]
     made.belts.set(speeds[made.track_side])
     mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
-    fleet = Fleet(load_robot(parameters=parameters), np.zeros((1, 3)), Ground(friction, friction), 0.0, tireless())
+    fleet = Fleet(
+        load_robot(parameters=parameters),
+        np.zeros((1, 3)),
+        Ground(friction, friction),
+        0.0,
+        tireless(),
+    )
     fleet.command(speeds / parameters.sprocket_radius)
     fleet.advance(1.5)
     expected = steady_twist(speeds, parameters.contact_theory(friction, friction))[2]
@@ -127,11 +149,17 @@ def test_robots_that_cannot_stand_have_fields_of_both_kinds_or_no_tracks_are_ref
     text = ROBOT.split("[[flippers]]")[0].replace("[[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]", hull)
     with pytest.raises(InvalidValueError, match=r"contact_length = 0\.0"):
         load_parameters(write_robot(tmp_path, text))
-    (tmp_path / "mixed.toml").write_text("half_gauge = 0.2\nhull = [[0, 0, 1], [1, 0, 1]]\nmass = 3\n")
+    (tmp_path / "mixed.toml").write_text(
+        "half_gauge = 0.2\nhull = [[0, 0, 1], [1, 0, 1]]\nmass = 3\n"
+    )
     for load in (load_parameters, load_tracked):
-        with pytest.raises(SettingsFileError, match=r"mass is unknown; known are model, half_gauge"):
+        with pytest.raises(
+            SettingsFileError, match=r"mass is unknown; known are model, half_gauge"
+        ):
             load(tmp_path / "mixed.toml")
-        with pytest.raises(InvalidValueError, match=r"a \.toml file that names this model and its tracks"):
+        with pytest.raises(
+            InvalidValueError, match=r"a \.toml file that names this model and its tracks"
+        ):
             load("robot.urdf")
     with pytest.raises(InvalidValueError, match=r"inertia = .*six finite numbers"):
         RobotParameters(inertia=(1, 1, 3, 0, 0, 0))

@@ -54,7 +54,8 @@ def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):
     made = build_tracked(load_tracked(write_robot(tmp_path, model=model)))
     assert made.model.body(made.body).name == "base"
     xml = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><light pos="0 0 1"/>
-    <body name="b"><freejoint/><geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2"/></body></worldbody>
+    <body name="b"><freejoint/><geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2"/></body>
+    </worldbody>
     <keyframe><key qpos="0 0 1 1 0 0 0"/></keyframe></mujoco>"""
     (tmp_path / "scene.xml").write_text(xml)
     text = ROBOT.split("[[flippers]]")[0].replace("mine.urdf", "scene.xml")
@@ -66,47 +67,83 @@ def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):
 def test_flippers_start_clear_of_the_ground(rescue):
     assert not clear_angles(rescue).any()
     bend, flippers = 0.6, rescue.robot.flippers  # the same with tips further down
-    bent = [[(x * np.cos(bend), -abs(x) * np.sin(bend), r) for x, _, r in flipper.hull] for flipper in flippers]
-    flippers = tuple(replace(flipper, hull=hull) for flipper, hull in zip(flippers, bent, strict=True))
+    bent = [
+        [(x * np.cos(bend), -abs(x) * np.sin(bend), r) for x, _, r in flipper.hull]
+        for flipper in flippers
+    ]
+    flippers = tuple(
+        replace(flipper, hull=hull) for flipper, hull in zip(flippers, bent, strict=True)
+    )
     lifted = clear_angles(replace(rescue, robot=replace(rescue.robot, flippers=flippers)))
-    # the tip's wheel, 0.04 m, 0.245 m from the hinge at 0.08 m, just clears the ground at -asin(0.04 / 0.245)
+    # the tip's wheel, 0.04 m, 0.245 m from the hinge at 0.08 m, just clears the ground at
+    # -asin(0.04 / 0.245)
     least = bend - np.arcsin(0.04 / 0.245)
     assert (lifted >= least - 1e-9).all()
     assert (lifted <= least + 2.6 / 60).all()
 
 
-MASKED = """<mujoco><worldbody><body name="base"><freejoint/><geom type="box" size=".2 .1 .1" {}="0" mass="9"/>
-<body name="arm" pos=".2 .3 .1"><joint axis="0 1 0"/><geom size=".01"/></body></body></worldbody></mujoco>"""
+MASKED = """<mujoco><worldbody>
+<body name="base"><freejoint/><geom type="box" size=".2 .1 .1" {}="0" mass="9"/>
+<body name="arm" pos=".2 .3 .1"><joint axis="0 1 0"/><geom size=".01"/></body></body>
+</worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        *((URDF, MASKED.format(mask), r"reaches down to -0\.1 m") for mask in ("contype", "conaffinity")),
+        *(
+            (URDF, MASKED.format(mask), r"reaches down to -0\.1 m")
+            for mask in ("contype", "conaffinity")
+        ),
         ("0 0 0.14", "0 0 nan", r"mine\.urdf: a number in it is nan, inf or too large"),
         ("</robot>", "", r"mine\.urdf: XML"),
         ("mine.urdf", "x" * 5000, "no such file"),
         ("mine.urdf", "gone.urdf", r"gone.urdf: no such file; `model` must name"),
-        ('body = "arm"', 'body = "leg"', "flippers: body = 'leg': must be links of the model, such as base, arm"),
+        (
+            'body = "arm"',
+            'body = "leg"',
+            "flippers: body = 'leg': must be links of the model, such as base, arm",
+        ),
         ('body = "arm"', 'body = "base"', "body = 'base': must have one joint, a hinge"),
-        ('side = "left"', 'side = "right"', "side of 'arm' = 'right': lies at y = 0.3 m, on the other"),
-        ("</robot>", '<mujoco><option gravity="0 0 0"/></mujoco></robot>', "must have gravity downwards"),
-        ("half_gauge", 'body = "arm"\nhalf_gauge', "body = 'arm': must be one that lies in the world: base"),
-        ("0.1, 0.1]", "0.3, 0.1]", "geom .* reaches down to 0.09 m .* above the tracks' lowest point, at 0.2 m"),
+        (
+            'side = "left"',
+            'side = "right"',
+            "side of 'arm' = 'right': lies at y = 0.3 m, on the other",
+        ),
+        (
+            "</robot>",
+            '<mujoco><option gravity="0 0 0"/></mujoco></robot>',
+            "must have gravity downwards",
+        ),
+        (
+            "half_gauge",
+            'body = "arm"\nhalf_gauge',
+            "body = 'arm': must be one that lies in the world: base",
+        ),
+        (
+            "0.1, 0.1]",
+            "0.3, 0.1]",
+            "geom .* reaches down to 0.09 m .* above the tracks' lowest point, at 0.2 m",
+        ),
     ],
 )
 def test_robots_that_cannot_be_built(tmp_path, old, new, said):
     with pytest.raises(TrackslipError, match=said):
-        build_tracked(load_tracked(write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new))))
+        build_tracked(
+            load_tracked(write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new)))
+        )
 
 
 ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20" range="-180 180"/>
-  <position kp="3000" forcerange="-150 150"/></default></default><worldbody><body name="base" pos="0 0 0.1"><freejoint/>
+  <position kp="3000" forcerange="-150 150"/></default></default>
+  <worldbody><body name="base" pos="0 0 0.1"><freejoint/>
   <geom type="box" size="0.3 0.15 0.05" pos="0 0 0.12" mass="25"/>
-  <body name="wheel" pos="0 0 0.2"><joint name="spin" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body>
+  <body name="wheel" pos="0 0 0.2">
+    <joint name="spin" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body>
   <body name="upper" pos="0.2 0 0.33"><joint name="lift" class="big" axis="0 -1 0"/>
-    <geom type="capsule" size="0.05" fromto="0 0 0 0.42 0 0" mass="8"/><body name="fore" pos="0.42 0 0">
-    <joint class="big" axis="0 -1 0"/><geom type="capsule" size="0.04" fromto="0 0 0 0.4 0 0" mass="5"/></body></body>
+    <geom type="capsule" size="0.05" fromto="0 0 0 0.42 0 0" mass="8"/>
+    <body name="fore" pos="0.42 0 0"><joint class="big" axis="0 -1 0"/>
+    <geom type="capsule" size="0.04" fromto="0 0 0 0.4 0 0" mass="5"/></body></body>
   </body></worldbody><actuator><velocity name="spin" joint="spin"/>
   <position class="big" name="lift" joint="lift"/></actuator>
   <keyframe><key qpos="0 0 0 1 0 0 0 0 0 0"/>
@@ -119,12 +156,17 @@ def test_runs_begin_in_a_keyframe(tmp_path):
     tracks += "hull = [[-0.4, 0.08, 0.08], [0.4, 0.08, 0.08]]\n"
     (tmp_path / "arm.toml").write_text(tracks)
     plain = load_tracked(tmp_path / "arm.toml")
-    with pytest.warns(RobotWarning, match='its keyframes, unnamed_key0, home, are not used.*; key = "unnamed_key0" in'):
+    with pytest.warns(
+        RobotWarning,
+        match='its keyframes, unnamed_key0, home, are not used.*; key = "unnamed_key0" in',
+    ):
         assert build_tracked(plain).model.nkey == 0
     assert not check(tmp_path / "arm.toml").errors
     (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "flat ground" in line)
     assert line.startswith("not for flat ground: com_x = 0.19")
-    with pytest.raises(TrackslipError, match="key = 'hom': must be one of its keyframes, unnamed_key0, home"):
+    with pytest.raises(
+        TrackslipError, match="key = 'hom': must be one of its keyframes, unnamed_key0, home"
+    ):
         build_tracked(replace(plain, key="hom"))
     (tmp_path / "home.toml").write_text(f'{tracks}key = "home"\n')
     world = Traverse(load_tracked(tmp_path / "home.toml"), [load_course("flat")], 2)
@@ -141,21 +183,41 @@ def test_runs_begin_in_a_keyframe(tmp_path):
 @pytest.mark.parametrize(("torque", "lifts"), [(30, False), (40, True)])
 def test_flippers_lift_a_robot_as_far_as_the_urdf_limits_their_torque(tmp_path, torque, lifts):
     """Four flippers of 0.35 m lift 40 kg off its tracks with 34 N m each."""
-    links = '<link name="base"><inertial><origin xyz="0 0 0.15"/><mass value="36"/>{0}</inertial></link>'
+    links = (
+        '<link name="base"><inertial><origin xyz="0 0 0.15"/><mass '
+        'value="36"/>{0}</inertial></link>'
+    )
     limit = f'<axis xyz="0 1 0"/><limit lower="-3.1" upper="3.1" effort="{torque}" velocity="10"/>'
     text = 'model = "r.urdf"\nhalf_gauge = 0.2\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n'
-    for name, x, side in (("fl", 1, "left"), ("fr", 1, "right"), ("rl", -1, "left"), ("rr", -1, "right")):
+    for name, x, side in (
+        ("fl", 1, "left"),
+        ("fr", 1, "right"),
+        ("rl", -1, "left"),
+        ("rr", -1, "right"),
+    ):
         y = 0.3 if side == "left" else -0.3
-        links += f'<link name="{name}"><inertial><origin xyz="{0.15 * x} 0 0"/><mass value="1"/>{{1}}</inertial></link>'
-        links += f'<joint name="j{name}" type="revolute"><parent link="base"/><child link="{name}"/>'
+        links += (
+            f'<link name="{name}"><inertial><origin xyz="{0.15 * x} 0 0"/><mass '
+            f'value="1"/>{{1}}</inertial></link>'
+        )
+        links += (
+            f'<joint name="j{name}" type="revolute"><parent link="base"/><child link="{name}"/>'
+        )
         links += f'<origin xyz="{0.25 * x} {y} 0.09"/>{limit}</joint>'
-        text += f'[[flippers]]\nbody = "{name}"\nside = "{side}"\nhull = [[0.0, 0.0, 0.09], [{0.35 * x}, 0.0, 0.03]]\n'
-    inertia = [f'<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/>' for i in (1.0, 0.01)]
+        text += (
+            f'[[flippers]]\nbody = "{name}"\nside = "{side}"\nhull = [[0.0, 0.0, 0.09], '
+            f"[{0.35 * x}, 0.0, 0.03]]\n"
+        )
+    inertia = [
+        f'<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/>' for i in (1.0, 0.01)
+    ]
     (tmp_path / "r.urdf").write_text(f'<robot name="r">{links.format(*inertia)}</robot>')
     (tmp_path / "r.toml").write_text(text)
     tracked = build_tracked(load_tracked(tmp_path / "r.toml"))
     model, data = tracked.model, mujoco.MjData(tracked.model)
     for k in range(2000):
-        data.ctrl[tracked.flipper_motor] = tracked.flipper_control(np.full(4, -0.6 * min(1.0, k / 1000)))
+        data.ctrl[tracked.flipper_motor] = tracked.flipper_control(
+            np.full(4, -0.6 * min(1.0, k / 1000))
+        )
         mujoco.mj_step(model, data)
     assert (data.qpos[2] > 0.01) == lifts

@@ -14,28 +14,47 @@ from trackslip.skid_theory import steady_twist
 
 ENDS = {"front": 0.2, "rear": -0.2}
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
-CUBE += "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 5\nf 2 6 8\nf 2 8 4\n"
-WHEELS = {f"{side}_{end}": (x, y) for side, y in (("left", 0.25), ("right", -0.25)) for end, x in ENDS.items()}
+CUBE += (
+    "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 "
+    "5\nf 2 6 8\nf 2 8 4\n"
+)
+WHEELS = {
+    f"{side}_{end}": (x, y)
+    for side, y in (("left", 0.25), ("right", -0.25))
+    for end, x in ENDS.items()
+}
 """Places of a rover's wheels, x and y [m]."""
 LISTED = list(WHEELS)
 LOOSE = {"kind": "continuous"}
 LIMITS = {"kind": "revolute", "rest": '<limit lower="-0.3" upper="0.3" effort="1" velocity="1"/>'}
-ENDLESS = {"kind": "revolute", "rest": '<limit lower="-1e16" upper="1e16" effort="0" velocity="0"/>'}
+ENDLESS = {
+    "kind": "revolute",
+    "rest": '<limit lower="-1e16" upper="1e16" effort="0" velocity="0"/>',
+}
 """Of joints."""
 TRACKS = "half_gauge = 0.25\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n"
 
 
 def link(name, mass, shape="", place="0 0 0", look=""):
     """A link with a collision shape and a mesh to look at."""
-    inertia = f'<inertia ixx="{mass / 20}" iyy="{mass / 20}" izz="{mass / 15}" ixy="0" ixz="0" iyz="0"/>'
+    inertia = (
+        f'<inertia ixx="{mass / 20}" iyy="{mass / 20}" izz="{mass / 15}" ixy="0" ixz="0" iyz="0"/>'
+    )
     inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>' if mass else ""
-    collision = f'<collision><origin xyz="{place}"/><geometry>{shape}</geometry></collision>' if shape else ""
+    collision = (
+        f'<collision><origin xyz="{place}"/><geometry>{shape}</geometry></collision>'
+        if shape
+        else ""
+    )
     visual = f'<visual><geometry><mesh filename="{look}"/></geometry></visual>' if look else ""
     return f'<link name="{name}">{inertial}{visual}{collision}</link>'
 
 
 def joint(parent, child, place, kind="continuous", rest=""):
-    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
+    ends = (
+        f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 '
+        '1 0"/>'
+    )
     return f'<joint name="{child}_joint" type="{kind}">{ends}{rest}</joint>'
 
 
@@ -52,7 +71,9 @@ def rover(wheel='<sphere radius="0.1"/>', heights=(0.0, 0.0, 0.0, 0.0), parent="
 def write(folder, parts, text='wheels = "replace"\n', name="rover.urdf"):
     """Write the URDF into a package's folder urdf, and its robot file beside it."""
     (folder / "rover_description" / "urdf").mkdir(parents=True, exist_ok=True)
-    (folder / "rover_description" / "urdf" / name).write_text(f'<robot name="rover">{"".join(parts)}</robot>')
+    (folder / "rover_description" / "urdf" / name).write_text(
+        f'<robot name="rover">{"".join(parts)}</robot>'
+    )
     file = folder / "rover.toml"
     file.write_text(f'model = "rover_description/urdf/{name}"\n{text}')
     return file
@@ -83,9 +104,18 @@ def test_meshes_are_found(tmp_path, filename, at, packages):
 
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
 ASCII_STL = "solid made by a CAD\n" + "facet normal 0 0 1 outer loop vertex 0 0 0\n" * 9
-PADDLE = '[[flippers]]\nbody = "paddle"\nside = "left"\nhull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]\n'
-HINGE, HINGED = (joint("base", "paddle", f'0.2 0.3 0" rpy="0 0 {yaw}', **LIMITS) for yaw in (1.57, 0))
-TIPPED = [link("paddle", 1), HINGED, link("tip", 1, '<sphere radius="0.04"/>'), joint("paddle", "tip", "0.25 0 0")]
+PADDLE = (
+    '[[flippers]]\nbody = "paddle"\nside = "left"\nhull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]\n'
+)
+HINGE, HINGED = (
+    joint("base", "paddle", f'0.2 0.3 0" rpy="0 0 {yaw}', **LIMITS) for yaw in (1.57, 0)
+)
+TIPPED = [
+    link("paddle", 1),
+    HINGED,
+    link("tip", 1, '<sphere radius="0.04"/>'),
+    joint("paddle", "tip", "0.25 0 0"),
+]
 OTHER = 'packages = ["rover_description/other"]\n'
 PACKAGE = {"other/package.xml": "<package><name>named</name></package>"}
 
@@ -101,17 +131,62 @@ def below(shape):
 @pytest.mark.parametrize(
     ("parts", "text", "files", "said"),
     [
-        (mesh("package://gone/a.stl"), "", {}, "link 'base' needs package://gone/a.stl .*`packages` must list"),
-        (mesh("../meshes/a.dae"), "", {"meshes/a.dae": ""}, "'base' needs .*MuJoCo doesn't read .dae; convert it"),
-        (mesh("a.stl"), "", {}, "link 'base' needs a.stl to collide or for its mass, but there is no"),
-        (mesh("../meshes/a.stl"), "", {"meshes/a.stl": ASCII_STL}, r"such an \.stl \(ASCII, or over 200,000 faces\)"),
-        (mesh("../meshes/a.obj"), "", {"meshes/a.obj": POINTER}, "but a.obj is a Git LFS .*git lfs pull"),
+        (
+            mesh("package://gone/a.stl"),
+            "",
+            {},
+            "link 'base' needs package://gone/a.stl .*`packages` must list",
+        ),
+        (
+            mesh("../meshes/a.dae"),
+            "",
+            {"meshes/a.dae": ""},
+            "'base' needs .*MuJoCo doesn't read .dae; convert it",
+        ),
+        (
+            mesh("a.stl"),
+            "",
+            {},
+            "link 'base' needs a.stl to collide or for its mass, but there is no",
+        ),
+        (
+            mesh("../meshes/a.stl"),
+            "",
+            {"meshes/a.stl": ASCII_STL},
+            r"such an \.stl \(ASCII, or over 200,000 faces\)",
+        ),
+        (
+            mesh("../meshes/a.obj"),
+            "",
+            {"meshes/a.obj": POINTER},
+            "but a.obj is a Git LFS .*git lfs pull",
+        ),
         (mesh("package://named/a.stl"), OTHER, PACKAGE, "package named in .*other has no a.stl$"),
-        (below('<box size="0.3 0.1 0.02"/>'), "", {}, "a geom of link plate reaches down to -0.12 m in the frame of"),
-        (below('<mesh filename="../meshes/a.obj"/>'), "", {"meshes/a.obj": CUBE}, "mesh a of link plate reaches down"),
-        (['<xacro:include filename="a.xacro"/>', base()], "", {}, "is xacro; run `xacro rover.urdf > robot.urdf`"),
+        (
+            below('<box size="0.3 0.1 0.02"/>'),
+            "",
+            {},
+            "a geom of link plate reaches down to -0.12 m in the frame of",
+        ),
+        (
+            below('<mesh filename="../meshes/a.obj"/>'),
+            "",
+            {"meshes/a.obj": CUBE},
+            "mesh a of link plate reaches down",
+        ),
+        (
+            ['<xacro:include filename="a.xacro"/>', base()],
+            "",
+            {},
+            "is xacro; run `xacro rover.urdf > robot.urdf`",
+        ),
         ([base('<box size="a"/>')], "", {}, r"rover\.urdf: XML Error: .*Element 'box', line 1$"),
-        ([base(), link("paddle", 1), HINGE], PADDLE, {}, "'paddle': must have y to the left, and its hinge along y"),
+        (
+            [base(), link("paddle", 1), HINGE],
+            PADDLE,
+            {},
+            "'paddle': must have y to the left, and its hinge along y",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line_that_names_it(tmp_path, parts, text, files, said):
@@ -134,8 +209,16 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
         (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
-        (rover(heights=(0.0, 0.02, 0.0, 0.0)), '"replace"', "alike on the left and right; found are left_front"),
-        ([*rover(), *RADAR], [*LISTED, "radar"], "'radar': turns endlessly, must be round to be a wheel"),
+        (
+            rover(heights=(0.0, 0.02, 0.0, 0.0)),
+            '"replace"',
+            "alike on the left and right; found are left_front",
+        ),
+        (
+            [*rover(), *RADAR],
+            [*LISTED, "radar"],
+            "'radar': turns endlessly, must be round to be a wheel",
+        ),
     ],
 )
 def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
@@ -147,8 +230,14 @@ def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
     ("text", "said"),
     [
         (POINTER, "is a Git LFS pointer"),
-        ('<mujoco><asset><texture name="p" type="2d" file="p.png"/></asset></mujoco>', "'p' needs p.png, but it"),
-        ('<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>', "XML of <sdf>; `model` must be an MJCF .* or"),
+        (
+            '<mujoco><asset><texture name="p" type="2d" file="p.png"/></asset></mujoco>',
+            "'p' needs p.png, but it",
+        ),
+        (
+            '<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>',
+            "XML of <sdf>; `model` must be an MJCF .* or",
+        ),
         ("#usda 1.0", "is no XML"),
         ('<robot name="r"><wheels_macro/></robot>', "has no links; .* called as <xacro:NAME/>"),
     ],
@@ -172,10 +261,14 @@ def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
     if unit in ("1", ""):
         assert load_tracked(file).hull[0][2] == pytest.approx(0.1)
         return
-    with pytest.raises(TrackslipError, match=f"wheel.dae is in units of {unit} m, and wheel.obj has no unit: name"):
+    with pytest.raises(
+        TrackslipError, match=f"wheel.dae is in units of {unit} m, and wheel.obj has no unit: name"
+    ):
         load_tracked(file)
     named = rover(f'<mesh filename="../meshes/wheel.obj" scale="{unit} {unit} {unit}"/>')
-    assert load_tracked(write(tmp_path, named)).hull[0][2] == pytest.approx(0.1 * float(unit), rel=1e-3)
+    assert load_tracked(write(tmp_path, named)).hull[0][2] == pytest.approx(
+        0.1 * float(unit), rel=1e-3
+    )
 
 
 def fixed(part, parent="base", place="0 0 0"):
@@ -194,7 +287,10 @@ OFF = (1e-4, 0.0, 0.0, 1e-4)
 ROLLERS = [
     part
     for (name, (x, y)), off in zip(WHEELS.items(), OFF, strict=True)
-    for part in (link(f"{name}_r", 1, '<sphere radius="0.03"/>'), joint("base", f"{name}_r", f"{x + off} {y} 0.12"))
+    for part in (
+        link(f"{name}_r", 1, '<sphere radius="0.03"/>'),
+        joint("base", f"{name}_r", f"{x + off} {y} 0.12"),
+    )
 ]
 
 
@@ -202,13 +298,28 @@ ROLLERS = [
     ("parts", "wheels"),
     [
         (rover(**ENDLESS), '"replace"'),
-        ([part.replace('<origin xyz="0 0 0"/><geometry><cyl', LYING) for part in rover(CYLINDER)], '"replace"'),
+        (
+            [
+                part.replace('<origin xyz="0 0 0"/><geometry><cyl', LYING)
+                for part in rover(CYLINDER)
+            ],
+            '"replace"',
+        ),
         (rover('<mesh filename="package://rover_description/wheel.obj"/>'), '"replace"'),
         ([*rover(), *HUBS], [*LISTED, *(f"{name}_hub" for name in LISTED)]),
         ([*rover(kind="fixed", parent="block"), *BLOCK, *BELT], [*LISTED, "belt", "block"]),
         ([*rover(), *fixed(link("rider", 0, '<box size="1 1 1"/>', "0 0 1"))], '"replace"'),
-        ([part.replace('xyz="0 0 0"/><geo', 'xyz="0 0 0" rpy="0 0.7 0"/><geo') for part in rover()], '"replace"'),
-        ([re.sub('<inertial><mass value="1"/>.*?</inertial>', "", part) for part in rover()], '"replace"'),
+        (
+            [
+                part.replace('xyz="0 0 0"/><geo', 'xyz="0 0 0" rpy="0 0.7 0"/><geo')
+                for part in rover()
+            ],
+            '"replace"',
+        ),
+        (
+            [re.sub('<inertial><mass value="1"/>.*?</inertial>', "", part) for part in rover()],
+            '"replace"',
+        ),
         ([re.sub('mass value="1"', 'mass value="0"', part) for part in rover()], '"replace"'),
         ([*rover(heights=OFF), *ROLLERS], '"replace"'),  # a hair apart, and alike
         ([*rover(), *TIPPED], f'"replace"\n{PADDLE}'),
@@ -230,7 +341,9 @@ def test_tracks_replace_the_wheels(tmp_path, parts, wheels):
 
 
 def carried_rover(axis, options, nested=False):
-    """A rover whose wheels hang on two carriers, one of each side or more, with near-square plates near the middle."""
+    """A rover whose wheels hang on two carriers, one of each side or more, with near-square plates
+    near the middle.
+    """
     parts = [link("base", 10, '<box size="0.4 0.2 0.05"/>', "0 0 0.15")]
     for side, sign in (("left", 1), ("right", -1)):
         carriers = [f"{side}_rocker", f"{side}_bogie" if nested else f"{side}_rocker"]
@@ -250,9 +363,13 @@ def carried_rover(axis, options, nested=False):
 )  # rockers, knuckles and bogies
 def test_what_carries_wheels_is_locked_and_no_wheel(tmp_path, carried):
     parts = carried_rover(*carried)
-    with pytest.raises(TrackslipError, match=r"hangs on 'left_.*list it to lock it, wheels = \[.*\]") as refused:
+    with pytest.raises(
+        TrackslipError, match=r"hangs on 'left_.*list it to lock it, wheels = \[.*\]"
+    ) as refused:
         build_tracked(load_tracked(write(tmp_path, parts)))
-    robot = load_tracked(write(tmp_path, parts, str(refused.value).partition("lock it, ")[2] + "\n"))
+    robot = load_tracked(
+        write(tmp_path, parts, str(refused.value).partition("lock it, ")[2] + "\n")
+    )
     assert (robot.half_gauge, robot.lowest) == (pytest.approx(0.3), pytest.approx(-0.1))
     np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
     assert build_tracked(robot).model.nv == 6
@@ -261,7 +378,11 @@ def test_what_carries_wheels_is_locked_and_no_wheel(tmp_path, carried):
 def test_a_rover_on_its_own_wheels_turns_as_theory_says_on_flat_ground_and_on_terrain(tmp_path):
     file = write(tmp_path, rover(), 'contact = "wheels"\nwheels = "replace"\npatch_length = 0.05\n')
     parameters, _ = load_parameters(file)
-    assert (parameters.axles, parameters.half_gauge, parameters.contact_length) == ((-0.2, 0.2), 0.25, 0.45)
+    assert (parameters.axles, parameters.half_gauge, parameters.contact_length) == (
+        (-0.2, 0.2),
+        0.25,
+        0.45,
+    )
     speeds, made = np.array([0.1, 0.2]), build_tracked(load_tracked(file))
     model, data = made.model, mujoco.MjData(made.model)
     data.qpos[made.free[0] + 2] = -made.robot.lowest
@@ -279,31 +400,47 @@ def test_a_rover_on_its_own_wheels_turns_as_theory_says_on_flat_ground_and_on_te
 
 def test_wheels_of_an_mjcf_go_with_their_motors_and_sensors(tmp_path):
     wheels = "".join(
-        f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" axis="0 1 0"/><geom size="0.1"/></body>'
+        f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" axis="0 1 0"/><geom '
+        'size="0.1"/></body>'
         for name, (x, y) in WHEELS.items()
     )
     motors = "".join(f'<velocity name="m{name}" joint="{name}"/>' for name in WHEELS)
-    sensors = "".join(f'<jointpos joint="{name}"/><actuatorfrc actuator="m{name}"/>' for name in WHEELS)
+    sensors = "".join(
+        f'<jointpos joint="{name}"/><actuatorfrc actuator="m{name}"/>' for name in WHEELS
+    )
     (tmp_path / "r.xml").write_text(
-        '<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1" euler="0 0 90"><freejoint/>'
-        f'<geom name="g" type="box" size=".2 .1 .05" pos="0 0 .2"/>{wheels}</body></worldbody><tendon><fixed name="t">'
-        '<joint joint="left_rear" coef="1"/></fixed></tendon><contact><pair geom1="floor" geom2="g"/></contact>'
+        '<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1" '
+        'euler="0 0 90"><freejoint/>'
+        '<geom name="g" type="box" size=".2 .1 .05" pos="0 0 '
+        f'.2"/>{wheels}</body></worldbody><tendon><fixed name="t">'
+        '<joint joint="left_rear" coef="1"/></fixed></tendon><contact><pair geom1="floor" '
+        'geom2="g"/></contact>'
         f'<actuator>{motors}<motor tendon="t"/></actuator><sensor>{sensors}</sensor></mujoco>'
     )
     (tmp_path / "r.toml").write_text('model = "r.xml"\nwheels = "replace"\n')
     model = build_tracked(load_tracked(tmp_path / "r.toml")).model
     assert (model.nv, model.nu, model.ntendon) == (6, 0, 0)
-    drawn = robot_looks(load_parameters(str(tmp_path / "r.toml"))[0]).model.body("robot/unnamed_body1")
+    drawn = robot_looks(load_parameters(str(tmp_path / "r.toml"))[0]).model.body(
+        "robot/unnamed_body1"
+    )
     np.testing.assert_allclose([*drawn.pos, *drawn.quat], [0, 0, 0.1, 1, 0, 0, 0], atol=1e-9)
 
 
-BOX = '<worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/></body></worldbody>'
+BOX = (
+    '<worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 '
+    '.2"/></body></worldbody>'
+)
 STEP = '<option timestep="0.002"/>'
 
 
 @pytest.mark.parametrize(
     ("text", "step"),
-    [(STEP, 0.002), ('<include file="part.xml"/>', 0.002), (f"<!-- {STEP} -->", 0.004), ("<option/>", 0.004)],
+    [
+        (STEP, 0.002),
+        ('<include file="part.xml"/>', 0.002),
+        (f"<!-- {STEP} -->", 0.004),
+        ("<option/>", 0.004),
+    ],
 )
 def test_a_stated_physics_step_is_kept(tmp_path, text, step):
     (tmp_path / "part.xml").write_text(f"<mujoco>{STEP}</mujoco>")
@@ -315,16 +452,31 @@ def test_a_stated_physics_step_is_kept(tmp_path, text, step):
 
 
 def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
-    arm, mast = (link(name, 1, f'<mesh filename="package://gone/{name}.stl"/>') for name in ("arm", "mast"))
-    parts = [*rover(), *below('<box size="0.3 0.1 0.02"/>')[1:], arm, joint("base", "arm", "0 0 0.3")]
+    arm, mast = (
+        link(name, 1, f'<mesh filename="package://gone/{name}.stl"/>') for name in ("arm", "mast")
+    )
+    parts = [
+        *rover(),
+        *below('<box size="0.3 0.1 0.02"/>')[1:],
+        arm,
+        joint("base", "arm", "0 0 0.3"),
+    ]
     parts += [link("fan", 0, '<sphere radius="0.01"/>'), joint("base", "fan", "0 0 0.5", **LIMITS)]
     parts += [*fixed(mast, place="0 0 0.3"), *fixed(link("eye", 0, look="eye.dae"))]
     checked = check(write(tmp_path, parts, f"wheels = {LISTED}\n"))
-    for said in ("link 'arm' needs", "link 'mast' needs", "a geom of link plate reaches down to -0.12 m"):
+    for said in (
+        "link 'arm' needs",
+        "link 'mast' needs",
+        "a geom of link plate reaches down to -0.12 m",
+    ):
         assert sum(said in line for line in checked.errors) == 1
     assert len(checked.errors) == 3
     nothing = "nothing drives or holds 1 hinge without limits, arm_joint"
-    for said in ("without 1 mesh file (eye.dae)", nothing, "without <inertial>, fan, weigh as water"):
+    for said in (
+        "without 1 mesh file (eye.dae)",
+        nothing,
+        "without <inertial>, fan, weigh as water",
+    ):
         assert sum(said in line for line in checked.warnings) == 1
     facts = dict(checked.facts)
     assert facts["contact"] == "tracks, half gauge 0.25 m, 0.4 m long"

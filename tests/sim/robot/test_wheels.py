@@ -13,15 +13,30 @@ G = 9.81
 
 def wheels(half_gauge=0.275, axles=(-0.256, 0.256), mass=75.0, **changes):
     radius = min(0.6 * half_gauge, 0.165)
-    given = {"patch_length": min(0.1, 0.3 * half_gauge), "com_height": 0.5 * half_gauge, "radius_error": 0.0}
+    given = {
+        "patch_length": min(0.1, 0.3 * half_gauge),
+        "com_height": 0.5 * half_gauge,
+        "radius_error": 0.0,
+    }
     return RobotParameters(
-        half_gauge, sprocket_radius=radius, mass=mass, axles=axles, contact="wheels", **given | changes
+        half_gauge,
+        sprocket_radius=radius,
+        mass=mass,
+        axles=axles,
+        contact="wheels",
+        **given | changes,
     )
 
 
 def turned(parameters, belts, ground, settle=1.5, top_speed=9.0):
     """Steady twists (M, 3), simulated and by theory, of belts with speeds (M, 2)."""
-    fleet = Fleet(load_robot(parameters=parameters), np.zeros((len(belts), 3)), ground, 0.0, tireless(top_speed))
+    fleet = Fleet(
+        load_robot(parameters=parameters),
+        np.zeros((len(belts), 3)),
+        ground,
+        0.0,
+        tireless(top_speed),
+    )
     fleet.command(belts / parameters.sprocket_radius)
     fleet.advance(settle)
     twists = []
@@ -62,7 +77,9 @@ def train(axles):
 def test_turns_are_those_of_theory(robot, ground, within):
     belts = arcs(robot, 0.2 if ground.shear else 0.1)
     twist, expected = turned(robot, belts, ground)
-    np.testing.assert_allclose(ratio(robot, belts, twist), ratio(robot, belts, expected), rtol=within)
+    np.testing.assert_allclose(
+        ratio(robot, belts, twist), ratio(robot, belts, expected), rtol=within
+    )
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], atol=0.002)
 
 
@@ -78,7 +95,9 @@ def test_wheels_climb_as_theory_says(robot, shear):
 
 @pytest.mark.parametrize("shear", [0.0, 0.02])
 def test_sliding_decays_at_the_rate_asked_for(shear):
-    """A robot that slides while its friction holds: the engine takes 100/s times the step of its speed in each step."""
+    """A robot that slides while its friction holds: the engine takes 100/s times the step of its
+    speed in each step.
+    """
     for robot in (HUSKY, train(10)):
         loaded = load_robot(parameters=robot)
         fleet = Fleet(loaded, np.zeros((1, 3)), Ground(5.0, 5.0), 0.0, tireless(), shears=shear > 0)

@@ -17,21 +17,28 @@ POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0], [-1.5, 1
 
 def feed(robot, scanner=None, seed=0, poses=POSES):
     fleet = Fleet(robot, poses)
-    return ScannerFeed(scanner or LaserScanner(), fleet, [generator(seed, f"{k}") for k in range(len(poses))])
+    return ScannerFeed(
+        scanner or LaserScanner(), fleet, [generator(seed, f"{k}") for k in range(len(poses))]
+    )
 
 
 def test_rays_are_those_of_a_rectangle(robot, scan_rectangle):
-    expected = scan_rectangle(POSES, np.random.default_rng(0), noise=0.0, mount=tuple(robot.lrf_mount))
+    expected = scan_rectangle(
+        POSES, np.random.default_rng(0), noise=0.0, mount=tuple(robot.lrf_mount)
+    )
     ranges = feed(robot).true_ranges()
     assert ranges.shape == expected.ranges.shape == (4, 721)
     np.testing.assert_array_equal(np.isnan(ranges), np.isnan(expected.ranges))
-    np.testing.assert_allclose(ranges, expected.ranges, atol=3e-5)  # it leans by 7e-6 rad until it has settled
+    # it leans by 7e-6 rad until it has settled
+    np.testing.assert_allclose(ranges, expected.ranges, atol=3e-5)
 
 
 def test_a_seed_gives_each_robot_its_own_noise(robot):
     fleet = Fleet(robot, POSES[[0, 0]])
     true = ScannerFeed(LaserScanner(), fleet).true_ranges()[:, None]
-    one, again, other = (ScannerFeed(LaserScanner(), fleet, seed).measure(true) for seed in (0, 0, 1))
+    one, again, other = (
+        ScannerFeed(LaserScanner(), fleet, seed).measure(true) for seed in (0, 0, 1)
+    )
     np.testing.assert_array_equal(one, again)
     for two in (other, one[::-1]):
         assert not np.array_equal(one, two, equal_nan=True)
@@ -85,22 +92,37 @@ def assert_all_beams(scanner, fleet):
 
 def around_the_scanner(robot, distance, bearing, heading):
     x, y, mount = robot.lrf_mount
-    return np.stack([x + distance * np.cos(mount + bearing), y + distance * np.sin(mount + bearing), heading], axis=-1)
+    return np.stack(
+        [x + distance * np.cos(mount + bearing), y + distance * np.sin(mount + bearing), heading],
+        axis=-1,
+    )
 
 
 @pytest.mark.parametrize("leaning", [False, True])
 @settings(max_examples=4, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), name=st.sampled_from(sorted(SCANNERS)), reach=st.sampled_from([0.4, 2.0, 25.0]))
-def test_near_and_far_and_with_the_scanner_inside_the_plates_sphere(robot, leaning, seed, name, reach):
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    name=st.sampled_from(sorted(SCANNERS)),
+    reach=st.sampled_from([0.4, 2.0, 25.0]),
+)
+def test_near_and_far_and_with_the_scanner_inside_the_plates_sphere(
+    robot, leaning, seed, name, reach
+):
     """With the weight off the middle, the plate's middle isn't above the robot's."""
     rng = np.random.default_rng(seed)
-    distance, bearing, heading = rng.uniform([[0.0], [-np.pi], [-np.pi]], [[reach], [np.pi], [np.pi]], (3, 12))
+    distance, bearing, heading = rng.uniform(
+        [[0.0], [-np.pi], [-np.pi]], [[reach], [np.pi], [np.pi]], (3, 12)
+    )
     model = compiled(RobotParameters(com_x=0.04, com_y=0.04)) if leaning else robot
-    assert_all_beams(SCANNERS[name], Fleet(model, around_the_scanner(robot, distance, bearing, heading)))
+    assert_all_beams(
+        SCANNERS[name], Fleet(model, around_the_scanner(robot, distance, bearing, heading))
+    )
 
 
 def test_the_seam_behind_the_scanner_and_its_edges(robot):
-    bearing = np.radians([-180.0, -179.0, -166.0, -164.0, -91.0, -90.0, -20.0, 0.0, 19.0, 90.0, 165.0, 179.9])
+    bearing = np.radians(
+        [-180.0, -179.0, -166.0, -164.0, -91.0, -90.0, -20.0, 0.0, 19.0, 90.0, 165.0, 179.9]
+    )
     fleet = Fleet(robot, around_the_scanner(robot, np.ones(12), bearing, bearing))
     for scanner in SCANNERS.values():
         assert np.isfinite(assert_all_beams(scanner, fleet)[7]).any()  # straight ahead
@@ -114,17 +136,24 @@ def fan(beams=720):
 def engine_ranges(obstacles, origin, directions):
     """The same obstacles as geoms: cylinders, and boxes 2 um thick."""
     places = [(post.x, post.y, post.radius) for post in obstacles.posts]
-    geoms = [f'<geom type="cylinder" size="{radius} 1" pos="{x} {y} 0"/>' for x, y, radius in places]
+    geoms = [
+        f'<geom type="cylinder" size="{radius} 1" pos="{x} {y} 0"/>' for x, y, radius in places
+    ]
     geoms += [
-        f'<geom type="box" size="1e-6 1e-6 1" fromto="{wall.x0} {wall.y0} 0 {wall.x1} {wall.y1} 0"/>'
+        f'<geom type="box" size="1e-6 1e-6 1" fromto="{wall.x0} {wall.y0} 0 {wall.x1} {wall.y1} '
+        '0"/>'
         for wall in obstacles.walls
     ]
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{''.join(geoms)}</worldbody></mujoco>")
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{''.join(geoms)}</worldbody></mujoco>"
+    )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hit = np.zeros(1, np.int32)
     start = np.array([*origin, 0.0])
-    distance = [mujoco.mj_ray(model, data, start, np.array([*d, 0.0]), None, 1, -1, hit) for d in directions]
+    distance = [
+        mujoco.mj_ray(model, data, start, np.array([*d, 0.0]), None, 1, -1, hit) for d in directions
+    ]
     return np.where(np.array(distance) < 0, np.nan, distance)
 
 
@@ -136,7 +165,10 @@ def test_ranges_are_those_of_the_engine(seed):
     walls = tuple(Wall(*rng.uniform(-5.0, -1.0, 4)) for _ in range(3))
     obstacles = Obstacles(posts, walls)
     origin, directions = rng.uniform(-0.2, 0.2, 2), fan()
-    ranges, expected = obstacles.ranges(origin, directions), engine_ranges(obstacles, origin, directions)
+    ranges, expected = (
+        obstacles.ranges(origin, directions),
+        engine_ranges(obstacles, origin, directions),
+    )
     differ = np.isnan(ranges) != np.isnan(expected)
     assert differ.sum() <= 2  # a beam along the very edge
     np.testing.assert_allclose(ranges[~differ], expected[~differ], atol=1e-3)
@@ -152,7 +184,10 @@ def test_ranges_are_those_of_the_engine(seed):
 def test_obstacles_on_the_scanner_are_refused(robot, name, inside, outside):
     fleet = Fleet(robot, [[-1.5, 0.5, 0.3]])
     ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(**{name: (outside,)}))
-    message = f"{name}[1] = {inside}: must be at least 0.01 m away from the scanner, which is at (-1.5, -1.5)"
+    message = (
+        f"{name}[1] = {inside}: must be at least 0.01 m away from the scanner, which is at "
+        "(-1.5, -1.5)"
+    )
     with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
         ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(**{name: (outside, inside)}))
 

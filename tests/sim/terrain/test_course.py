@@ -2,7 +2,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.terrain import Beams, Course, Flat, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
+from sim.terrain import (
+    Beams,
+    Course,
+    Flat,
+    HeightField,
+    Pallets,
+    Ramp,
+    Rough,
+    SideSlope,
+    Stairs,
+    Step,
+)
 from sim.terrain.course import course_names, load_course, look_up
 
 
@@ -13,7 +24,9 @@ def look_down(model, points):
     heights, normals = np.empty(len(points)), np.empty((len(points), 3))
     down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
     for k, (x, y) in enumerate(points):
-        heights[k] = high - mujoco.mj_ray(model, data, np.array([x, y, high]), down, None, 1, -1, geom, normals[k])
+        heights[k] = high - mujoco.mj_ray(
+            model, data, np.array([x, y, high]), down, None, 1, -1, geom, normals[k]
+        )
     return heights, normals
 
 
@@ -30,7 +43,9 @@ def test_a_small_ball_touches_height_fields_where_height_says():
     points = np.random.default_rng(0).uniform([0.05, -1.4], [1.95, 1.4], (200, 2))
     x, y = points.T
     height, tiny = course.height(x, y), 1e-6
-    steepness = np.hypot(course.height(x + tiny, y) - height, course.height(x, y + tiny) - height) / tiny
+    steepness = (
+        np.hypot(course.height(x + tiny, y) - height, course.height(x, y + tiny) - height) / tiny
+    )
     upward = 1 / np.hypot(1, steepness)  # of the surface's normal
     depth = np.full(len(points), np.nan)
     for k, point in enumerate(points):
@@ -38,7 +53,8 @@ def test_a_small_ball_touches_height_fields_where_height_says():
         mujoco.mj_forward(model, data)
         depth[k] = -data.contact.dist.min()
     assert np.median(np.abs(depth - (1e-3 - 5e-4 * upward))) < 1e-9
-    assert np.abs(depth - (1e-3 - 5e-4 * upward)).max() < 5e-5  # beside edges, another triangle is a little nearer
+    # beside edges, another triangle is a little nearer
+    assert np.abs(depth - (1e-3 - 5e-4 * upward)).max() < 5e-5
 
 
 def test_seams_are_flush():
@@ -51,7 +67,9 @@ def test_seams_are_flush():
     level = np.abs(before - behind).max(axis=0)
     assert (level[:-1] < 1e-7).all()  # height fields are in single precision
     inner = seams[5] + np.array([1.0, 4.0])  # between the side slope and its twisted stretches
-    np.testing.assert_allclose(course.height(inner - aside, y), course.height(inner + aside, y), atol=1e-7)
+    np.testing.assert_allclose(
+        course.height(inner - aside, y), course.height(inner + aside, y), atol=1e-7
+    )
     heights = [placed.z for placed in course.placed[:-2]]
     np.testing.assert_allclose(course.height(seams - aside, 0.0), heights, atol=1e-8)
 
@@ -61,7 +79,9 @@ def test_rough_ground_has_its_height_and_its_spectrum():
     heights = course.solids[1].heights
     assert np.ptp(heights) == pytest.approx(0.2, rel=1e-12)
     assert (heights[:, [0, -1]] == 0.0).all()
-    inner = heights[:, 1:-1] * np.hanning(heights.shape[1] - 2) * np.hanning(heights.shape[0])[:, None]
+    inner = (
+        heights[:, 1:-1] * np.hanning(heights.shape[1] - 2) * np.hanning(heights.shape[0])[:, None]
+    )
     power = np.abs(np.fft.rfft2(inner)) ** 2
     rows, columns = inner.shape
     wave_number = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns))
@@ -77,7 +97,9 @@ def test_same_seed_same_bits_and_other_pieces_leave_a_piece_as_it_is():
     assert one.solids[2:] == again.solids[2:]
     assert (one.solids[1].heights != other.solids[1].heights).any()
     longer = Course((Flat(3.0), Pallets(), *pieces), seed=2)
-    assert any(getattr(solid, "quaternion", None) == one.solids[-1].quaternion for solid in longer.solids)
+    assert any(
+        getattr(solid, "quaternion", None) == one.solids[-1].quaternion for solid in longer.solids
+    )
     twice = Course((Rough(), Rough())).solids[1:3]
     assert (twice[0].heights != twice[1].heights).any()
 
@@ -93,17 +115,24 @@ def test_given_heights_are_rows_to_the_left_and_columns_ahead():
 def test_elevation_is_height_but_for_edges():
     course = Course((Ramp(0.3, 2.0), Stairs(0.1, 0.3, 3), Rough(2.0, 0.1)))
     points = np.random.default_rng(0).uniform(*course.bounds[:, :2], (2000, 2))
-    assert np.quantile(np.abs(look_up([course], points[None])[0] - course.height(*points.T)), 0.9) < 2e-3
+    assert (
+        np.quantile(np.abs(look_up([course], points[None])[0] - course.height(*points.T)), 0.9)
+        < 2e-3
+    )
     ramp, far = [[0.5, 0.2], [0.7, -1.4], [1.0, 1.3]], [[1e6, 0.0], [-1e6, 3.0], [0.0, 1e9]]
     corners = [[-1.97, -1.47], [-1.97, 1.47]]
     expected = [*np.tan(0.3) * np.array([0.5, 0.7, 1.0]), *[course.floor] * 3, 0.0, 0.0]
-    np.testing.assert_allclose(look_up([course], np.array([ramp + far + corners]))[0], expected, atol=1e-9)
+    np.testing.assert_allclose(
+        look_up([course], np.array([ramp + far + corners]))[0], expected, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", course_names())
 def test_heights_are_those_of_mujocos_rays_and_start_and_goal_are_level(name):
     course = load_course(name)
-    points = np.random.default_rng(0).uniform(course.bounds[0, :2] - 0.1, course.bounds[1, :2] + 0.1, (1000, 2))
+    points = np.random.default_rng(0).uniform(
+        course.bounds[0, :2] - 0.1, course.bounds[1, :2] + 0.1, (1000, 2)
+    )
     height, _ = look_down(course.model, points)
     np.testing.assert_allclose(course.height(*points.T), height, atol=1e-9)
     around = np.linspace(-0.5, 0.5, 11)

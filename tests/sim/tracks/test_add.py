@@ -31,12 +31,18 @@ def driven(model, belts, speeds=(0.3, 0.3), steps=1000):
 
 
 @pytest.mark.parametrize(
-    ("preset", "width", "depth"), [("accurate", 0.0, 0.34e-3), ("accurate", 0.12, 0.34e-3), ("fast", 0.0, 1.25e-3)]
+    ("preset", "width", "depth"),
+    [("accurate", 0.0, 0.34e-3), ("accurate", 0.12, 0.34e-3), ("fast", 0.0, 1.25e-3)],
 )
 def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width, depth):
-    """Also a payload that comes after the tracks; and belts move a robot that would sleep, whatever geoms inherit."""
+    """Also a payload that comes after the tracks; and belts move a robot that would sleep, whatever
+    geoms inherit.
+    """
     spec = on_plane()
-    spec.default.geom.alt.type, spec.default.geom.alt.euler = mujoco.mjtOrientation.mjORIENTATION_EULER, [0, 0.5, 0]
+    spec.default.geom.alt.type, spec.default.geom.alt.euler = (
+        mujoco.mjtOrientation.mjORIENTATION_EULER,
+        [0, 0.5, 0],
+    )
     spec.option.enableflags = mujoco.mjtEnableBit.mjENBL_SLEEP
     tracked(spec, preset=preset, terrain="ground", width=width)
     spec.body("robot").add_body(name="payload", pos=[0, 0, 0.2]).add_geom(size=[0.1, 0, 0], mass=20)
@@ -61,7 +67,9 @@ def test_an_attached_robot_is_connected_with_its_new_scene():
         scene.worldbody.add_frame(pos=[0, y, 0]).attach_body(robot.body("robot"), prefix, "")
     connect(scene)
     model = scene.compile()
-    assert Belts(model).names == tuple(f"{prefix}/robot_{side}" for prefix in ("first", "second") for side in SIDES)
+    assert Belts(model).names == tuple(
+        f"{prefix}/robot_{side}" for prefix in ("first", "second") for side in SIDES
+    )
     data = driven(model, Belts(model), (0.0, 0.0, 0.3, 0.3), steps=500)
     np.testing.assert_allclose(data.qpos[[0, 7]], [0.0, 0.3], atol=0.02)
 
@@ -74,8 +82,10 @@ import mujoco
 import numpy as np
 from sim.tracks import Belts, connect
 
-scene = mujoco.MjSpec.from_string('<mujoco><worldbody><body name="post" pos="0 9 0"/></worldbody></mujoco>')
-scene.attach(mujoco.MjSpec.from_file(sys.argv[1]), prefix="a/", suffix="-b", frame=scene.worldbody.add_frame())
+xml = '<mujoco><worldbody><body name="post" pos="0 9 0"/></worldbody></mujoco>'
+scene = mujoco.MjSpec.from_string(xml)
+robot = mujoco.MjSpec.from_file(sys.argv[1])
+scene.attach(robot, prefix="a/", suffix="-b", frame=scene.worldbody.add_frame())
 connect(scene)  # has nothing left to do
 model = scene.compile()
 mujoco.mj_saveModel(model, sys.argv[2], None)
@@ -90,13 +100,21 @@ assert not [name for name in sys.modules if name.startswith(("sim.", "trackslip.
 
 
 def test_a_robot_saved_and_attached_elsewhere_turns_as_here(tmp_path):
-    """Through XML, an attachment by prefix and suffix, and a binary model, with mujoco, numpy and sim.tracks only."""
+    """Through XML, an attachment by prefix and suffix, and a binary model, with mujoco, numpy and
+    sim.tracks only.
+    """
     spec = on_plane()
     tracked(spec, terrain="ground")
     model = spec.compile()
     here = driven(model, Belts(model), (-0.1, 0.1)).qvel[5]
     (tmp_path / "robot.xml").write_text(spec.to_xml())
-    command = [sys.executable, "-c", PLAIN, str(tmp_path / "robot.xml"), str(tmp_path / "scene.mjb")]
+    command = [
+        sys.executable,
+        "-c",
+        PLAIN,
+        str(tmp_path / "robot.xml"),
+        str(tmp_path / "scene.mjb"),
+    ]
     there = float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     assert there == pytest.approx(here, rel=1e-5)
 
@@ -104,7 +122,8 @@ def test_a_robot_saved_and_attached_elsewhere_turns_as_here(tmp_path):
 def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
     spec = mujoco.MjSpec.from_string(
         """<mujoco><worldbody><geom name="ground" type="plane" size="9 9 1"/><body><body>
-        <geom name="board" size=".1"/><geom name="paint" size=".1" contype="0" conaffinity="0"/></body></body>
+        <geom name="board" size=".1"/>
+        <geom name="paint" size=".1" contype="0" conaffinity="0"/></body></body>
         <body mocap="true" pos="3 0 1"><geom name="lift" size=".1"/></body>
         <body pos="3 0 1"><freejoint/><geom name="parcel" size=".1"/></body></worldbody></mujoco>"""
     )
@@ -123,7 +142,10 @@ def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
         ({"side": ["left"]}, "side = ['left']: must be one of both, left, right"),
         ({"preset": "exact"}, "preset = 'exact': must be one of accurate, fast"),
         ({"friction": (0.7, 0.0)}, "friction = 0.0: must be a finite number > 0"),
-        ({"terrain": "box", "friction": (0.7, 0.9)}, "friction = (0.7, 0.9): must be equal along and across"),
+        (
+            {"terrain": "box", "friction": (0.7, 0.9)},
+            "friction = (0.7, 0.9): must be equal along and across",
+        ),
         ({"load": "half"}, "load = 'half': must be a finite number > 0"),
         ({"width": 0.5}, "width = 0.5: must be less than 0.4 m"),
         ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
@@ -134,7 +156,9 @@ def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
 )
 def test_bad_arguments_are_named_and_leave_the_spec_as_it_was(options, message):
     spec = on_plane()
-    spec.worldbody.add_geom(name="box", type=mujoco.mjtGeom.mjGEOM_BOX, size=[1, 1, 1], pos=[0, 9, 0])
+    spec.worldbody.add_geom(
+        name="box", type=mujoco.mjtGeom.mjGEOM_BOX, size=[1, 1, 1], pos=[0, 9, 0]
+    )
     before = spec.to_xml()
     with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
         tracked(spec, **options)
@@ -147,7 +171,9 @@ def test_bad_arguments_are_named_and_leave_the_spec_as_it_was(options, message):
 
 def test_models_without_tracks_or_with_options_that_spoil_the_recipe_are_refused():
     spec, override = on_plane(), mujoco.mjtEnableBit.mjENBL_OVERRIDE
-    with pytest.raises(InvalidValueError, match="model = 'no tracks in it': must be one with tracks"):
+    with pytest.raises(
+        InvalidValueError, match="model = 'no tracks in it': must be one with tracks"
+    ):
         Belts(spec.compile())
     tracked(spec)
     with pytest.raises(InvalidValueError, match="connected before the model is compiled"):
@@ -155,13 +181,25 @@ def test_models_without_tracks_or_with_options_that_spoil_the_recipe_are_refused
     connect(spec)
     for option, value, message in (
         ("enableflags", override, "flag override = 'enable': must be disable"),
-        ("disableflags", mujoco.mjtDisableBit.mjDSBL_SENSOR, "flag sensor = 'disable': must be enable"),
+        (
+            "disableflags",
+            mujoco.mjtDisableBit.mjDSBL_SENSOR,
+            "flag sensor = 'disable': must be enable",
+        ),
         ("timestep", 0.003, "timestep = 0.003: must be at most 0.002 s"),
     ):
         model = spec.compile()
         setattr(model.opt, option, value)
         with pytest.raises(InvalidValueError, match=message):
             Belts(model)
-    for options in ({"torque_limit": -1.0}, {"torque_limit": [1.0, 2.0, 3.0]}, {"inertia": np.nan}, {"speeds": [0.1]}):
-        with pytest.raises(InvalidValueError, match=f"{next(iter(options))} = .*: must be (a number of|.*a belt each)"):
+    for options in (
+        {"torque_limit": -1.0},
+        {"torque_limit": [1.0, 2.0, 3.0]},
+        {"inertia": np.nan},
+        {"speeds": [0.1]},
+    ):
+        with pytest.raises(
+            InvalidValueError,
+            match=f"{next(iter(options))} = .*: must be (a number of|.*a belt each)",
+        ):
             Belts(spec.compile()).set(**{"speeds": [0.1, 0.1]} | options)

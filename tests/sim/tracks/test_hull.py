@@ -18,7 +18,10 @@ NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
 )
 def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwards, spokes):
     angles = -np.linspace(0, 2 * np.pi, len(spokes), endpoint=False)
-    ring = [(np.cos(a) * 1.5, np.sin(a) * 1.5, radius) for a, (_, radius) in zip(angles, spokes, strict=True)]
+    ring = [
+        (np.cos(a) * 1.5, np.sin(a) * 1.5, radius)
+        for a, (_, radius) in zip(angles, spokes, strict=True)
+    ]
     chain = ring[first % len(ring) :] + ring[: first % len(ring)]
     hull = Hull.from_wheels(chain[::-1] if backwards else chain)
     assert len(hull.wheels) == len(ring)
@@ -30,9 +33,14 @@ def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwar
 
 @given(st.permutations(range(8)))
 def test_the_belt_runs_around_the_convex_hull_of_wheels_in_any_order(order):
-    """As a Bunker's are: idlers above, a road wheel that hangs a little above its neighbours, and one inside."""
+    """As a Bunker's are: idlers above, a road wheel that hangs a little above its neighbours, and
+    one inside.
+    """
     outside = [(0.44, -0.13, 0.06), (0.29, -0.28, 0.05), (-0.23, -0.28, 0.05), (-0.39, -0.19, 0.08)]
-    road, above = [(0.04, -0.277, 0.05), (0.0, -0.2, 0.04)], [(-0.29, -0.087, 0.042), (0.3, -0.087, 0.042)]
+    road, above = (
+        [(0.04, -0.277, 0.05), (0.0, -0.2, 0.04)],
+        [(-0.29, -0.087, 0.042), (0.3, -0.087, 0.042)],
+    )
     wheels = [*outside, *road, *above]
     hull = Hull.from_wheels([wheels[k] for k in order])
     assert sorted(map(tuple, hull.wheels)) == sorted([*outside, *above])
@@ -46,7 +54,10 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
     hull = Hull.from_wheels(NOSE)
     turns = np.linspace(0, 2 * np.pi, 20_001)
     reach = np.max(
-        hull.wheels[:, :1] * np.cos(turns) + hull.wheels[:, 1:2] * np.sin(turns) + hull.wheels[:, 2:], axis=0
+        hull.wheels[:, :1] * np.cos(turns)
+        + hull.wheels[:, 1:2] * np.sin(turns)
+        + hull.wheels[:, 2:],
+        axis=0,
     )
     perimeter = np.trapezoid(reach, turns)  # Cauchy's formula
     assert hull.ends[-1] == pytest.approx(perimeter, rel=1e-6)
@@ -70,8 +81,11 @@ def test_belts_move_as_far_as_they_have_run_and_go_with_their_body():
     data.time = 0.1
     later, left = places(), first[:, 1] > 0
     np.testing.assert_array_equal(later[~left], first[~left])
-    lower = left & (first[:, 2] < 0.01) & (np.abs(first[:, 0]) < 0.2)  # shoes on the ground go backwards
-    np.testing.assert_allclose(later[lower] - first[lower], [[-0.01, 0, 0]] * lower.sum(), atol=1e-6)
+    # shoes on the ground go backwards
+    lower = left & (first[:, 2] < 0.01) & (np.abs(first[:, 0]) < 0.2)
+    np.testing.assert_allclose(
+        later[lower] - first[lower], [[-0.01, 0, 0]] * lower.sum(), atol=1e-6
+    )
     assert lower.sum() > 5
     data.time = 0.0
     np.testing.assert_array_equal(places(), first)

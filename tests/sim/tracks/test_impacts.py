@@ -21,7 +21,9 @@ def touching_cores(data):
 def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force(preset):
     spec = mujoco.MjSpec()
     size = [0.02, 1.0, 0.1]
-    beam = spec.worldbody.add_geom(name="beam", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, -0.1])
+    beam = spec.worldbody.add_geom(
+        name="beam", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, -0.1]
+    )
     body = add_robot(spec)
     spec.delete(body.joints[0])
     body.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
@@ -37,7 +39,9 @@ def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force
         speeds.append(data.qvel[0])
         cores += len(touching_cores(data))
     assert cores
-    np.testing.assert_allclose(25 * np.diff(speeds) / model.opt.timestep, np.array(loads) - WEIGHT, atol=1e-6 * WEIGHT)
+    np.testing.assert_allclose(
+        25 * np.diff(speeds) / model.opt.timestep, np.array(loads) - WEIGHT, atol=1e-6 * WEIGHT
+    )
     assert max(depths) < BOUNDS[preset]
     assert depths[-1] < 1.1 * PRESETS[preset].core_depth  # the core has pushed it out again
     landed = int(np.argmin(heights))
@@ -46,11 +50,18 @@ def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force
 
 @pytest.mark.parametrize(("preset", "mass"), [("accurate", 2.0), ("fast", 0.5)])
 def test_belts_of_light_modules_that_slide_do_not_hop(preset, mass):
-    """A belt a side on each of two hinged modules, in a pivot: sliding must not push what is light off the ground."""
+    """A belt a side on each of two hinged modules, in a pivot: sliding must not push what is light
+    off the ground.
+    """
     spec = plane()
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint()
-    body.mass, body.ipos, body.inertia, body.explicitinertial = 17.0, [0, 0, 0.15], [0.15, 0.4, 0.5], True
+    body.mass, body.ipos, body.inertia, body.explicitinertial = (
+        17.0,
+        [0, 0, 0.15],
+        [0.15, 0.4, 0.5],
+        True,
+    )
     for x in (-0.2, 0.2):
         for side in (-1.0, 1.0):
             module = body.add_body(name=f"module {x} {side}", pos=[x, 0.2 * side, 0.08])

@@ -37,7 +37,9 @@ def test_turns_have_the_centres_of_rotation_of_theory(ground, preset, speeds, co
     spec, heading = ground(), 1.0
     add_robot(spec, com_x).quat = [np.cos(heading / 2), 0, 0, np.sin(heading / 2)]
     _, data, _ = driven(spec, speeds, 1.5, preset, friction=(0.7, across))
-    theory = steady_twist(speeds, line_contact(HALF_GAUGE, HALF_LENGTH, 0.7, across, (com_x, 0.0, 0.12)))
+    theory = steady_twist(
+        speeds, line_contact(HALF_GAUGE, HALF_LENGTH, 0.7, across, (com_x, 0.0, 0.12))
+    )
     measured, expected = icr_half_width(speeds, data.qvel[5]), icr_half_width(speeds, theory[2])
     assert measured - HALF_GAUGE == pytest.approx(expected - HALF_GAUGE, rel=bound)
 
@@ -49,11 +51,19 @@ def test_a_robot_that_stands_on_tracks_of_hinged_limbs_turns_like_one_on_its_own
     half = HALF_LENGTH / limbs
     for sign, side in ((1, "left"), (-1, "right")):
         for k in range(limbs):
-            limb = add_flipper(spec, body, f"{side}{k}", (2 * k + 1) * half - HALF_LENGTH, sign * HALF_GAUGE)
+            limb = add_flipper(
+                spec, body, f"{side}{k}", (2 * k + 1) * half - HALF_LENGTH, sign * HALF_GAUGE
+            )
             limb.ipos = [0, 0, 0]
             limb.joints[0].stiffness, limb.joints[0].damping = [600, 0, 0], [10, 0, 0]
             hull = [(-half, 0, 0.08), (half, 0, 0.08)]
-            options = {"half_gauge": 0, "side": side, "load": 0.5 / limbs, "preset": preset, "name": f"{side}{k}"}
+            options = {
+                "half_gauge": 0,
+                "side": side,
+                "load": 0.5 / limbs,
+                "preset": preset,
+                "name": f"{side}{k}",
+            }
             add_tracks(spec, limb, Track(hull=hull, **options))
     connect(spec)
     measured = turned(spec, np.repeat([0, 1], limbs))
@@ -61,7 +71,9 @@ def test_a_robot_that_stands_on_tracks_of_hinged_limbs_turns_like_one_on_its_own
 
 
 def turned(spec, side, speeds=(0.04, 0.08)):
-    """Half of the distance of the ICRs of a robot that turns steadily, the speeds of its belts by their side [m]."""
+    """Half of the distance of the ICRs of a robot that turns steadily, the speeds of its belts by
+    their side [m].
+    """
     model = spec.compile()
     data = mujoco.MjData(model)
     Belts(model).set(np.array(speeds)[side])
@@ -103,13 +115,17 @@ def test_a_parked_robot_creeps_down_a_slope_at_the_rate_of_its_soft_grip(preset)
 
 
 def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
-    """Every contact's sliding velocity is that of the body there, plus the belt's along the hull."""
+    """Every contact's sliding velocity is that of the body there, plus the belt's along the
+    hull.
+    """
     spec = slab()
     body = add_robot(spec)
     flipper = add_flipper(spec, body, "flipper", 0.25, 0.28)
     hulls = {"robot": HULL, "flipper": [(0, 0, 0.08), (0.25, 0, 0.05)]}
     add_tracks(spec, body, Track(half_gauge=0.2, hull=hulls["robot"]), terrain="ground")
-    add_tracks(spec, flipper, Track(half_gauge=0.0, side="left", hull=hulls["flipper"]), terrain="ground")
+    add_tracks(
+        spec, flipper, Track(half_gauge=0.0, side="left", hull=hulls["flipper"]), terrain="ground"
+    )
     model = spec.compile()
     belts, data = Belts(model), mujoco.MjData(model)
     speeds = np.array([0.3, -0.2, 0.7])
@@ -124,12 +140,15 @@ def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
         for contact in data.contact:
             if contact.dim == 1:  # a core's, without friction
                 continue
-            geom, sign = max((contact.geom[0], -1), (contact.geom[1], 1))  # the slab is the first geom
+            # the slab is the first geom
+            geom, sign = max((contact.geom[0], -1), (contact.geom[1], 1))
             track = model.geom_bodyid[geom]
             k = belts.bodies.tolist().index(track)
             centre, axis = data.geom_xpos[geom], data.xmat[track].reshape(3, 3)[:, 1]
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
-                surface = np.cross(axis, contact.pos - centre) * speeds[k] / model.geom_size[geom, 0]
+                surface = (
+                    np.cross(axis, contact.pos - centre) * speeds[k] / model.geom_size[geom, 0]
+                )
             else:
                 surface = data.geom_xmat[geom].reshape(3, 3)[:, 2] * speeds[k]
             velocity = np.zeros(6)
@@ -149,10 +168,18 @@ def even_pressure(along=200, across=12):
     x = ((np.arange(along) + 0.5) / along - 0.5) * 2 * HALF_LENGTH
     y = ((np.arange(across) + 0.5) / across - 0.5) * WIDTH
     x, y = np.repeat(x, across), np.tile(y, along)
-    return Contact(np.tile(x, 2), np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]), 0.7, 1.0, (FORWARDS, 0.0, HEIGHT))
+    return Contact(
+        np.tile(x, 2),
+        np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]),
+        0.7,
+        1.0,
+        (FORWARDS, 0.0, HEIGHT),
+    )
 
 
-@pytest.mark.parametrize(("preset", "speeds", "bound"), [("accurate", SLOWLY, 0.01), ("fast", ON_THE_SPOT, 0.03)])
+@pytest.mark.parametrize(
+    ("preset", "speeds", "bound"), [("accurate", SLOWLY, 0.01), ("fast", ON_THE_SPOT, 0.03)]
+)
 def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
     spec = plane()
     add_robot(spec, FORWARDS)
@@ -178,7 +205,9 @@ def tips(preset, slope, height):
     return bool(data.xmat.reshape(-1, 3, 3)[1, 2, 2] < np.cos(np.radians(30)))
 
 
-@pytest.mark.parametrize(("preset", "height", "part"), [("accurate", 0.3, 0.97), ("fast", 0.12, 0.93)])
+@pytest.mark.parametrize(
+    ("preset", "height", "part"), [("accurate", 0.3, 0.97), ("fast", 0.12, 0.93)]
+)
 def test_a_robot_tips_over_the_edges_of_its_belts(preset, height, part):
     over = np.arctan((HALF_GAUGE + WIDTH / 2) / height)
     assert not tips(preset, part * over, height)

@@ -22,7 +22,9 @@ def robot(mass=25.0, preset="accurate", size=1.0, slope=0.0):
     shape = {"size": [x, y, z], "pos": [0, 0, up], "mass": mass, "contype": 0, "conaffinity": 0}
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **shape)
     hull = np.array([(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]) * size
-    add_tracks(spec, "robot", Track(half_gauge=0.2 * size, hull=hull, preset=preset), terrain="ground")
+    add_tracks(
+        spec, "robot", Track(half_gauge=0.2 * size, hull=hull, preset=preset), terrain="ground"
+    )
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)
 
@@ -37,7 +39,9 @@ def step(model, data, belts, time):
     [("fast", 25.0, 1.0, 0.0), ("accurate", 1.0, 0.4, 1e-4), ("fast", 5000.0, 6.0, 0.3)],
 )
 def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, size, share):
-    """By 1 % of its weight downhill, uphill or downwards; the belts' inertia J / r^2 is a share of its mass."""
+    """By 1 % of its weight downhill, uphill or downwards; the belts' inertia J / r^2 is a share of
+    its mass.
+    """
     model, data, belts = robot(mass, preset, size, SLOPE)
     step(model, data, belts, 0.3)
     radius, downhill = RADIUS * size, G * np.sin(SLOPE)
@@ -74,7 +78,8 @@ def test_impulse_and_energy_are_balanced(preset, share):
 def test_turns_need_the_torque_of_theory_and_stop_without_it():
     speeds, contact = np.array([-0.2, 0.2]), line_contact(0.2, 0.25, 0.7, 0.7)
     left = contact.y > 0
-    belts, loads = np.where(left, *speeds), contact.loads(np.zeros(2)) * left  # of the left track alone
+    # of the left track alone
+    belts, loads = np.where(left, *speeds), contact.loads(np.zeros(2)) * left
     traction = ground_wrench(steady_twist(speeds, contact), belts, contact, loads, shear=1e-9)[0]
     needed = 25.0 * G * abs(traction) * RADIUS
     turned = []
@@ -89,7 +94,9 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
 
 
 @pytest.mark.parametrize(("limit", "within"), [(None, 0.0), (1e9, 1e-9)])
-def test_without_motors_a_step_is_the_engines_and_with_limits_that_are_never_reached_nearly(limit, within):
+def test_without_motors_a_step_is_the_engines_and_with_limits_that_are_never_reached_nearly(
+    limit, within
+):
     (model, data, belts), (other, there, same) = robot(), robot()
     belts.set([0.2, 0.3], torque_limit=limit)
     same.set([0.2, 0.3])

@@ -43,7 +43,9 @@ def test_a_track_in_the_air_has_no_slip(robot):
 def test_wheels_on_an_edge_pull_along_the_belt_there():
     """A wheel before a high step: the belt's force is tangential, and turns with the normal."""
     spec = plane()
-    spec.worldbody.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 1, 0.5], pos=[0.43, 0, 0.5])
+    spec.worldbody.add_geom(
+        name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 1, 0.5], pos=[0.43, 0, 0.5]
+    )
     add_robot(spec)
     model, data, belts = built(spec, terrain=["ground", "wall"])
     belts.set([0.1, 0.1])
@@ -57,7 +59,11 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
         load += force[0]
         out = contact.frame[:3] * (1 if contact.geom[1] < contact.geom[0] else -1)  # from the track
         ahead = np.cross([0, 1, 0], -out)
-        on_track = contact.frame.reshape(3, 3).T @ force[:3] * (1 if contact.geom[1] > contact.geom[0] else -1)
+        on_track = (
+            contact.frame.reshape(3, 3).T
+            @ force[:3]
+            * (1 if contact.geom[1] > contact.geom[0] else -1)
+        )
         pull += ahead @ on_track
     np.testing.assert_allclose(reading.traction.sum(), pull, rtol=1e-4)
     np.testing.assert_allclose(reading.load.sum(), load, rtol=1e-9)
@@ -74,9 +80,16 @@ def on_a_field(length, cell, preset):
     body = spec.worldbody.add_body(name="robot", pos=[side / 2, 0, 0], quat=turned)
     body.add_freejoint()
     size = [length / 2, length / 3, length / 10]
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, length / 4], mass=200 * length**3)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, length / 4], mass=200 * length**3
+    )
     hull = [(-length / 2, radius, radius), (length / 2, radius, radius)]
-    add_tracks(spec, "robot", Track(half_gauge=0.4 * length, hull=hull, preset=preset), terrain=course.add_to(spec))
+    add_tracks(
+        spec,
+        "robot",
+        Track(half_gauge=0.4 * length, hull=hull, preset=preset),
+        terrain=course.add_to(spec),
+    )
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)
 
@@ -85,7 +98,8 @@ FINE = r"cell of the height field = .*: must be at least .* under capsules"
 
 
 @pytest.mark.parametrize(
-    ("length", "cell", "preset"), [(0.3, 0.008, "fast"), (7.0, 0.12, "fast"), (7.0, 0.1, "accurate")]
+    ("length", "cell", "preset"),
+    [(0.3, 0.008, "fast"), (7.0, 0.12, "fast"), (7.0, 0.1, "accurate")],
 )
 def test_cells_of_which_the_engine_may_drop_contacts_are_refused(length, cell, preset):
     with pytest.raises(InvalidValueError, match=FINE):
@@ -110,5 +124,7 @@ def test_a_reading_that_lacks_contacts_says_so():
     model, data, belts = on_a_field(0.5, 0.02, "accurate")
     belts._map.slots[:] = 20  # noqa: SLF001  no terrain of a test has as many contacts as it may have
     mujoco.mj_step(model, data, 200)
-    with pytest.raises(TrackslipError, match="touches the terrain at more points than its sensor reports"):
+    with pytest.raises(
+        TrackslipError, match="touches the terrain at more points than its sensor reports"
+    ):
         belts.read(data)

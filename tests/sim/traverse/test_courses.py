@@ -85,7 +85,8 @@ def test_a_long_robot_starts_where_all_of_it_stands(tank):
     course = Footprint.of(tank).fit(RAMP)
     world = Traverse(tank, [course], threads=1, preset="accurate")
     weight, still = 45000 * 9.81, Command(np.zeros((1, 2)), np.zeros((1, 0)))
-    assert world.state.position[0, 2] == pytest.approx(0.002)  # the gap at which robots are put down
+    # the gap at which robots are put down
+    assert world.state.position[0, 2] == pytest.approx(0.002)
     assert world.state.position[0, 0] + 2.9 + 0.35 <= 0
     heaviest = 0.0
     for _ in range(10):
@@ -100,14 +101,20 @@ def test_a_long_robot_starts_where_all_of_it_stands(tank):
 
 
 def test_a_course_that_a_robot_does_not_fit_on_is_refused(tank):
-    with pytest.raises(InvalidValueError, match=r"start_length = 2.0: must be at least 6.61 m for this robot to stand"):
+    with pytest.raises(
+        InvalidValueError,
+        match=r"start_length = 2.0: must be at least 6.61 m for this robot to stand",
+    ):
         Traverse(tank, [RAMP], threads=1)
-    with pytest.raises(InvalidValueError, match=r"width = 3.0: must be at least 3.3 m for this robot to stand"):
+    with pytest.raises(
+        InvalidValueError, match=r"width = 3.0: must be at least 3.3 m for this robot to stand"
+    ):
         Traverse(tank, [replace(RAMP, start_length=8.0)], threads=1)
     Traverse(tank, [replace(RAMP, start_length=8.0, width=4.0)], threads=1)
 
 
-HULL = load_tracked("rescue").hull  # its wheels have a radius of 0.08 m, those of FTR-Bench's robot 0.1 m
+# its wheels have a radius of 0.08 m, those of FTR-Bench's robot 0.1 m
+HULL = load_tracked("rescue").hull
 
 
 def drawn(name, difficulty, seed=0):
@@ -115,15 +122,25 @@ def drawn(name, difficulty, seed=0):
 
 
 def highest(course):
-    return course.height(np.linspace(-1.0, course.goal, 2001)[:, None], np.array([-0.4, 0.02, 0.4])).max()
+    return course.height(
+        np.linspace(-1.0, course.goal, 2001)[:, None], np.array([-0.4, 0.02, 0.4])
+    ).max()
 
 
 def test_sizes_are_those_published():
     steps, narrow = (0.2, 0.4), (0.1, 0.3)  # heights at difficulties 0 and 1 [m]
-    heights = {"steps_up": steps, "uplifts": steps, "one_sided": narrow, "waves": (0.1, 0.4), "rails": (0.2, 0.3)}
+    heights = {
+        "steps_up": steps,
+        "uplifts": steps,
+        "one_sided": narrow,
+        "waves": (0.1, 0.4),
+        "rails": (0.2, 0.3),
+    }
     for kind, (low, high) in heights.items():
         for difficulty, expected in ((0.0, low), (1.0, high), (0.5, (low + high) / 2)):
-            assert highest(drawn(f"{kind}_published", difficulty)) == pytest.approx(expected, rel=0.03)
+            assert highest(drawn(f"{kind}_published", difficulty)) == pytest.approx(
+                expected, rel=0.03
+            )
             assert highest(drawn(kind, difficulty)) == pytest.approx(0.8 * expected, rel=0.03)
     for difficulty, angle in ((0.0, 20.0), (1.0, 45.0)):
         (stairs,) = drawn("stairs_down_published", difficulty).pieces
@@ -136,10 +153,15 @@ def test_sizes_are_those_published():
 def test_names_are_listed_and_courses_fit_into_the_environment():
     assert FTR_NAMES == FTR_COURSES
     for name in FTR_COURSES:
-        assert max(len(drawn(name, d, seed).solids) for d in (0.0, 1.0) for seed in range(20)) <= FTR_BOXES
+        assert (
+            max(len(drawn(name, d, seed).solids) for d in (0.0, 1.0) for seed in range(20))
+            <= FTR_BOXES
+        )
         assert drawn(name, 0.3) == drawn(name, 0.3)
     sides = {np.sign(drawn("one_sided", 0.5, seed).pieces[0].blocks[0][1]) for seed in range(20)}
     assert sides == {-1.0, 1.0}
-    env = gym.make_vec("sim:trackslip/Traverse-v0", num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4))
+    env = gym.make_vec(
+        "sim:trackslip/Traverse-v0", num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4)
+    )
     _, info = env.reset(seed=0, options={"course": list(KINDS)})
     assert ((info["difficulty"] >= 0.2) & (info["difficulty"] <= 0.4)).all()

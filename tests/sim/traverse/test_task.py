@@ -17,9 +17,11 @@ def test_the_observation_is_what_it_says():
     observation, _ = env.reset(seed=0, options={"start_offset": 0.3, "start_heading": 0.1})
     np.testing.assert_allclose(observation[:3], [0, 0, 1], atol=1e-6)
     np.testing.assert_allclose(observation[6:8], [0.3, 0.1 / np.pi], atol=1e-6)
-    np.testing.assert_allclose(observation[18:], 0.0, atol=0.01)  # level all around, two millimetres below the tracks
+    # level all around, two millimetres below the tracks
+    np.testing.assert_allclose(observation[18:], 0.0, atol=0.01)
     world = env.task.world
-    world.state.qpos[0, 0] = -0.55  # the step of 0.1 m is at x = 0, seen from where columns are 0.1 m apart
+    # the step of 0.1 m is at x = 0, seen from where columns are 0.1 m apart
+    world.state.qpos[0, 0] = -0.55
     world.state.qpos[0, 3:7] = 1, 0, 0, 0
     heights = env.task.observation()[0, 18:].reshape(3, 15) * 0.3
     np.testing.assert_allclose(heights[:, :11], 0.0, atol=0.003)
@@ -29,7 +31,8 @@ def test_the_observation_is_what_it_says():
 def test_noise_is_as_large_as_asked_and_reproducible():
     deviations = SensorNoise(0.01, 0.2, 0.05, 0.03, 0.02, 0.01, 0.1)
     quiet, noisy = (
-        gym.make_vec(ID, num_envs=4, threads=1, course="flat", noise=noise) for noise in (SensorNoise(), deviations)
+        gym.make_vec(ID, num_envs=4, threads=1, course="flat", noise=noise)
+        for noise in (SensorNoise(), deviations)
     )
     (exact, _), (first, _) = quiet.reset(seed=0), noisy.reset(seed=0)
     state, seen, errors = noisy.unwrapped.get_state(), [], []
@@ -40,7 +43,9 @@ def test_noise_is_as_large_as_asked_and_reproducible():
     scale = np.array([element.scale for element in noisy.unwrapped.observed])
     spread = np.std(errors, axis=(0, 1)) * scale
     expected = np.repeat([*vars(deviations).values()], [3, 3, 1, 1, 2, 4, 45])
-    np.testing.assert_allclose(np.delete(spread, [2, *range(14, 18)]), np.delete(expected, 2), rtol=0.25)
+    np.testing.assert_allclose(
+        np.delete(spread, [2, *range(14, 18)]), np.delete(expected, 2), rtol=0.25
+    )
     np.testing.assert_array_equal(np.array(errors)[..., 14:18], 0)  # set points
     noisy.unwrapped.set_state(state)
     again = [noisy.step(np.zeros((4, 6), np.float32))[0] for _ in range(5)]
@@ -52,7 +57,10 @@ def test_noise_is_as_large_as_asked_and_reproducible():
     [
         ({"course": Course((Rough(),))}, "height fields"),
         ({"speed": 1.0}, "options = 'speed'"),
-        ({"course": "step10", "start_offset": -5.0}, r"start_offset = -5\.0: must be from -1\.5 to 1\.5 m"),
+        (
+            {"course": "step10", "start_offset": -5.0},
+            r"start_offset = -5\.0: must be from -1\.5 to 1\.5 m",
+        ),
         ({"course": "waves"}, "'waves': must be a course, or one of step10, random"),
     ],
 )
@@ -76,14 +84,21 @@ def test_the_reward_is_the_sum_of_its_terms():
     env = gym.make(ID).unwrapped
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.ones(6, np.float32))
-    assert reward == pytest.approx(sum(info[name] for name in info if name.startswith("reward_")), abs=1e-12)
+    assert reward == pytest.approx(
+        sum(info[name] for name in info if name.startswith("reward_")), abs=1e-12
+    )
     assert info["reward_energy"] == pytest.approx(-0.3 * info["work"] / (31.0 * 9.81), rel=0.01)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:after 40 attempts")  # random flippers wedge a robot
 def test_a_failed_try_earns_more_than_standing_still_and_less_than_crossing():
-    rng, limits, returns, outcomes = np.random.default_rng(0), Limits(time=20.0, stuck_time=3.0), [], []
+    rng, limits, returns, outcomes = (
+        np.random.default_rng(0),
+        Limits(time=20.0, stuck_time=3.0),
+        [],
+        [],
+    )
 
     def forwards(shape):
         return rng.uniform(-1, 1, shape) * ([0.4] * 2 + [1.0] * 4) + ([0.6] * 2 + [0.0] * 4)
@@ -94,9 +109,16 @@ def test_a_failed_try_earns_more_than_standing_still_and_less_than_crossing():
         ("correction", 0.0, np.zeros),
     ):
         config = TraverseConfig(course=KINDS, action=action, limits=limits, period=0.2)
-        task, total, discount = Crossing(config, 3 * len(KINDS), threads=1), np.zeros(3 * len(KINDS)), 1.0
+        task, total, discount = (
+            Crossing(config, 3 * len(KINDS), threads=1),
+            np.zeros(3 * len(KINDS)),
+            1.0,
+        )
         options = [{"course": kind, "difficulty": difficulty} for kind in KINDS for _ in range(3)]
-        task.begin(range(task.size), [task.draw(np.random.default_rng(k), own) for k, own in enumerate(options)])
+        task.begin(
+            range(task.size),
+            [task.draw(np.random.default_rng(k), own) for k, own in enumerate(options)],
+        )
         while (task.outcome == Outcome.DRIVING).any():
             task.step(act((task.size, len(task.commanded))))
             total += discount * task.reward

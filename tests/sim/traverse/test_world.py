@@ -51,14 +51,21 @@ def test_work_lifts_the_robot_up_a_ramp():
     # what is lost in sliding is the slip's share of the work
     lifted = mass * 9.81 * (world.state.position[0, 2] - height)
     assert work * (1 - world.contact.slip.mean()) == pytest.approx(lifted, rel=0.01)
-    sink = 0.0015  # of the preset: the most by which the load's shift to the rear may tilt the robot at either end
-    assert world.state.pitch[0] == pytest.approx(slope, abs=2 * sink / world.tracked.robot.contact_length)
+    # of the preset: the most by which the load's shift to the rear may tilt the robot at either end
+    sink = 0.0015
+    assert world.state.pitch[0] == pytest.approx(
+        slope, abs=2 * sink / world.tracked.robot.contact_length
+    )
 
 
 def test_traction_and_load_are_means_of_the_period():
-    """Together their impulses are the momentum that a robot gains: forwards by its belts, none by landing."""
+    """Together their impulses are the momentum that a robot gains: forwards by its belts, none by
+    landing.
+    """
     for period, sample, drop in ((0.1, 0.02, 0.0), (0.2, 0.2, 0.005)):
-        world = Traverse(load_tracked("box"), [Course((Flat(8.0),))], threads=1, period=period, sample=sample)
+        world = Traverse(
+            load_tracked("box"), [Course((Flat(8.0),))], threads=1, period=period, sample=sample
+        )
         world.batch.qpos[:, 2] += drop
         mass = world.tracked.model.body_subtreemass[world.tracked.body]
         forwards, upwards, work = 0.0, 0.0, 0.0
@@ -78,15 +85,21 @@ def test_the_servo_follows_its_lag_exactly():
     for each in (servo, fine):
         each.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
     mean = servo.advance(0.05)
-    np.testing.assert_allclose(mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12)
+    np.testing.assert_allclose(
+        mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12
+    )
     assert mean[0, 0] == pytest.approx(0.4 * (1 + np.expm1(-0.5) / 0.5))
-    np.testing.assert_allclose(servo.speed, np.array([[0.4, -0.5], [0.0, 0.2]]) * -np.expm1(-0.5), atol=1e-12)
+    np.testing.assert_allclose(
+        servo.speed, np.array([[0.4, -0.5], [0.0, 0.2]]) * -np.expm1(-0.5), atol=1e-12
+    )
     np.testing.assert_allclose(servo.angle, [[1.5 * 0.05], [-0.02]])
 
 
 def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behind():
     hinges = np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]])
-    shape = FlipperGeometry(hinges, np.full(2, 0.25), np.full(2, 0.05), np.array([True, False]), np.zeros(2))
+    shape = FlipperGeometry(
+        hinges, np.full(2, 0.25), np.full(2, 0.05), np.array([True, False]), np.zeros(2)
+    )
     up = np.full((1, 2), 0.08)
     far = SAMPLES[0] * 0.25
     for height in (0.0, 0.1, 0.3):
@@ -107,7 +120,8 @@ def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behi
 def test_flippers_feel_the_ground_under_them_that_courses_have():
     course = Course((Ramp(0.3, 4.0),), start_length=3.0)
     world = Traverse(load_tracked("rescue"), [course], threads=1)
-    world.state.position[0, 0] = -0.38  # it stands level and looks along x, its flippers over the ramp
+    # it stands level and looks along x, its flippers over the ramp
+    world.state.position[0, 0] = -0.38
     shape = world.flippers
     hinge = world.state.position[0] + shape.hinge
     x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
@@ -125,13 +139,18 @@ def test_the_scripted_controller_comes_back_to_the_middle():
     for _ in range(80):
         world.step(scripted(world))
     assert np.abs(world.state.position[:, 1]).max() < 0.05
-    np.testing.assert_allclose(world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6)
+    np.testing.assert_allclose(
+        world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6
+    )
 
 
 def test_commands_and_starts_that_make_no_sense_are_refused(rescue):
     fine, flippers = np.zeros((1, 2)), np.zeros((1, 4))
     for command, message in (
-        (Command(np.array([[0.1, np.nan]]), flippers), r"speed = \[\[0.1, nan\]\]: must be finite, of shape \(1, 2\)"),
+        (
+            Command(np.array([[0.1, np.nan]]), flippers),
+            r"speed = \[\[0.1, nan\]\]: must be finite, of shape \(1, 2\)",
+        ),
         (Command(np.zeros(2), flippers), "speed"),
         (Command(fine, np.zeros((1, 3))), "flippers"),
     ):
@@ -185,7 +204,14 @@ def world():
 def test_each_run_ends_by_name_and_stands_still(world):
     assert tuple(Outcome(one).label for one in world.outcome) == ROWS
     contact = world.contact
-    for values in (world.state.qpos, world.state.qvel, contact.traction, contact.load, contact.depth, world.work):
+    for values in (
+        world.state.qpos,
+        world.state.qvel,
+        contact.traction,
+        contact.load,
+        contact.depth,
+        world.work,
+    ):
         assert np.isfinite(values).all()
     before = world.state.qpos.copy(), world.time.copy()
     world.step(Command(np.ones((len(ROWS), 2)), np.zeros((len(ROWS), 0))))
@@ -207,7 +233,8 @@ def test_a_state_that_is_not_finite_is_named_and_kept_out(capfd, tmp_path, monke
     world.begin([1])
     world.step(Command(np.zeros((2, 2)), np.zeros((2, 0))))
     assert (world.outcome == Outcome.DRIVING).all()
-    assert (capfd.readouterr().err, [*tmp_path.iterdir()]) == ("", [])  # no MUJOCO_LOG.TXT of the engine's
+    # no MUJOCO_LOG.TXT of the engine's
+    assert (capfd.readouterr().err, [*tmp_path.iterdir()]) == ("", [])
     assert mujoco.MjLogConfig.get().logto_file  # as before
 
 

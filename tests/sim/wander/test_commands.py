@@ -17,9 +17,15 @@ def commands(driving, seed=0, duration=120.0, driver=None):
 
 @settings(max_examples=40)
 @given(
-    st.sampled_from(list(DRIVING)), st.integers(0, 10**6), st.floats(0.05, 2.0), st.floats(0.1, 5.0), st.floats(0.03, 1)
+    st.sampled_from(list(DRIVING)),
+    st.integers(0, 10**6),
+    st.floats(0.05, 2.0),
+    st.floats(0.1, 5.0),
+    st.floats(0.03, 1),
 )
-def test_speeds_and_accelerations_stay_within_their_limits(driving, seed, max_speed, acceleration, half_gauge):
+def test_speeds_and_accelerations_stay_within_their_limits(
+    driving, seed, max_speed, acceleration, half_gauge
+):
     speeds = commands(driving, seed, 30.0, Driver(max_speed, acceleration, half_gauge))
     assert np.abs(speeds).max() <= max_speed * (1 + 1e-12)
     assert np.abs(np.diff(speeds, axis=0)).max() * RATE <= acceleration * (1 + 1e-9)
@@ -34,7 +40,9 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 def encoders():
     rng = np.random.default_rng(0)
     omega = track_commands("random", 20.0, RATE, Driver(), rng) / GEOMETRY.sprocket_radius
-    return driven_by_law("drive", LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY), omega, RATE, rng)[0]
+    return driven_by_law(
+        "drive", LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY), omega, RATE, rng
+    )[0]
 
 
 def test_rows_are_those_of_both_clocks(encoders):

@@ -30,13 +30,17 @@ def measure(source, motion, seed=1):
 def test_a_sensor_is_where_it_is_mounted(motion):
     stamps, poses, true = measure(replace(PERFECT, ahead=0.3, left=0.1, mounting=0.087), motion)
     np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-12)
-    np.testing.assert_allclose(se2.between(true, poses), np.tile([0.3, 0.1, 0.087], (len(true), 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        se2.between(true, poses), np.tile([0.3, 0.1, 0.087], (len(true), 1)), atol=1e-12
+    )
 
 
 def test_noise_is_white_and_as_large_as_stated(motion):
     _, poses, true = measure(replace(FAST, position_noise=0.02, heading_noise=0.03), motion)
     errors = poses - true
-    np.testing.assert_allclose(errors.std(axis=0), [0.02, 0.02, 0.03], rtol=5 / np.sqrt(2 * len(errors)))
+    np.testing.assert_allclose(
+        errors.std(axis=0), [0.02, 0.02, 0.03], rtol=5 / np.sqrt(2 * len(errors))
+    )
     assert np.abs(np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]) < 5 / np.sqrt(len(errors))
 
 
@@ -71,10 +75,14 @@ def test_gaps_outliers_and_jumps_have_their_numbers_and_sizes(motion):
 
 
 def test_drift_grows_to_its_share_of_the_way(motion):
-    """The sums of the steps' errors are compared, because an error of the heading would turn all that follow."""
+    """The sums of the steps' errors are compared, because an error of the heading would turn all
+    that follow.
+    """
     ends = []
     for seed in range(100):
-        _, poses, true = measure(replace(PERFECT, rate=5.0, drift=0.01, heading_drift=0.004), motion, seed)
+        _, poses, true = measure(
+            replace(PERFECT, rate=5.0, drift=0.01, heading_drift=0.004), motion, seed
+        )
         steps = se2.steps(true)
         ends.append((se2.steps(poses) - steps).sum(axis=0))
     way = np.hypot(steps[:, 0], steps[:, 1]).sum()

@@ -26,7 +26,12 @@ from trackslip.kinematics import body_twist
 
 LOG = wandered(duration=11.0)
 TURNED = sprocket_angles(LOG)
-WHEELS = ("front_left_wheel_joint", "front_right_wheel_joint", "rear_left_wheel_joint", "rear_right_wheel_joint")
+WHEELS = (
+    "front_left_wheel_joint",
+    "front_right_wheel_joint",
+    "rear_left_wheel_joint",
+    "rear_right_wheel_joint",
+)
 FOUR = TURNED[:, [0, 1, 0, 1]]
 ROWS = range(len(LOG.time))
 SEEN = LOG.is_valid
@@ -45,16 +50,25 @@ def states(angles=FOUR, names=WHEELS, velocity=(), effort=(), rows=ROWS, unstamp
 
 
 def dead_reckoned(half_gauge=GEOMETRY.half_gauge, arcs=True):
-    """Poses at LOG's times by the wheels alone, on arcs or straight ahead at the end of each step."""
-    twist = body_twist(LOG.omega[1:], 0.0, trackslip.RobotGeometry(half_gauge, GEOMETRY.sprocket_radius))
+    """Poses at LOG's times by the wheels alone, on arcs or straight ahead at the end of each
+    step.
+    """
+    twist = body_twist(
+        LOG.omega[1:], 0.0, trackslip.RobotGeometry(half_gauge, GEOMETRY.sprocket_radius)
+    )
     pose = se2.chain([0.0, 0.0, 0.4], se2.advance(np.zeros(3), twist, np.diff(LOG.time)))
     if not arcs:
-        pose[1:, :2] = np.cumsum((twist[:, 0] * np.diff(LOG.time))[:, None] * se2.direction(pose[1:, 2]), axis=0)
+        pose[1:, :2] = np.cumsum(
+            (twist[:, 0] * np.diff(LOG.time))[:, None] * se2.direction(pose[1:, 2]), axis=0
+        )
     return pose
 
 
 def stated(poses, make=odometry, **others):
-    return [make(stamp(time), where, **others) for time, where in zip(LOG.time, poses.tolist(), strict=True)]
+    return [
+        make(stamp(time), where, **others)
+        for time, where in zip(LOG.time, poses.tolist(), strict=True)
+    ]
 
 
 def fixes(early, status=0):
@@ -67,7 +81,9 @@ def fixes(early, status=0):
 
 
 def later(messages, seconds=40.0):
-    return [(topic, kind, at + round(1e9 * seconds), fields) for topic, kind, at, fields in messages]
+    return [
+        (topic, kind, at + round(1e9 * seconds), fields) for topic, kind, at, fields in messages
+    ]
 
 
 def write(tmp_path, *messages, name="run", kind="mcap"):
@@ -82,8 +98,13 @@ def assert_driven(log, atol=1e-9):
 
 
 def test_rows_are_those_of_readings_and_poses(tmp_path):
-    """Poses 13 ms after every other reading: rows of their own, with the speeds of the reading after them."""
-    late = [pose_stamped(stamp(t + 0.013), p) for t, p in zip(LOG.time[SEEN], LOG.pose[SEEN].tolist(), strict=True)]
+    """Poses 13 ms after every other reading: rows of their own, with the speeds of the reading
+    after them.
+    """
+    late = [
+        pose_stamped(stamp(t + 0.013), p)
+        for t, p in zip(LOG.time[SEEN], LOG.pose[SEEN].tolist(), strict=True)
+    ]
     (log,) = trackslip.load(write(tmp_path, joints_of(LOG), late))
     assert log.run == "run"
     assert log.metadata["bag"] == {
@@ -120,7 +141,11 @@ NO_FIX = "topic /fix: 20 of 110 messages left out: they have no fix"
             {},
             ["clocks differ by 3.0 s by their receive"],
         ),
-        ([states(FOUR * [1, 0, 1, 1]), poses_of(LOG)], {}, [f"{WHEELS[1]} left out: it stands still"]),
+        (
+            [states(FOUR * [1, 0, 1, 1]), poses_of(LOG)],
+            {},
+            [f"{WHEELS[1]} left out: it stands still"],
+        ),
         ([states(), states(), poses_of(LOG), poses_of(LOG)], {}, ["time is stamped twice"] * 2),
         ([states(), fixes((0.0, 0.0))], {}, [NO_FIX]),
         ([states(), fixes((np.nan, np.nan), status=-1)], {}, [NO_FIX]),
@@ -148,7 +173,10 @@ def test_readings_stamped_in_bursts_make_no_wild_speeds(tmp_path):
 
 
 STILL = transform(START, "map", "odom", (0.0, 0.0, 0.0), topic="/tf_static")
-PASSED_ON = [STILL, *stated(dead_reckoned(), lambda at, where: transform(at, "odom", "base_link", where))]
+PASSED_ON = [
+    STILL,
+    *stated(dead_reckoned(), lambda at, where: transform(at, "odom", "base_link", where)),
+]
 
 
 @pytest.mark.parametrize(
@@ -156,11 +184,26 @@ PASSED_ON = [STILL, *stated(dead_reckoned(), lambda at, where: transform(at, "od
     [
         ([states(), stated(dead_reckoned())], REPEATED),
         ([states(), stated(dead_reckoned(arcs=False))], REPEATED),
-        ([states(), stated(dead_reckoned(), lambda at, where: odometry(at + 30_000_000, where))], REPEATED),
-        ([states(), PASSED_ON], "tf:map:base_link: its poses repeat the dead reckoning of the wheels"),
-        ([states(FOUR * [1, 1, 1, -1]), poses_of(LOG)], "of one side turn against each other: choose with --left"),
-        ([states(), poses_of(LOG, start=0, late=START)], "s: different clocks, simulated and wall time"),
-        ([states(), poses_of(LOG, start=START - 10**11, late=10**11)], "s: clocks differ by 100.0 s by their receive"),
+        (
+            [states(), stated(dead_reckoned(), lambda at, where: odometry(at + 30_000_000, where))],
+            REPEATED,
+        ),
+        (
+            [states(), PASSED_ON],
+            "tf:map:base_link: its poses repeat the dead reckoning of the wheels",
+        ),
+        (
+            [states(FOUR * [1, 1, 1, -1]), poses_of(LOG)],
+            "of one side turn against each other: choose with --left",
+        ),
+        (
+            [states(), poses_of(LOG, start=0, late=START)],
+            "s: different clocks, simulated and wall time",
+        ),
+        (
+            [states(), poses_of(LOG, start=START - 10**11, late=10**11)],
+            "s: clocks differ by 100.0 s by their receive",
+        ),
     ],
 )
 def test_what_makes_no_log_is_refused(tmp_path, messages, line):

@@ -25,7 +25,8 @@ def states(names, positions=None, velocities=None, topic="/joint_states", time=L
     positions = empty if positions is None else positions
     velocities = empty if velocities is None else velocities
     return [
-        joint_states(stamp(t), names, p, v, topic=topic) for t, p, v in zip(time, positions, velocities, strict=True)
+        joint_states(stamp(t), names, p, v, topic=topic)
+        for t, p, v in zip(time, positions, velocities, strict=True)
     ]
 
 
@@ -37,7 +38,11 @@ def test_speeds_are_means_since_the_reading_before(tmp_path):
     assert found.joints == (("left_wheel",), ("right_wheel",))
 
 
-@given(arrays(float, 30, elements=st.floats(-3.1, 3.1)), st.floats(-3.14, 3.14), st.sampled_from([-np.pi, 0.0]))
+@given(
+    arrays(float, 30, elements=st.floats(-3.1, 3.1)),
+    st.floats(-3.14, 3.14),
+    st.sampled_from([-np.pi, 0.0]),
+)
 def test_unwrapping_undoes_wrapping(steps, first, low):
     angle = first + np.concatenate([[0.0], np.cumsum(steps)])
     wrapped = (angle - low) % (2 * np.pi) + low
@@ -59,20 +64,26 @@ def test_sides_in_two_topics(tmp_path, choice):
     messages = []
     for time, (left, right) in zip(LOG.time, TURNED.tolist(), strict=True):
         messages.append(joint_states(stamp(time), ["left_wheel"], [left], topic="/left"))
-        messages.append(joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000))
+        messages.append(
+            joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000)
+        )
     found = read(tmp_path, messages, choice)
     assert found.source == "/left and /right"
     np.testing.assert_allclose(found.values[1:], LOG.omega[1:], atol=1e-9)
 
 
 def test_velocities_where_there_are_no_positions(tmp_path):
-    """Velocities are samples: their means by the trapezoidal rule, exact for speeds linear in time."""
+    """Velocities are samples: their means by the trapezoidal rule, exact for speeds linear in
+    time.
+    """
     speed = np.column_stack([LOG.time, 3.0 - LOG.time])
     notes = []
     found = read(tmp_path, states(["left", "right"], None, speed), notes=notes)
     middle = (LOG.time[1:] + LOG.time[:-1]) / 2
     np.testing.assert_allclose(found.values[1:], np.column_stack([middle, 3.0 - middle]), atol=1e-9)
-    assert any("speeds are its velocities, because it states no positions" in note for note in notes)
+    assert any(
+        "speeds are its velocities, because it states no positions" in note for note in notes
+    )
 
 
 @pytest.mark.parametrize("positions", [np.full_like(TURNED, np.nan), np.zeros_like(TURNED)])
@@ -88,11 +99,15 @@ def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positi
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
     commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
     arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
-    assert read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).source == "/joint_states"
+    assert (
+        read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).source
+        == "/joint_states"
+    )
     base = states(["left", "right"], TURNED, topic="/base/joint_states")
     other = states(["left", "right"], TURNED, topic="/other/joint_states")
     with pytest.raises(
-        LogError, match="encoders may be /base/joint_states, /other/joint_states: choose with --encoders"
+        LogError,
+        match="encoders may be /base/joint_states, /other/joint_states: choose with --encoders",
     ):
         read(tmp_path / "two", [*base, *other, *arm])
     found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
@@ -101,17 +116,35 @@ def test_the_topic_that_is_measured_is_chosen(tmp_path):
 
 SIDES = states(["left", "right"], TURNED)
 ODD = ("/odd", "odd_msgs/msg/Odd", 5, {})
-UNSTAMPED = [joint_states(0, ["left", "right"], p, late=stamp(k / 20)) for k, p in enumerate(TURNED.tolist())]
+UNSTAMPED = [
+    joint_states(0, ["left", "right"], p, late=stamp(k / 20)) for k, p in enumerate(TURNED.tolist())
+]
 
 
 @pytest.mark.parametrize(
     ("messages", "choice", "line"),
     [
         ([ODD], {}, "no encoders: no topic of sensor_msgs/.*JointState; its topics are /odd"),
-        (states(["a", "b"], TURNED), {}, r"which of its joints are left and right\? It has a, b: choose"),
-        (SIDES, {"left": ("left",), "right": ("c",)}, "right = 'c': topic /joint_states has no such joint; its joints"),
-        (states(["left", "right"]), {}, "topic /joint_states: joint left states neither positions nor velocities"),
-        ([*SIDES, ODD], {"encoders": "/odd"}, f"topic /odd has messages of odd_msgs/msg/Odd, needs {JOINTS}"),
+        (
+            states(["a", "b"], TURNED),
+            {},
+            r"which of its joints are left and right\? It has a, b: choose",
+        ),
+        (
+            SIDES,
+            {"left": ("left",), "right": ("c",)},
+            "right = 'c': topic /joint_states has no such joint; its joints",
+        ),
+        (
+            states(["left", "right"]),
+            {},
+            "topic /joint_states: joint left states neither positions nor velocities",
+        ),
+        (
+            [*SIDES, ODD],
+            {"encoders": "/odd"},
+            f"topic /odd has messages of odd_msgs/msg/Odd, needs {JOINTS}",
+        ),
         (SIDES, {"encoders": "/wheels"}, "it has no topic '/wheels'; its topics are /joint_states"),
         (UNSTAMPED, {}, "120 of its 120 header stamps are 0: its publisher states no time, or"),
         (SIDES[:1], {}, "fewer than 2 messages with the joints chosen"),
@@ -126,12 +159,28 @@ def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, li
     ("names", "left", "right"),
     [
         (["left_wheel", "right_wheel"], ["left_wheel"], ["right_wheel"]),
-        (["rr_wheel", "fl_wheel", "fr_wheel", "rl_wheel"], ["fl_wheel", "rl_wheel"], ["rr_wheel", "fr_wheel"]),
+        (
+            ["rr_wheel", "fl_wheel", "fr_wheel", "rl_wheel"],
+            ["fl_wheel", "rl_wheel"],
+            ["rr_wheel", "fr_wheel"],
+        ),
         (["LeftTrack", "RightTrack"], ["LeftTrack"], ["RightTrack"]),
-        (["leftwheel1", "leftwheel2", "rightwheel1", "rightwheel2"], ["leftwheel1", "leftwheel2"], None),
+        (
+            ["leftwheel1", "leftwheel2", "rightwheel1", "rightwheel2"],
+            ["leftwheel1", "leftwheel2"],
+            None,
+        ),
         (["arm_left_joint", "arm_right_joint", "motor_l", "motor_r"], ["motor_l"], ["motor_r"]),
-        (["left_steer", "right_steer", "left_wheel", "right_wheel"], ["left_wheel"], ["right_wheel"]),
-        (["panther/fl_wheel_joint", "panther/fr_wheel_joint"], ["panther/fl_wheel_joint"], ["panther/fr_wheel_joint"]),
+        (
+            ["left_steer", "right_steer", "left_wheel", "right_wheel"],
+            ["left_wheel"],
+            ["right_wheel"],
+        ),
+        (
+            ["panther/fl_wheel_joint", "panther/fr_wheel_joint"],
+            ["panther/fl_wheel_joint"],
+            ["panther/fr_wheel_joint"],
+        ),
     ],
 )
 def test_common_names(names, left, right):
@@ -150,6 +199,11 @@ def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
             ("/encoders", "Int64MultiArray", [1, 2]),
         )
     ]
-    named = r"/encoders \(.*Int64MultiArray\), /left_ticks \(std_msgs/msg/Int32\), /right_ticks \(std_msgs/msg/Int32\)"
-    with pytest.raises(LogError, match=f"{named} may count ticks: publish 2π ticks / .*or write a table"):
+    named = (
+        r"/encoders \(.*Int64MultiArray\), /left_ticks \(std_msgs/msg/Int32\), /right_ticks "
+        r"\(std_msgs/msg/Int32\)"
+    )
+    with pytest.raises(
+        LogError, match=f"{named} may count ticks: publish 2π ticks / .*or write a table"
+    ):
         read(tmp_path, counts)

@@ -21,7 +21,9 @@ UPRIGHT = Rotation.identity()
 
 def imus(mounting=UPRIGHT, rows=slice(None), **others):
     rates = mounting.inv().apply(RATE[:, None] * [0.0, 0.0, 1.0] + 0.001)
-    return [imu(stamp(t), w, **others) for t, w in zip(TIME[rows], rates[rows].tolist(), strict=True)]
+    return [
+        imu(stamp(t), w, **others) for t, w in zip(TIME[rows], rates[rows].tolist(), strict=True)
+    ]
 
 
 def read(path, *messages, kind="mcap", poses=None):
@@ -37,7 +39,9 @@ def require_true(log):
     np.testing.assert_allclose(log.gyro[1:][known], true[known], atol=0.05)
 
 
-@pytest.mark.parametrize(("mounting", "shown", "kind"), [(UPRIGHT, "[0. 0. 1.]", "ros1"), (TILTED, "-0.87]", "mcap")])
+@pytest.mark.parametrize(
+    ("mounting", "shown", "kind"), [(UPRIGHT, "[0. 0. 1.]", "ros1"), (TILTED, "-0.87]", "mcap")]
+)
 def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
     found = read(tmp_path, imus(mounting), kind=kind)
     (log,) = found.runs
@@ -50,7 +54,9 @@ def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
 
 def test_with_positions_alone_the_sprockets_tell_the_axis(tmp_path):
     place = np.column_stack(enu2geodetic(*LOG.pose[LOG.is_valid, :2].T, 0.0, *FIELD))
-    fixes = [fix(stamp(t), *one) for t, one in zip(LOG.time[LOG.is_valid], place.tolist(), strict=True)]
+    fixes = [
+        fix(stamp(t), *one) for t, one in zip(LOG.time[LOG.is_valid], place.tolist(), strict=True)
+    ]
     found = read(tmp_path, imus(UPSIDE_DOWN), poses=fixes)
     require_true(found.runs[0])
 
@@ -64,7 +70,10 @@ def test_an_imu_of_its_own_is_preferred_and_another_can_be_chosen(tmp_path):
     require_true(log)
     assert "/camera/imu in camera_imu about" in chosen.taken[0]
     assert read_bags(bag, BagChoice(imu="none")).runs[0].gyro is None
-    for name, message in (("/imu", "no topic '/imu'"), ("/joint_states", "needs sensor_msgs/msg/Imu")):
+    for name, message in (
+        ("/imu", "no topic '/imu'"),
+        ("/joint_states", "needs sensor_msgs/msg/Imu"),
+    ):
         with pytest.raises(LogError, match=message):
             read_bags(bag, BagChoice(imu=name))
 
@@ -81,9 +90,17 @@ def test_gaps_are_not_measured(tmp_path):
     ("messages", "words"),
     [
         (imus(unknown=True), "topic /imu/data: it states no angular velocities: read without gyro"),
-        ([imu(0, (0.0, 0.0, 0.1), late=stamp(t)) for t in TIME], "read without gyro: topic /imu/data: "),
         (
-            [imu(stamp(t), w) for t, w in zip(TIME, np.random.default_rng(0).normal(size=(len(TIME), 3)), strict=True)],
+            [imu(0, (0.0, 0.0, 0.1), late=stamp(t)) for t in TIME],
+            "read without gyro: topic /imu/data: ",
+        ),
+        (
+            [
+                imu(stamp(t), w)
+                for t, w in zip(
+                    TIME, np.random.default_rng(0).normal(size=(len(TIME), 3)), strict=True
+                )
+            ],
             "gyro of /imu/data in imu_link left out: it doesn't follow the robot's turns",
         ),
     ],
@@ -104,12 +121,17 @@ def without_poses(path, heading=None, **others):
     return read(path, messages, poses=[])
 
 
-def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(tmp_path):
+def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(
+    tmp_path,
+):
     found = without_poses(tmp_path)
     (log,) = found.runs
     assert "poses: /imu/data (headings of an IMU); gyro: /imu/data" in found.taken[0]
     assert not log.has_place.any()
-    heading, true = log.pose[log.has_heading, 2], np.interp(log.time, LOG.time, YAW)[log.has_heading]
+    heading, true = (
+        log.pose[log.has_heading, 2],
+        np.interp(log.time, LOG.time, YAW)[log.has_heading],
+    )
     np.testing.assert_allclose(heading - heading[0], true - true[0], atol=0.01)
     require_true(log)
     found = without_poses(tmp_path / "without", heading=[0.0] * len(TIME))

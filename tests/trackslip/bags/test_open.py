@@ -20,13 +20,20 @@ LONG = wandered(duration=30.0)
 
 
 def file_of(path):
-    return path if path.is_file() else next(file for file in sorted(path.iterdir()) if file.suffix != ".yaml")
+    return (
+        path
+        if path.is_file()
+        else next(file for file in sorted(path.iterdir()) if file.suffix != ".yaml")
+    )
 
 
 @pytest.mark.parametrize(("kind", "compression"), [*((kind, None) for kind in KINDS), *COMPRESSED])
 def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
     """Types that nobody knows are in nobody's way."""
-    odd = [("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]}) for *_, at, _ in MESSAGES[::7]]
+    odd = [
+        ("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]})
+        for *_, at, _ in MESSAGES[::7]
+    ]
     path = write_bag(tmp_path / "run", kind, in_order(MESSAGES, odd), compression=compression)
     bag = open_bag(path)
     assert contents(bag.messages("joint_states")) == expected(MESSAGES)
@@ -44,7 +51,9 @@ def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
 def test_metadata_that_is_damaged_is_refused_and_not_needed(tmp_path, text):
     folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES)
     (folder / "metadata.yaml").write_text(text)
-    with pytest.raises(LogError, match=r"run: can't be read \(.*may repair it: ros2 bag reindex \S*run$"):
+    with pytest.raises(
+        LogError, match=r"run: can't be read \(.*may repair it: ros2 bag reindex \S*run$"
+    ):
         open_bags(folder)
     (folder / "metadata.yaml").unlink()
     assert contents(open_bag(folder).messages("/joint_states")) == expected(MESSAGES)
@@ -52,7 +61,9 @@ def test_metadata_that_is_damaged_is_refused_and_not_needed(tmp_path, text):
 
 def test_a_split_recording_is_one_bag_by_its_metadata(tmp_path):
     folder = write_bag(tmp_path / "run", "mcap", MESSAGES[:100])
-    shutil.copy(file_of(write_bag(tmp_path / "more", "mcap", MESSAGES[100:])), folder / "run_1.mcap")
+    shutil.copy(
+        file_of(write_bag(tmp_path / "more", "mcap", MESSAGES[100:])), folder / "run_1.mcap"
+    )
     about = folder / "metadata.yaml"
     about.write_text(about.read_text().replace("- run.mcap", "- run.mcap\n  - run_1.mcap"))
     assert contents(open_bag(folder).messages("/joint_states")) == expected(MESSAGES)
@@ -85,7 +96,14 @@ def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, comp
     ],
 )
 def test_damage_is_refused_with_the_command_that_repairs(tmp_path, kind, command):
-    path = file_of(write_bag(tmp_path / "run", kind, joints_of(LONG), compression="lz4" if kind != "sqlite3" else None))
+    path = file_of(
+        write_bag(
+            tmp_path / "run",
+            kind,
+            joints_of(LONG),
+            compression="lz4" if kind != "sqlite3" else None,
+        )
+    )
     whole = bytearray(path.read_bytes())
     middle = len(whole) // 3
     whole[middle : middle + 3000] = bytes(3000)
@@ -101,7 +119,11 @@ def test_damage_is_refused_with_the_command_that_repairs(tmp_path, kind, command
     [
         ("none.mcap", None, "none.mcap: no such file or folder"),
         ("empty.mcap", b"", r"empty.mcap: can't be read \(it has no whole message\)"),
-        ("old.bag", b"#ROSBAG V1.2\n", r"old.bag: can't be read \(Bag version 102 is not supported\)"),
+        (
+            "old.bag",
+            b"#ROSBAG V1.2\n",
+            r"old.bag: can't be read \(Bag version 102 is not supported\)",
+        ),
         ("empty.db3", b"", r"empty.db3: can't be read \(Cannot open database .* missing tables\)"),
         ("text.txt", b"hello", "text.txt: is no bag"),
     ],
@@ -120,13 +142,21 @@ def test_what_is_no_bag_is_refused(tmp_path, name, content, message):
 def damaged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("damaged")
     found = {}
-    for kind, compression in (*((kind, None) for kind in KINDS), ("ros1", "bz2"), ("sqlite3", "message")):
-        path = file_of(write_bag(folder / f"{kind}{compression}", kind, MESSAGES[:60], compression=compression))
+    for kind, compression in (
+        *((kind, None) for kind in KINDS),
+        ("ros1", "bz2"),
+        ("sqlite3", "message"),
+    ):
+        path = file_of(
+            write_bag(folder / f"{kind}{compression}", kind, MESSAGES[:60], compression=compression)
+        )
         found[f"{kind} {compression}"] = path, folder / f"x{''.join(path.suffixes)}"
     return found
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_damage_never_ends_in_a_traceback(damaged, seed):
     rng = np.random.default_rng(seed)
@@ -148,5 +178,7 @@ def test_damage_never_ends_in_a_traceback(damaged, seed):
 
 def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    with pytest.raises(TrackslipError, match=r'bags need the package rosbags: pip install -e "\.\[ros\]"'):
+    with pytest.raises(
+        TrackslipError, match=r'bags need the package rosbags: pip install -e "\.\[ros\]"'
+    ):
         trackslip.load(write_bag(tmp_path / "run", "mcap", MESSAGES))

@@ -44,7 +44,9 @@ def read(tmp_path, messages, source, kind="mcap"):
     return found, notes
 
 
-@pytest.mark.parametrize(("topic", "kind"), [*zip(SOURCES, KINDS[1:], strict=True), ("/odom", KINDS[0])])
+@pytest.mark.parametrize(
+    ("topic", "kind"), [*zip(SOURCES, KINDS[1:], strict=True), ("/odom", KINDS[0])]
+)
 def test_poses_of_every_type(tmp_path, kind, topic):
     found, notes = read(tmp_path, poses_of(LOG, SOURCES[topic]), topic, kind)
     np.testing.assert_array_equal(found.values[:, :2], SEEN[:, :2])
@@ -58,7 +60,9 @@ def test_poses_of_every_type(tmp_path, kind, topic):
 def test_headings_are_those_of_the_x_axis_from_above(yaw, pitch, roll):
     turned = Rotation.from_euler("ZYX", [yaw, pitch, roll])
     notes = []
-    found, *_ = headings(np.stack([turned.as_quat(), [0, 0, 0, 1], [0, 0, 0, 1]]), "topic /a", notes)
+    found, *_ = headings(
+        np.stack([turned.as_quat(), [0, 0, 0, 1], [0, 0, 0, 1]]), "topic /a", notes
+    )
     x, y, _ = turned.apply([1.0, 0.0, 0.0])
     assert se2.wrap_angle(found - np.arctan2(y, x)) == pytest.approx(0.0, abs=1e-9)
     tilt = np.arccos(min(turned.apply([0.0, 0.0, 1.0])[2], 1.0))
@@ -84,8 +88,14 @@ SIDEWAYS = turned(*Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat().to
 @pytest.mark.parametrize(
     ("messages", "note"),
     [
-        (with_turn(SIDEWAYS), "its frame is tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left"),
-        (with_turn(turned(0.0, 0.0, 0.0, 0.0)), "most of its quaternions are not of unit length: read without"),
+        (
+            with_turn(SIDEWAYS),
+            "its frame is tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left",
+        ),
+        (
+            with_turn(turned(0.0, 0.0, 0.0, 0.0)),
+            "most of its quaternions are not of unit length: read without",
+        ),
         (with_turn(turned(0.0, 0.0, 0.0, 1.0)), "its heading never changes: read without headings"),
     ],
 )
@@ -96,13 +106,20 @@ def test_orientations_that_are_no_headings(tmp_path, messages, note):
 
 
 TILTED = quaternion(SEEN[10, 2], np.radians(31))
-ASTRAY = [pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0)) if k == 7 else one for k, one in enumerate(poses_of(LOG))]
+ASTRAY = [
+    pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0)) if k == 7 else one
+    for k, one in enumerate(poses_of(LOG))
+]
 
 
 @pytest.mark.parametrize(
     ("messages", "without", "note"),
     [
-        (with_turn(TILTED, [10]), [], "tilted by more than 20° in 1 of 80 poses, by up to 31°: slip is identified in"),
+        (
+            with_turn(TILTED, [10]),
+            [],
+            "tilted by more than 20° in 1 of 80 poses, by up to 31°: slip is identified in",
+        ),
         (ASTRAY, [7], "1 of 80 poses left out: x or y is not finite"),
     ],
 )
@@ -114,7 +131,8 @@ def test_poses_that_mean_nothing_are_left_out(tmp_path, messages, without, note)
 
 def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
     messages = [
-        fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2) for k in range(20)
+        fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2)
+        for k in range(20)
     ]
     found, notes = read(tmp_path, messages, "/fix")
     assert found.values.shape == (18, 3)
@@ -133,7 +151,9 @@ def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_pat
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
     for time, where in zip(times, found.values, strict=True):
         between = [np.interp(time, LOG.time, column) for column in LOG.pose.T]
-        expected = reduce(se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)])
+        expected = reduce(
+            se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)]
+        )
         np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)
         assert se2.wrap_angle(where[2] - expected[2]) == pytest.approx(0.0, abs=1e-9)
 
@@ -141,15 +161,26 @@ def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_pat
 @pytest.mark.parametrize(
     ("source", "line"),
     [
-        ("tf:map:robot", "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, sensor, table"),
-        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms: 'map' is in 'map', 'cup' in 'table'"),
+        (
+            "tf:map:robot",
+            "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, "
+            "sensor, table",
+        ),
+        (
+            "tf:map:cup",
+            "frames 'map' and 'cup' are not connected by transforms: 'map' is in 'map', 'cup' in "
+            "'table'",
+        ),
         ("tf:table:cup", "the transforms from 'table' to 'cup' never change"),
         ("/scan", "it has no topic '/scan'"),
         ("/odd", r"topic /odd has messages of odd_msgs/.*; poses are read from nav_msgs/"),
     ],
 )
 def test_sources_that_do_not_exist(tmp_path, source, line):
-    more = [transform(START, "table", "cup", (0, 0, 0), topic="/tf_static"), ("/odd", "odd_msgs/msg/Odd", START, {})]
+    more = [
+        transform(START, "table", "cup", (0, 0, 0), topic="/tf_static"),
+        ("/odd", "odd_msgs/msg/Odd", START, {}),
+    ]
     with pytest.raises(LogError, match=line):
         read(tmp_path, [*chain_of(LOG), *more], source)
 
@@ -165,8 +196,12 @@ def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
     truth = poses_of(LOG, odometry, topic="/ground_truth")
     mocap = poses_of(LOG, topic="/vrpn/robot/pose")
     gnss = [fix(stamp(t), 47.0, 8.0) for t in LOG.time]
-    bag, names = sources(tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG))
-    topics = "/vrpn/robot/pose /slam/pose tf:map:base_link /fix /ground_truth /odometry/filtered /odom"
+    bag, names = sources(
+        tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG)
+    )
+    topics = (
+        "/vrpn/robot/pose /slam/pose tf:map:base_link /fix /ground_truth /odometry/filtered /odom"
+    )
     assert names == topics.split()
     assert pose_source(bag, AUTOMATIC).name == "/vrpn/robot/pose"
 
@@ -181,9 +216,15 @@ ROBOTS = [
 @pytest.mark.parametrize(
     ("messages", "line"),
     [
-        ([poses_of(LOG), poses_of(LOG, pose_with_covariance)], "poses may be /amcl_pose, /slam/pose: choose with"),
+        (
+            [poses_of(LOG), poses_of(LOG, pose_with_covariance)],
+            "poses may be /amcl_pose, /slam/pose: choose with",
+        ),
         ([ROBOTS], "poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"),
-        ([poses_of(LOG, topic="/goal_pose")], r"no poses: no other topic of .*; its topics are /goal_pose"),
+        (
+            [poses_of(LOG, topic="/goal_pose")],
+            r"no poses: no other topic of .*; its topics are /goal_pose",
+        ),
     ],
 )
 def test_what_leaves_a_doubt_is_for_the_user_to_choose(tmp_path, messages, line):

@@ -23,7 +23,9 @@ ON_ROBOT = [
 @pytest.fixture(scope="module")
 def driven():
     start = compose(np.array(MOUNT), np.array([3.0, 0.0, 1.0])).tolist()
-    return drive(teleoperated(np.random.default_rng(1), 15.0, 3.0), start, MOUNT, beams=241, place=OFF)
+    return drive(
+        teleoperated(np.random.default_rng(1), 15.0, 3.0), start, MOUNT, beams=241, place=OFF
+    )
 
 
 def errors(log, true):
@@ -56,8 +58,12 @@ def test_transforms_tell_where_the_scanner_stands(tmp_path, driven):
 
 
 def test_scans_with_other_beams_are_left_out(tmp_path, driven):
-    other = scan_messages(replace(driven, time=driven.time[:15], angle_increment=2 * driven.angle_increment))
-    with pytest.warns(LogWarning, match="topic /scan: 15 scans with other beams than most left out"):
+    other = scan_messages(
+        replace(driven, time=driven.time[:15], angle_increment=2 * driven.angle_increment)
+    )
+    with pytest.warns(
+        LogWarning, match="topic /scan: 15 scans with other beams than most left out"
+    ):
         load(write_session(tmp_path / "run", "mcap", driven, other), CHOICE)
 
 
@@ -66,7 +72,11 @@ def test_scans_with_other_beams_are_left_out(tmp_path, driven):
     [
         ([], replace(CHOICE, scan="/joint_states"), "needs sensor_msgs/msg/LaserScan"),
         ([], replace(CHOICE, plate=Plate(0.1, 0.02)), "topic /scan: no plate of 0.1x0.02 m moves"),
-        (ON_ROBOT, CHOICE, "topic /scan: .* frame 'laser' moves in 'odom': a scanner beside the field"),
+        (
+            ON_ROBOT,
+            CHOICE,
+            "topic /scan: .* frame 'laser' moves in 'odom': a scanner beside the field",
+        ),
     ],
 )
 def test_what_the_bag_does_not_have(tmp_path, driven, messages, choice, said):

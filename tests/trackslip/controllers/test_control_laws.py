@@ -4,7 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from linearised import closed_loop, error_gains, pose_with_error
 
-from trackslip.controllers.feedback import DynamicFeedback, Kanayama, LinearTimeVarying, OffsetPoint, Samson
+from trackslip.controllers.feedback import (
+    DynamicFeedback,
+    Kanayama,
+    LinearTimeVarying,
+    OffsetPoint,
+    Samson,
+)
 from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.steering import PathAhead, PurePursuit, RegulatedPurePursuit, Stanley
 from trackslip.kinematics import advance
@@ -60,9 +66,12 @@ def test_lyapunov_function_falls(controller, speed, radius):
         return -k1 * k2 * error[:, 0] ** 2 - k3 * error[:, 2] ** 2
 
     values = [
-        function(body_errors(advance(pose, twist, h), advance(desired, reference.twist(5.0), h))) for h in (-step, step)
+        function(body_errors(advance(pose, twist, h), advance(desired, reference.twist(5.0), h)))
+        for h in (-step, step)
     ]
-    np.testing.assert_allclose((values[1] - values[0]) / (2 * step), rate(body_errors(pose, desired)), atol=1e-6)
+    np.testing.assert_allclose(
+        (values[1] - values[0]) / (2 * step), rate(body_errors(pose, desired)), atol=1e-6
+    )
 
 
 @SPEEDS
@@ -78,17 +87,25 @@ def test_offset_points_error_decays_exactly(speed):
         heading = np.stack([np.cos(pose[..., 2]), np.sin(pose[..., 2])], axis=-1)
         return pose[..., :2] + np.sign(speed) * controller.distance * heading
 
-    errors = [point(advance(desired, reference.twist(5.0), h)) - point(advance(pose, twist, h)) for h in (-step, step)]
+    errors = [
+        point(advance(desired, reference.twist(5.0), h)) - point(advance(pose, twist, h))
+        for h in (-step, step)
+    ]
     wanted = -controller.gain * (point(desired) - point(pose))
     np.testing.assert_allclose((errors[1] - errors[0]) / (2 * step), wanted, atol=1e-6)
-    pose = pose_with_error(reference.pose(50.0), np.array([0.0, 0.1, 0.0]))  # to the right of the reference, at rest
-    assert controller.twist(50.0, pose, reference)[1] == pytest.approx(0.1 * controller.gain / controller.distance)
+    # to the right of the reference, at rest
+    pose = pose_with_error(reference.pose(50.0), np.array([0.0, 0.1, 0.0]))
+    assert controller.twist(50.0, pose, reference)[1] == pytest.approx(
+        0.1 * controller.gain / controller.distance
+    )
 
 
 @SPEEDS
 @RADII
 def test_pure_pursuit_to_first_order(speed, radius):
-    """The curvature 2 y / d^2 differentiated by hand, with the goal (x, y) on the reference's arc."""
+    """The curvature 2 y / d^2 differentiated by hand, with the goal (x, y) on the reference's
+    arc.
+    """
     controller = PurePursuit(look_ahead=0.35)
     reference = circle(radius, speed, 40.0)
     v, w = reference.twist(5.0)
@@ -125,15 +142,24 @@ def test_beyond_a_cusp_and_the_end_the_path_goes_on_straight():
     ramps = [Segment(2.0, 0.2, 0.0, 0.5), Segment(2.0, 0.0, -0.2, -0.5)]
     reference = SegmentedReference((0.0, 0.0, 0.0), ramps)
     path, cusp, end = PathAhead(reference), reference.pose(2.0), reference.pose(4.0)
-    for time, start, way in ((1.0, cusp, 0.3 - 0.05), (3.0, end, -(0.3 - 0.15)), (4.0, end, -0.3), (9.0, end, -0.3)):
-        np.testing.assert_allclose(path.point(time, 0.3)[0], advance(start, [way, 0.0], 1.0), atol=1e-4)
+    for time, start, way in (
+        (1.0, cusp, 0.3 - 0.05),
+        (3.0, end, -(0.3 - 0.15)),
+        (4.0, end, -0.3),
+        (9.0, end, -0.3),
+    ):
+        np.testing.assert_allclose(
+            path.point(time, 0.3)[0], advance(start, [way, 0.0], 1.0), atol=1e-4
+        )
     standing = SegmentedReference((1.0, 2.0, 3.0), [Segment(2.0, 0.0, 0.0)])
     np.testing.assert_array_equal(PathAhead(standing).point(1.0, 0.3)[0], [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize(("speed", "stiffness", "damping"), [(0.15, 1.0, 1.4), (-0.15, 0.5, 2.0)])
 def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
-    """e'' + k_d e' + k_p e = 0 in the world frame, along an arc that speeds up, against its solution."""
+    """e'' + k_d e' + k_p e = 0 in the world frame, along an arc that speeds up, against its
+    solution.
+    """
     reference = SegmentedReference((1.0, 2.0, 0.7), [Segment(10.0, speed, 1.5 * speed, 0.8)])
     controller = DynamicFeedback(stiffness, damping)
     pose = pose_with_error(reference.pose(0.0), np.array([0.03, 0.04, 0.1]))
@@ -157,13 +183,16 @@ def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
 def test_errors_across_decay_with_the_distance_as_stated(speed):
     law = PathFollowing(approach_angle=0.7, approach=3.0, across=6.0, heading=4.0)
     _, (_, by_left, by_turn) = error_gains(law, 5.0, circle(1e9, speed, 40.0))
-    motion = np.array([[0.0, speed], [-by_left, -by_turn]]) / abs(speed)  # of (y, theta) = -(e_y, e_phi), per metre
+    # of (y, theta) = -(e_y, e_phi), per metre
+    motion = np.array([[0.0, speed], [-by_left, -by_turn]]) / abs(speed)
     slope = 0.7 * 3.0
     np.testing.assert_allclose(np.poly(motion), [1.0, 4.0 + slope, 4.0 * slope + 6.0], rtol=1e-6)
 
 
 def drive(law, reference, pose, duration, held=0.0, step=0.05):
-    """Poses (T, ..., 3) and twists (T, ..., 2) of ideal robots, held in place for the first `held` seconds."""
+    """Poses (T, ..., 3) and twists (T, ..., 2) of ideal robots, held in place for the first `held`
+    seconds.
+    """
     poses, twists = [], []
     for k in range(round(duration / step)):
         twists.append(law.twist(k * step, pose, reference))
@@ -174,7 +203,9 @@ def drive(law, reference, pose, duration, held=0.0, step=0.05):
 
 @SPEEDS
 def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
-    """Held for 3 s on a circle of 1 m, it is 0.45 m late; Eq. 31 then cuts the corner by centimetres."""
+    """Held for 3 s on a circle of 1 m, it is 0.45 m late; Eq. 31 then cuts the corner by
+    centimetres.
+    """
     reference = circle(1.0, speed, 60.0)
 
     def away(law):
@@ -192,7 +223,9 @@ def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
 def test_regulated_pure_pursuit_is_pure_pursuit_where_nothing_is_regulated(speed):
     reference = circle(1.0, speed, 40.0)
     plain = error_gains(PurePursuit(look_ahead=0.3), 5.0, reference)
-    np.testing.assert_allclose(error_gains(RegulatedPurePursuit(lookahead_time=2.0), 5.0, reference), plain, atol=1e-9)
+    np.testing.assert_allclose(
+        error_gains(RegulatedPurePursuit(lookahead_time=2.0), 5.0, reference), plain, atol=1e-9
+    )
     near = RegulatedPurePursuit(min_lookahead_dist=0.3, max_lookahead_dist=0.3)
     np.testing.assert_allclose(error_gains(near, 5.0, reference), plain, atol=1e-9)
 
@@ -219,7 +252,9 @@ def test_the_speed_never_jumps():
     backwards = [Segment(3.0, 0.0, -0.15, -0.5), Segment(3.0, -0.15, 0.0, -0.5)]
     reference = SegmentedReference((0.0, 0.0, 0.0), [*forwards, *backwards])
     controller = DynamicFeedback(stiffness=0.5)
-    pose = pose_with_error(reference.pose(0.0), np.array([[0.08, 0.1, 0.3], [-0.08, 0.05, 0.0], [0.0, 0.0, 0.0]]))
+    pose = pose_with_error(
+        reference.pose(0.0), np.array([[0.08, 0.1, 0.3], [-0.08, 0.05, 0.0], [0.0, 0.0, 0.0]])
+    )
     step = 0.02
     twists = []
     for k in range(700):

@@ -26,7 +26,11 @@ def feedback(request):
 def stop_and_reverse():
     """Forwards, a stop of a second, backwards along an arc."""
     forwards = [Segment(2.0, 0.0, 0.15), Segment(2.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)]
-    backwards = [Segment(2.0, 0.0, -0.15, -0.8), Segment(2.0, -0.15, -0.15, -0.8), Segment(1.0, -0.15, 0.0)]
+    backwards = [
+        Segment(2.0, 0.0, -0.15, -0.8),
+        Segment(2.0, -0.15, -0.15, -0.8),
+        Segment(1.0, -0.15, 0.0),
+    ]
     return SegmentedReference((1.0, -2.0, 3.0), [*forwards, Segment(1.0, 0.0, 0.0), *backwards])
 
 
@@ -44,12 +48,15 @@ def test_without_errors_the_references_twist_is_driven(make, radius, speed):
         pose = reference.pose(time) + np.array([[0, 0, 2 * np.pi], [0, 0, 0]])
         twist = controller.twist(time, pose, reference)
         sampled = make is CONTROLLERS["mppi"]  # its mean of samples is only near
-        np.testing.assert_allclose(twist, np.tile(reference.twist(time), (2, 1)), atol=3e-3 if sampled else 1e-6)
+        np.testing.assert_allclose(
+            twist, np.tile(reference.twist(time), (2, 1)), atol=3e-3 if sampled else 1e-6
+        )
 
 
 def test_start_errors_die_out_on_an_ideal_robot(feedback):
     reference = circle(0.8, 0.15, 45.0, start=(1.0, 2.0, 3.0))
-    robots = 1 if isinstance(feedback, ModelPredictive | PathIntegral) else 4  # which optimise for each robot
+    # which optimise for each robot
+    robots = 1 if isinstance(feedback, ModelPredictive | PathIntegral) else 4
     pose = pose_with_error(reference.pose(0.0), start_errors(robots, np.random.default_rng(1)))
     step, steps = 0.2, 200
     distance = np.zeros((steps, len(pose)))
@@ -64,7 +71,9 @@ def test_start_errors_die_out_on_an_ideal_robot(feedback):
 
 def test_a_stop_and_a_cusp_are_passed(feedback):
     reference = stop_and_reverse()
-    pose = pose_with_error(reference.pose(0.0), np.array([[0.0, 0.0, 0.0], [0.02, 0.02, 0.05], [-0.02, -0.02, -0.05]]))
+    pose = pose_with_error(
+        reference.pose(0.0), np.array([[0.0, 0.0, 0.0], [0.02, 0.02, 0.05], [-0.02, -0.02, -0.05]])
+    )
     step = 0.1
     for k in range(round(reference.duration / step) + 10):
         twist = feedback.twist(k * step, pose, reference)
@@ -76,7 +85,9 @@ def test_a_stop_and_a_cusp_are_passed(feedback):
 
 @pytest.mark.parametrize("time", [-5.0, 6.5, 50.0])
 def test_standstill(make, time):
-    """Before the start, in a stop, at the end and after it: finite whatever the error, and no motion without one."""
+    """Before the start, in a stop, at the end and after it: finite whatever the error, and no
+    motion without one.
+    """
     reference = stop_and_reverse()
     controller = make()
     errors = np.concatenate([np.zeros((1, 3)), start_errors(6, np.random.default_rng(2))])
@@ -99,17 +110,24 @@ def test_each_robot_is_controlled_as_if_it_were_alone(make):
     def run(shape, rows=slice(None)):
         controller = make()
         controller.reset()
-        twists = [controller.twist(t, p[rows].reshape(*shape, 3), reference) for t, p in zip(times, poses, strict=True)]
+        twists = [
+            controller.twist(t, p[rows].reshape(*shape, 3), reference)
+            for t, p in zip(times, poses, strict=True)
+        ]
         return np.reshape(twists, (len(times), -1, 2))
 
     together = run((3,))
     np.testing.assert_allclose(run((3, 1)), together, rtol=1e-12)
     for k in range(3):
-        np.testing.assert_allclose(run((), slice(k, k + 1))[:, 0], together[:, k], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            run((), slice(k, k + 1))[:, 0], together[:, k], rtol=1e-9, atol=1e-12
+        )
 
 
 class Moved:
-    """A reference turned and shifted by `pose`, after its left and right are exchanged where `side` is -1."""
+    """A reference turned and shifted by `pose`, after its left and right are exchanged where `side`
+    is -1.
+    """
 
     def __init__(self, reference, pose, side):
         self.reference, self.motion, self.side = reference, np.array(pose), side
@@ -126,9 +144,12 @@ class Moved:
 
 
 def test_twists_depend_neither_on_the_place_nor_on_the_side(make):
-    """Through a cusp, from errors within which most laws are far from linear; poses follow the first one's twists."""
+    """Through a cusp, from errors within which most laws are far from linear; poses follow the
+    first one's twists.
+    """
     reference = stop_and_reverse()
-    side = 1.0 if make is CONTROLLERS["mppi"] else -1.0  # whose mirrored tracks have other random numbers
+    # whose mirrored tracks have other random numbers
+    side = 1.0 if make is CONTROLLERS["mppi"] else -1.0
     moved = Moved(reference, [3.0, -5.0, 2.0], side)
     first, second = make(), make()
     pose = pose_with_error(reference.pose(0.0), start_errors(2, np.random.default_rng(5)))
@@ -140,7 +161,9 @@ def test_twists_depend_neither_on_the_place_nor_on_the_side(make):
 
 
 def test_a_robot_is_controlled_again_after_its_pose_was_lost(make):
-    """For half a second, on a circle; the robot beside it drives as ever, and it would do so alone."""
+    """For half a second, on a circle; the robot beside it drives as ever, and it would do so
+    alone.
+    """
     reference = circle(1.0, 0.15, 20.0)
     runs = []
     for lost, robots in ((False, 2), (True, 2), (True, 1)):

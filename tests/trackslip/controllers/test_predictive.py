@@ -5,17 +5,26 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import lsq_linear, minimize
 
 from trackslip.controllers.feedback import Lqr, error_dynamics
-from trackslip.controllers.predictive import LinearPredictive, ModelPredictive, PathIntegral, bounded_optimum
+from trackslip.controllers.predictive import (
+    LinearPredictive,
+    ModelPredictive,
+    PathIntegral,
+    bounded_optimum,
+)
 from trackslip.kinematics import advance, track_speeds, twist_of_tracks
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import circle, paper_reference
 
 
-@pytest.mark.parametrize("error", [(0.02, -0.01, 0.05), (0.3, 0.2, -0.4), (-0.5, 0.1, 0.8), (0.0, -0.6, 0.3)])
+@pytest.mark.parametrize(
+    "error", [(0.02, -0.01, 0.05), (0.3, 0.2, -0.4), (-0.5, 0.1, 0.8), (0.0, -0.6, 0.3)]
+)
 @pytest.mark.parametrize("speed", [0.15, -0.2])
 @pytest.mark.parametrize("law", [LinearPredictive, ModelPredictive])
 def test_the_plan_is_the_optimum_of_its_problem(law, error, speed):
-    """Another solver minimises the cost, with errors by a linear recursion or of arcs, within the tracks' limits."""
+    """Another solver minimises the cost, with errors by a linear recursion or of arcs, within the
+    tracks' limits.
+    """
     more = {"iterations": 30} if law is ModelPredictive else {}
     controller = law(intervals=8, track_speed=0.26, **more)
     reference = circle(0.8, speed, 40.0)
@@ -39,7 +48,13 @@ def test_the_plan_is_the_optimum_of_its_problem(law, error, speed):
 
     limits = [(-controller.track_speed, controller.track_speed)] * wanted.size
     options = {"ftol": 1e-15, "gtol": 1e-9, "maxfun": 100_000, "maxiter": 10_000}
-    best = minimize(cost, np.clip(wanted, -0.26, 0.26).ravel(), method="L-BFGS-B", bounds=limits, options=options)
+    best = minimize(
+        cost,
+        np.clip(wanted, -0.26, 0.26).ravel(),
+        method="L-BFGS-B",
+        bounds=limits,
+        options=options,
+    )
     driven = track_speeds(controller.twist(5.0, pose, reference), controller.half_gauge)
     np.testing.assert_allclose(driven, best.x[:2], atol=2e-4)
     assert np.abs(driven).max() <= controller.track_speed
@@ -49,29 +64,47 @@ def test_the_plan_is_the_optimum_of_its_problem(law, error, speed):
 def test_optima_within_bounds_are_those_of_scipy():
     """Some problems with no bound that matters, most with many."""
     rng = np.random.default_rng(0)
-    roots, sides = rng.normal(size=(40, 30, 20)), rng.normal(size=(40, 30)) * np.geomspace(0.01, 10, 40)[:, None]
-    hessians, right = roots.swapaxes(1, 2) @ roots, (roots.swapaxes(1, 2) @ sides[..., None])[..., 0]
-    wanted = [lsq_linear(root, side, (-0.3, 0.3), "bvls").x for root, side in zip(roots, sides, strict=True)]
+    roots, sides = (
+        rng.normal(size=(40, 30, 20)),
+        rng.normal(size=(40, 30)) * np.geomspace(0.01, 10, 40)[:, None],
+    )
+    hessians, right = (
+        roots.swapaxes(1, 2) @ roots,
+        (roots.swapaxes(1, 2) @ sides[..., None])[..., 0],
+    )
+    wanted = [
+        lsq_linear(root, side, (-0.3, 0.3), "bvls").x
+        for root, side in zip(roots, sides, strict=True)
+    ]
     np.testing.assert_allclose(bounded_optimum(hessians, right, 0.3), wanted, atol=1e-9)
 
 
 def test_ill_conditioned_problems_end():
     """Of errors that cost 10^10 times as much as others, and robots metres away."""
-    controller, reference = ModelPredictive(intervals=40, position_scale=1e-4, final_weight=1e4), circle(1.0, 0.2, 40.0)
+    controller, reference = (
+        ModelPredictive(intervals=40, position_scale=1e-4, final_weight=1e4),
+        circle(1.0, 0.2, 40.0),
+    )
     pose = reference.pose(5.0) + np.random.default_rng(0).normal(0, 10.0, (4, 3))
     assert np.isfinite(controller.twist(5.0, pose, reference)).all()
 
 
 def test_many_samples_tend_to_the_linear_quadratic_optimum():
-    """The path integral of a linear system with a quadratic cost is known: its mean plan is the optimum."""
+    """The path integral of a linear system with a quadratic cost is known: its mean plan is the
+    optimum.
+    """
     reference = circle(1.0, 0.15, 40.0)
     pose = pose_with_error(reference.pose(5.0), np.array([0.01, 0.015, 0.03]))
     sampling = PathIntegral(samples=4000, intervals=5, noise=0.03, temperature=0.5)
     scale = sampling.noise * np.sqrt(2 / sampling.temperature)
     wanted = LinearPredictive(intervals=5, speed_scale=scale).twist(5.0, pose, reference)
-    found = np.mean([sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)][20:], axis=0)
+    found = np.mean(
+        [sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)][20:], axis=0
+    )
     change = wanted - reference.twist(5.0)
-    np.testing.assert_allclose(found - reference.twist(5.0), change, atol=0.05 * np.abs(change).max())
+    np.testing.assert_allclose(
+        found - reference.twist(5.0), change, atol=0.05 * np.abs(change).max()
+    )
 
 
 @pytest.mark.parametrize("twist", [(0.15, 0.12), (-0.2, 0.1), (0.15, 0.0), (0.0, 0.0)])
@@ -81,11 +114,15 @@ def test_error_dynamics_by_finite_differences(twist):
     a, b = error_dynamics(twist, period)
 
     def after(error, correction):
-        pose = advance(pose_with_error(desired, np.asarray(error)), np.add(twist, correction), period)
+        pose = advance(
+            pose_with_error(desired, np.asarray(error)), np.add(twist, correction), period
+        )
         return body_errors(pose, advance(desired, twist, period))
 
     by_error = [(after(h * e, [0, 0]) - after(-h * e, [0, 0])) / (2 * h) for e in np.eye(3)]
-    by_correction = [(after(np.zeros(3), h * u) - after(np.zeros(3), -h * u)) / (2 * h) for u in np.eye(2)]
+    by_correction = [
+        (after(np.zeros(3), h * u) - after(np.zeros(3), -h * u)) / (2 * h) for u in np.eye(2)
+    ]
     np.testing.assert_allclose(a, np.transpose(by_error), atol=1e-8)
     np.testing.assert_allclose(b, np.transpose(by_correction), atol=1e-8)
 
@@ -120,12 +157,16 @@ def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(spe
     controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
     reference = circle(1.0, speed, 60.0)
     a, b = error_dynamics(reference.twist(5.0), controller.interval)
-    scales = np.array([controller.position_scale, controller.position_scale, controller.heading_scale])
+    scales = np.array(
+        [controller.position_scale, controller.position_scale, controller.heading_scale]
+    )
     tracks = track_speeds(np.eye(2), controller.half_gauge).T / controller.speed_scale
     q, r = np.diag(scales**-2), tracks.T @ tracks
     cost = solve_discrete_are(a, b, q, r)
     wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
-    np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)
+    np.testing.assert_allclose(
+        error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3
+    )
 
 
 def test_sampled_tracks_do_not_exceed_their_limit():

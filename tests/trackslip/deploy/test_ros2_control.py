@@ -15,8 +15,18 @@ from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import SHIPPED, load_laws, read_stored
 
 STORED = stored()
-EVEN_SIDES = {"offset_left": 0.04, "offset_right": 0.04, "radius_error_left": 0.01, "radius_error_right": -0.02}
-CASES = {"none": STORED, "icr": STORED, "icr_radius": STORED, "icr_sides": stored({"icr_sides": EVEN_SIDES})}
+EVEN_SIDES = {
+    "offset_left": 0.04,
+    "offset_right": 0.04,
+    "radius_error_left": 0.01,
+    "radius_error_right": -0.02,
+}
+CASES = {
+    "none": STORED,
+    "icr": STORED,
+    "icr_radius": STORED,
+    "icr_sides": stored({"icr_sides": EVEN_SIDES}),
+}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -28,7 +38,9 @@ def test_the_controller_moves_and_reckons_as_the_law_says(name):
     assert all(type(value) is float for value in parameters.values())
     omega = law.sprocket_speeds(twist, GEOMETRY)
     np.testing.assert_allclose(controller.wheel_speeds(twist), omega, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(controller.twist(omega), law.twist(omega, GEOMETRY), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        controller.twist(omega), law.twist(omega, GEOMETRY), rtol=1e-12, atol=1e-12
+    )
 
 
 def test_where_the_tracks_icrs_differ_a_point_off_the_middle_moves_so():
@@ -62,7 +74,9 @@ def test_ros_1_takes_the_same_parameters_in_its_own_form():
     assert read_yaml(one) == {"diff_drive_controller": parameters_in(two)}
 
 
-def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_be_expressed(tmp_path):
+def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_be_expressed(
+    tmp_path,
+):
     file = tmp_path / "laws.json"
     file.write_text(json.dumps(dict(stored(best="turn_loss", expressible="icr").content)))
     text = deploy_law(file)
@@ -72,7 +86,12 @@ def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_
 
 
 NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'
-DRIVE = {"method": "drive", "best": "icr_radius", "made_by": NASTY, "alarms": [{"kind": "bound", "line": NASTY + " ±"}]}
+DRIVE = {
+    "method": "drive",
+    "best": "icr_radius",
+    "made_by": NASTY,
+    "alarms": [{"kind": "bound", "line": NASTY + " ±"}],
+}
 
 
 @pytest.mark.parametrize("to", TARGETS)
@@ -87,10 +106,25 @@ def test_nasty_names_stay_in_comments(to, tmp_path):
     elif to == "python":
         names = {}
         exec(compile(text, "law", "exec"), names)
-        assert {name for name in names if name.islower()} == {"__builtins__", "sprocket_speeds", "body_twist"}
+        assert {name for name in names if name.islower()} == {
+            "__builtins__",
+            "sprocket_speeds",
+            "body_twist",
+        }
     elif shutil.which("cc"):
         (tmp_path / "law.h").write_text(text)
-        command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "-x", "c", "law.h"]
+        command = [
+            "cc",
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-pedantic",
+            "-fsyntax-only",
+            "-x",
+            "c",
+            "law.h",
+        ]
         subprocess.run(command, cwd=tmp_path, check=True)
 
 
@@ -105,7 +139,9 @@ def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
     assert set(units) == set(VALUES[name])
 
 
-@pytest.mark.parametrize("key", ["drive", "laws", "alarms", "method", "best", "made_by", "expressible"])
+@pytest.mark.parametrize(
+    "key", ["drive", "laws", "alarms", "method", "best", "made_by", "expressible"]
+)
 @pytest.mark.parametrize("value", [None, [1, [2]], {"icr": 3}])
 def test_whatever_else_a_file_says(key, value):
     laws = stored({"icr": VALUES["icr"]}, **{"method": "drive", key: value})

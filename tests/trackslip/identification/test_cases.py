@@ -3,7 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pytest
-from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
+from plain_drives import (
+    ENCODER_STEP,
+    HUSKY,
+    Drive,
+    Robot,
+    drive_of,
+    log_of,
+    measured,
+    table_of,
+    weaving,
+)
 
 from trackslip.identification.identify import identify
 from trackslip.identification.result import Identification
@@ -24,12 +34,19 @@ def answer(*logs: RunLog, robot: Robot = HUSKY) -> Identification:
     return identify(logs, robot.geometry, method="drive")
 
 
-def require_true(found: Identification, robot: Robot = HUSKY, offset: float = 0.003, error: float | None = None):
-    """D and ε within one and a half times their 95 % intervals, of half widths of at most `offset` [m] and `error`.
+def require_true(
+    found: Identification, robot: Robot = HUSKY, offset: float = 0.003, error: float | None = None
+):
+    """D and ε within one and a half times their 95 % intervals, of half widths of at most `offset`
+    [m] and `error`.
 
-    Of 40 values, some are outside 95 % by chance; shares are tested in tests/validation/test_drive_coverage.py.
+    Of 40 values, some are outside 95 % by chance; shares are tested in
+    tests/validation/test_drive_coverage.py.
     """
-    truths = {"offset": robot.offset, "wheel_separation_multiplier": 1 + robot.offset / robot.half_gauge}
+    truths = {
+        "offset": robot.offset,
+        "wheel_separation_multiplier": 1 + robot.offset / robot.half_gauge,
+    }
     widths = {"offset": offset, "wheel_separation_multiplier": offset / robot.half_gauge}
     if error is not None:
         truths["radius_error"], widths["radius_error"] = robot.radius_error, error
@@ -41,13 +58,19 @@ def require_true(found: Identification, robot: Robot = HUSKY, offset: float = 0.
 
 @pytest.mark.parametrize(("rate", "late", "digits"), [(10.0, 0.0, 9), (1.0, 0.007, 3)])
 def test_interpolated_poses(rate, late, digits):
-    """Poses at the encoders' rows, linear between those that were measured, at these rows or between them."""
+    """Poses at the encoders' rows, linear between those that were measured, at these rows or
+    between them.
+    """
     time, pose = measured(DRIVE, pose_step=1 / rate)
-    between = np.column_stack([np.interp(DRIVE.time, time + late, column) for column in pose.T]).round(digits)
+    between = np.column_stack(
+        [np.interp(DRIVE.time, time + late, column) for column in pose.T]
+    ).round(digits)
     found, knots = answer(log_of(DRIVE, DRIVE.time, between)), answer(log_of(DRIVE, time, pose))
     require_true(found, offset=0.0025, error=0.002)
     assert found.answer["offset"].value == pytest.approx(knots.answer["offset"].value, abs=2e-4)
-    assert found.answer["radius_error"].value == pytest.approx(knots.answer["radius_error"].value, abs=2e-4)
+    assert found.answer["radius_error"].value == pytest.approx(
+        knots.answer["radius_error"].value, abs=2e-4
+    )
     assert any(note.startswith("poses are interpolated") for note in found.warnings)
 
 
@@ -66,7 +89,11 @@ def test_positions_alone_of_a_sensor_ahead(seed):
     drive = drive_of(duration=100.0, speed=0.5, yaw_rate=1.5, seed=seed)
     time, pose = measured(drive, pose_step=0.2, position_noise=0.01)
     arm = np.exp(1j * pose[:, 2]) * (0.2 - 0.06j)
-    found = answer(log_of(drive, time, pose * [1, 1, np.nan] + np.stack([arm.real, arm.imag, arm.real], axis=1)))
+    found = answer(
+        log_of(
+            drive, time, pose * [1, 1, np.nan] + np.stack([arm.real, arm.imag, arm.real], axis=1)
+        )
+    )
     require_true(found, offset=0.004)
     assert found.alarms == ()
 
@@ -80,12 +107,22 @@ def test_a_true_law_raises_no_alarm_on_a_minute_of_varying_slip(seed):
 @pytest.mark.parametrize("factor", [2.5, 0.4])
 def test_encoders_that_count_otherwise(factor):
     log = log_of(DRIVE.with_wheels(factor * DRIVE.omega), TIME, POSE)
-    require_true(answer(log), replace(HUSKY, radius_error=0.97 / factor - 1), offset=0.001, error=0.001 / factor)
+    require_true(
+        answer(log),
+        replace(HUSKY, radius_error=0.97 / factor - 1),
+        offset=0.001,
+        error=0.001 / factor,
+    )
 
 
 def test_start_and_end_poses():
-    """Five squares to each side; on closed squares, ε isn't told, but the difference of its sides is."""
-    robot, logs = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075), []
+    """Five squares to each side; on closed squares, ε isn't told, but the difference of its sides
+    is.
+    """
+    robot, logs = (
+        Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075),
+        [],
+    )
     for k in range(10):
         turn = np.pi / 8 * (1 if k < 5 else -1)
         commands = np.array([0.5, 0.0] * 4 + [0.0, 0.0]), np.array([0.0, turn] * 4 + [0.0, 0.0])
@@ -94,7 +131,9 @@ def test_start_and_end_poses():
         logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
     found = answer(*logs, robot=robot)
     require_true(found, robot, offset=0.007)
-    left, right = (found.answer[f"{side}_wheel_radius_multiplier"].value for side in ("left", "right"))
+    left, right = (
+        found.answer[f"{side}_wheel_radius_multiplier"].value for side in ("left", "right")
+    )
     assert left - right == pytest.approx(2 * robot.unequal, abs=0.002)
 
 
@@ -104,7 +143,9 @@ def test_wheels_and_headings_alone():
     drive = drive_of(duration=90.0, commands=commands)
     headings = drive.pose * [np.nan, np.nan, 1.0]
     found = answer(log_of(drive, drive.time, headings))
-    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=5e-4)
+    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(
+        1 / HUSKY.turn_gain, abs=5e-4
+    )
     assert found.drive.look.gains.speed is None
 
 
@@ -113,9 +154,13 @@ def test_wheels_and_a_gyro_alone():
     turned = np.gradient(DRIVE.pose[:, 2], ENCODER_STEP) + 0.02
     turned[2000:2050] = np.nan
     table = table_of(DRIVE, DRIVE.time, DRIVE.pose, "a").drop_columns(["x", "y", "phi"])
-    (log,) = runs_from_table(table.append_column("gyro", pa.array(turned, from_pandas=True)), "gyro.csv").runs
+    (log,) = runs_from_table(
+        table.append_column("gyro", pa.array(turned, from_pandas=True)), "gyro.csv"
+    ).runs
     found = answer(log)
-    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=2e-3)
+    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(
+        1 / HUSKY.turn_gain, abs=2e-3
+    )
     assert found.alarms == ()
 
 
@@ -134,7 +179,9 @@ def test_all_readings_of_a_long_and_a_short_drive_are_used(monkeypatch):
         time, pose = measured(drive, pose_step=0.06)
         logs.append(log_of(drive, time[:count], pose[:count], name))
     found = answer(*logs)
-    assert [str(refused) for refused in found.outliers] == ["run 'a copy' left out: a copy of run 'short'"]
+    assert [str(refused) for refused in found.outliers] == [
+        "run 'a copy' left out: a copy of run 'short'"
+    ]
     assert found.drive.laws["icr_radius"].poses == 5000
     assert sum(len(drive.omega) for drive in found.drive.look.drives) == 50 * 0.06 * 5000
     require_true(found, offset=0.001, error=0.001)

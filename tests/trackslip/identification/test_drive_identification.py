@@ -18,7 +18,9 @@ from trackslip.logs.runlog import RunLog
 
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
-    monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius"))
+    monkeypatch.setattr(
+        "trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius")
+    )
 
 
 @cache
@@ -35,7 +37,10 @@ def test_a_drive_gives_laws_intervals_and_predictions():
     assert found.alarms == ()
     low, high = found.intervals["icr_radius"]["offset"]
     assert low < ICR.offset < high
-    assert found.drive.errors["icr_radius"][2.0].heading.rms < found.drive.errors["none"][2.0].heading.rms
+    assert (
+        found.drive.errors["icr_radius"][2.0].heading.rms
+        < found.drive.errors["none"][2.0].heading.rms
+    )
     assert "2 drives" in repr(found)
     assert found.best in repr(found)
     with pytest.raises(TrackslipError, match="there are no steady samples"):
@@ -78,7 +83,10 @@ def test_what_a_robot_shows_too_little_of_is_an_alarm():
 @pytest.mark.parametrize(
     ("log", "said"),
     [
-        (RunLog("two", np.array([0.0, 1.0]), np.ones((2, 2)), np.zeros((2, 3))), "1 pose while it drives"),
+        (
+            RunLog("two", np.array([0.0, 1.0]), np.ones((2, 2)), np.zeros((2, 3))),
+            "1 pose while it drives",
+        ),
         (RunLog("still", np.arange(40.0), np.zeros((40, 2)), np.zeros((40, 3))), "stand still"),
         (RunLog("held", np.arange(40.0), np.ones((40, 2)), np.zeros((40, 3))), "needs at least 2"),
     ],
@@ -93,13 +101,21 @@ GROUND = {"along": 0.7, "across": 0.778, "slope": 0.0, "uphill": 0.0, "shear": 0
 
 def run(loads: bool = True, **changed: float) -> RunLog:
     time = np.arange(0, 5, 0.05)
-    log = RunLog("run", time, np.ones((100, 2)), np.zeros((100, 3)), load=np.zeros((100, 2)) if loads else None)
+    log = RunLog(
+        "run",
+        time,
+        np.ones((100, 2)),
+        np.zeros((100, 3)),
+        load=np.zeros((100, 2)) if loads else None,
+    )
     return replace(log, metadata={"geometry": vars(GEOMETRY), "ground": GROUND | changed})
 
 
 def test_runs_that_tell_their_loads_may_differ_in_slope():
     (note,) = source_of_runs([run(), run(slope=0.1, uphill=1.0)]).notes
-    assert note == "its runs differ in ground (slope, uphill): only icr_load takes that into account"
+    assert (
+        note == "its runs differ in ground (slope, uphill): only icr_load takes that into account"
+    )
     assert source_of_runs([run(), run()]).notes == ()
 
 

@@ -34,7 +34,11 @@ SKIDDING = Robot(0.25, 0.1, 0.4)
         (HUSKY, {}, {}),
         (HUSKY, {"slip": 0.05}, {"pose_step": 1.0, "position_noise": 0.02}),
         (SMALL, {"speed": 0.2, "yaw_rate": 0.6}, {"position_noise": 0.002}),
-        (LARGE, {"speed": 2.0, "yaw_rate": 0.5, "slip": 0.05}, {"pose_step": 0.2, "position_noise": 0.02}),
+        (
+            LARGE,
+            {"speed": 2.0, "yaw_rate": 0.5, "slip": 0.05},
+            {"pose_step": 0.2, "position_noise": 0.02},
+        ),
         (SKIDDING, {"speed": 3.0, "yaw_rate": 1.0}, {"pose_step": 0.2}),
     ],
 )
@@ -44,10 +48,18 @@ def test_clean_logs_have_no_alarm_and_gains_that_hold_the_truth(robot, driving, 
     found = look(log_of(drive, time, without(pose, kind)), robot=robot)
     assert found.alarms == ()
     assert holds(found.gains.turn, robot.turn_gain)
-    assert found.gains.speed is None if kind == "headings" else holds(found.gains.speed, 1 + robot.radius_error)
+    assert (
+        found.gains.speed is None
+        if kind == "headings"
+        else holds(found.gains.speed, 1 + robot.radius_error)
+    )
     assert abs(found.clock) < 0.08
     assert len(found.drives) == 1
-    words = {"poses": "poses", "positions": "positions without headings", "headings": "headings without positions"}
+    words = {
+        "poses": "poses",
+        "positions": "positions without headings",
+        "headings": "headings without positions",
+    }
     assert found.notes[0].startswith(f"{words[kind]} every")
     assert json.dumps(found.to_json(), allow_nan=False)
 
@@ -55,7 +67,11 @@ def test_clean_logs_have_no_alarm_and_gains_that_hold_the_truth(robot, driving, 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("speeds", "yaw_rates", "tells"),
-    [([0.5, -0.3], [0.0, 0.0], "speed"), ([0.0, 0.0], [0.6, -0.6], "turn"), ([0.5, 0.5], [0.4, 0.4], "both")],
+    [
+        ([0.5, -0.3], [0.0, 0.0], "speed"),
+        ([0.0, 0.0], [0.6, -0.6], "turn"),
+        ([0.5, 0.5], [0.4, 0.4], "both"),
+    ],
 )
 def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind):
     drive = drive_of(commands=(np.tile(speeds, 20), np.tile(yaw_rates, 20)))
@@ -64,7 +80,11 @@ def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind):
     assert found.alarms == ()
     turns = tells != "speed" and not (tells == "turn" and kind == "positions")
     assert holds(found.gains.turn, HUSKY.turn_gain) if turns else found.gains.turn is None
-    assert holds(found.gains.speed, 0.97) if tells != "turn" and kind != "headings" else found.gains.speed is None
+    assert (
+        holds(found.gains.speed, 0.97)
+        if tells != "turn" and kind != "headings"
+        else found.gains.speed is None
+    )
 
 
 def test_a_sensor_anywhere_and_turned_changes_no_gain():
@@ -78,14 +98,18 @@ def test_a_sensor_anywhere_and_turned_changes_no_gain():
 
 
 def test_stops_and_rare_motion_are_no_missing_readings():
-    """Encoders at 1 Hz of a robot that stops and goes, and a robot that stands for most of an hour."""
+    """Encoders at 1 Hz of a robot that stops and goes, and a robot that stands for most of an
+    hour.
+    """
     commands = np.tile([0.5, 0.0], 60), np.tile([0.3, 0.0], 60)
     drive = drive_of(commands=commands, hold=2.0, duration=240.0)
     rows = slice(None, None, 50)
     angle = np.cumsum(drive.omega * ENCODER_STEP, axis=0)
     slow = Drive(drive.time[rows], np.diff(angle[rows], axis=0, prepend=0.0), drive.pose[rows])
     slow.omega[np.abs(slow.omega) < 0.1] = 0.0
-    assert look_at(slow, *measured(drive)).gains.turn.value == pytest.approx(HUSKY.turn_gain, rel=0.03)
+    assert look_at(slow, *measured(drive)).gains.turn.value == pytest.approx(
+        HUSKY.turn_gain, rel=0.03
+    )
     rest = np.append(np.arange(1500.0, 3000.0, 0.02), [3000.0])
     still = Drive(
         np.concatenate([DRIVE.time, rest]),
@@ -100,7 +124,9 @@ def test_stops_and_rare_motion_are_no_missing_readings():
 )
 def test_clocks_that_are_far_apart_are_told(kind, late):
     whose = "encoder" if late < 0 else "pose"
-    with pytest.raises(LogError, match=rf"the clocks differ by {abs(late):.1f} s, as the {whose} clock .* {whose}s"):
+    with pytest.raises(
+        LogError, match=rf"the clocks differ by {abs(late):.1f} s, as the {whose} clock .* {whose}s"
+    ):
         look_at(time=TIME + late, pose=without(POSE, kind))
 
 
@@ -113,7 +139,10 @@ def test_clocks_that_are_nearly_right_give_a_start_value(late, kind):
 
 
 def test_a_run_whose_clocks_are_apart_by_another_time_than_those_of_others_is_told():
-    logs = [log_of(DRIVE, TIME - late, POSE, run=name) for name, late in (("a", 0.0), ("b", 0.4), ("c", 1e-3))]
+    logs = [
+        log_of(DRIVE, TIME - late, POSE, run=name)
+        for name, late in (("a", 0.0), ("b", 0.4), ("c", 1e-3))
+    ]
     told = "run 'b': add 0.40 s to the times of its poses: other runs have other clocks"
     assert [note for note in look(*logs).notes if "clocks" in note] == [told]
 
@@ -121,7 +150,9 @@ def test_a_run_whose_clocks_are_apart_by_another_time_than_those_of_others_is_to
 def test_poses_of_another_drive_are_not_a_matter_of_clocks():
     time, pose = measured(drive_of(seed=10))
     assert [alarm.kind for alarm in look_at(DRIVE, time, pose).alarms] == ["match"]
-    with pytest.raises(LogError, match=r"encoders .* and poses \(1000 to 1120 s\) don't overlap: subtract"):
+    with pytest.raises(
+        LogError, match=r"encoders .* and poses \(1000 to 1120 s\) don't overlap: subtract"
+    ):
         look_at(DRIVE, time + 1000.0, pose)
 
 
@@ -162,24 +193,42 @@ def refused(match, **log):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (lambda pose: pose * [1, 1, 180 / np.pi], r"column phi is in degrees .*: multiply it by pi/180"),
-        (lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0], "phi runs clockwise by the"),
-        (lambda pose: [0, 0, 90] + pose * [1, 1, -180 / np.pi], r"in degrees, clockwise .*: give pi/2 - phi pi/180"),
+        (
+            lambda pose: pose * [1, 1, 180 / np.pi],
+            r"column phi is in degrees .*: multiply it by pi/180",
+        ),
+        (
+            lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0],
+            "phi runs clockwise by the",
+        ),
+        (
+            lambda pose: [0, 0, 90] + pose * [1, 1, -180 / np.pi],
+            r"in degrees, clockwise .*: give pi/2 - phi pi/180",
+        ),
         (lambda pose: pose[:, [1, 0, 2]], "phi runs clockwise .*, exchange x and y"),
         (lambda pose: pose * [1, -1, 1], "phi runs clockwise .* or change the sign of y"),
-        (lambda pose: pose * [1, 1, 0] + np.sin(pose / 2) * [0, 0, 1], r"looks like the z of a quaternion: give phi ="),
         (
-            lambda pose: pose * [1e3, 1e3, 1] + 300 * np.cos(pose[:, [2, 2, 2]] - [0, np.pi / 2, 0]) * [1, 1, 0],
+            lambda pose: pose * [1, 1, 0] + np.sin(pose / 2) * [0, 0, 1],
+            r"looks like the z of a quaternion: give phi =",
+        ),
+        (
+            lambda pose: (
+                pose * [1e3, 1e3, 1]
+                + 300 * np.cos(pose[:, [2, 2, 2]] - [0, np.pi / 2, 0]) * [1, 1, 0]
+            ),
             "like mm",
         ),
         (lambda pose: pose * [1000, 1000, np.nan], "x and y look like mm: divide them by 1000"),
         (
-            lambda pose: [8.5, 47, np.nan] + pose / (111_320 * np.array([np.cos(np.radians(47)), 1, 1])),
+            lambda pose: (
+                [8.5, 47, np.nan] + pose / (111_320 * np.array([np.cos(np.radians(47)), 1, 1]))
+            ),
             "look like degrees of longitude and latitude",
         ),
         (
             lambda pose: (
-                [-37, 144, np.nan] + pose[:, [1, 0, 2]] / (111_320 * np.array([1, np.cos(np.radians(-37)), 1]))
+                [-37, 144, np.nan]
+                + pose[:, [1, 0, 2]] / (111_320 * np.array([1, np.cos(np.radians(-37)), 1]))
             ),
             "look like degrees of longitude and latitude",
         ),
@@ -194,7 +243,13 @@ def test_degrees_are_no_unit_of_the_wheels():
     robot = Robot(half_gauge=0.42, radius=0.11, offset=0.09, radius_error=0.025)
     drive = drive_of(robot, speed=1.1, yaw_rate=0.7)
     time, pose = measured(drive)
-    refused("column phi is in degrees", drive=drive, time=time, pose=pose * [1, 1, 180 / np.pi], robot=robot)
+    refused(
+        "column phi is in degrees",
+        drive=drive,
+        time=time,
+        pose=pose * [1, 1, 180 / np.pi],
+        robot=robot,
+    )
 
 
 def counts(omega: np.ndarray, per_turn: int) -> np.ndarray:
@@ -212,16 +267,31 @@ def ticks(drive: Drive, per_turn: int, wraps: int = 0) -> np.ndarray:
     ("change", "match"),
     [
         (lambda w: w * HUSKY.radius, "look like m/s: divide them by sprocket_radius = 0.165 m"),
-        (lambda w: w * HUSKY.radius * 1000, "look like mm/s: divide them by sprocket_radius = 165 mm"),
+        (
+            lambda w: w * HUSKY.radius * 1000,
+            "look like mm/s: divide them by sprocket_radius = 165 mm",
+        ),
         (lambda w: np.degrees(w), "look like deg/s"),
         (lambda w: w * 60 / (2 * np.pi), "look like rpm"),
-        (lambda w: w / (2 * np.pi), "look like turns per second: .*, or omega_l and omega_r look like m/s"),
-        (lambda w: np.cumsum(w * ENCODER_STEP, axis=0), r"look like angles or ticks \(up to .*\), not speeds"),
-        (lambda w: (np.cumsum(w * ENCODER_STEP, axis=0) + np.pi) % (2 * np.pi) - np.pi, "look like angles"),
+        (
+            lambda w: w / (2 * np.pi),
+            "look like turns per second: .*, or omega_l and omega_r look like m/s",
+        ),
+        (
+            lambda w: np.cumsum(w * ENCODER_STEP, axis=0),
+            r"look like angles or ticks \(up to .*\), not speeds",
+        ),
+        (
+            lambda w: (np.cumsum(w * ENCODER_STEP, axis=0) + np.pi) % (2 * np.pi) - np.pi,
+            "look like angles",
+        ),
         (lambda w: counts(w, 2048), "look like angles or ticks"),
         (lambda w: (counts(w, 2048) + 2**15) % 2**16 - 2**15, "look like angles or ticks"),
         (lambda w: counts(w, 2048) % 2048, "look like angles or ticks"),
-        (lambda w: w * (np.arange(len(w)) % 4 == 0)[:, None], "columns omega_l and omega_r go to 0 and back .* times"),
+        (
+            lambda w: w * (np.arange(len(w)) % 4 == 0)[:, None],
+            "columns omega_l and omega_r go to 0 and back .* times",
+        ),
     ],
 )
 def test_readings_of_encoders_that_are_no_speeds(change, match):
@@ -234,7 +304,10 @@ def test_counts_since_the_last_reading_are_an_alarm():
 
 
 def test_a_counter_that_begins_anew():
-    refused(r"column omega_. is .* rad/s at t = .* its usual speed", drive=DRIVE.with_wheels(ticks(DRIVE, 400, 4096)))
+    refused(
+        r"column omega_. is .* rad/s at t = .* its usual speed",
+        drive=DRIVE.with_wheels(ticks(DRIVE, 400, 4096)),
+    )
 
 
 @pytest.mark.parametrize("per_turn", [60, 4096])
@@ -248,13 +321,20 @@ def test_counters_with_few_or_many_ticks_pass(per_turn):
 def test_zeros_for_missing_poses(every):
     pose = np.zeros((len(DRIVE.time), 3))
     pose[::every] = POSE[:: every // 5]
-    refused("columns x, y and phi go to 0 and back .* times: leave cells empty", time=DRIVE.time, pose=pose)
+    refused(
+        "columns x, y and phi go to 0 and back .* times: leave cells empty",
+        time=DRIVE.time,
+        pose=pose,
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda w: w[:, ::-1], ": exchange omega_l and omega_r, or change the signs of y and phi if phi"),
+        (
+            lambda w: w[:, ::-1],
+            ": exchange omega_l and omega_r, or change the signs of y and phi if phi",
+        ),
         (lambda w: w * [-1, 1], ": change the sign of omega_l, for a bag by --reversed left$"),
         (lambda w: w * [1, -1], ": change the sign of omega_r, for a bag by --reversed right$"),
         (lambda w: -w, ": change the sign of omega_l and omega_r, for a bag by --reversed both$"),
@@ -263,7 +343,11 @@ def test_zeros_for_missing_poses(every):
 )
 @pytest.mark.parametrize("jump", [0.0, 30.0])
 def test_sides_that_are_swapped_or_reversed(change, words, jump):
-    refused(words, drive=DRIVE.with_wheels(change(DRIVE.omega)), pose=POSE + jump * (TIME > 60.0)[:, None] * [1, 1, 0])
+    refused(
+        words,
+        drive=DRIVE.with_wheels(change(DRIVE.omega)),
+        pose=POSE + jump * (TIME > 60.0)[:, None] * [1, 1, 0],
+    )
 
 
 @pytest.mark.parametrize("kind", ["positions", "headings"])

@@ -31,7 +31,9 @@ def fast(duration=120.0):
     """Belt speeds of up to 2 m/s, changed every second."""
     speeds = np.random.default_rng(0).uniform(-1, 2, (int(duration) + 1, 2))
     time = np.arange(50 * int(duration) + 1) / 50
-    return np.stack([np.interp(time, np.arange(int(duration) + 1), side) for side in speeds.T], axis=-1)
+    return np.stack(
+        [np.interp(time, np.arange(int(duration) + 1), side) for side in speeds.T], axis=-1
+    )
 
 
 def require_within(fit, true, errors=4.0):
@@ -39,7 +41,9 @@ def require_within(fit, true, errors=4.0):
         assert abs((fit.values | fit.extras)[name] - value) < errors * fit.stderr[name], name
 
 
-@pytest.mark.parametrize(("name", "variation"), [("icr_radius", STILL), *((name, WHITE) for name in drive_laws())])
+@pytest.mark.parametrize(
+    ("name", "variation"), [("icr_radius", STILL), *((name, WHITE) for name in drive_laws())]
+)
 def test_every_law_is_found_within_its_errors(name, variation):
     law = LAWS[name]
     log = drive_log(1, 120.0, SLAM, variation, law, fast() if FAMILIES[name].fast else "random")
@@ -57,7 +61,11 @@ def test_every_law_is_found_within_its_errors(name, variation):
 def test_motion_without_noise_gives_the_law_exactly():
     exact = replace(EXACT, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
     fit = fitted(REFERENCE, drive_log(1, 60.0, exact, STILL, drift=0.1, turning_centre=-0.05))
-    true = {"offset": ICR.offset, "radius_error": ICR.radius_error} | PLACE | {"sensor_x": 0.35, "drift": 0.1}
+    true = (
+        {"offset": ICR.offset, "radius_error": ICR.radius_error}
+        | PLACE
+        | {"sensor_x": 0.35, "drift": 0.1}
+    )
     for key, value in true.items():
         within = 2e-3 if key in ("drift", "sensor_x") else 2e-4
         assert (fit.values | fit.extras)[key] == pytest.approx(value, abs=within)
@@ -73,9 +81,13 @@ def test_a_given_sensor_is_held_and_improves_the_rest():
 
 
 def test_unequal_radii_under_a_sensor_off_the_middle():
-    fit = fitted("icr_sides", drive_log(1, 120.0, MOUNTED, law=IcrSides(0.045, 0.045, 0.02, -0.02, 0.168)))
+    fit = fitted(
+        "icr_sides", drive_log(1, 120.0, MOUNTED, law=IcrSides(0.045, 0.045, 0.02, -0.02, 0.168))
+    )
     require_within(fit, {"radius_error_left": 0.02, "radius_error_right": -0.02})
-    assert np.mean([fit.values["offset_left"], fit.values["offset_right"]]) == pytest.approx(0.045, abs=0.002)
+    assert np.mean([fit.values["offset_left"], fit.values["offset_right"]]) == pytest.approx(
+        0.045, abs=0.002
+    )
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.15])
@@ -95,9 +107,13 @@ def test_a_gyro_has_a_bias_and_a_scale():
     log = drive_log(3, 120.0, SLAM)
     step, rng = np.diff(log.time), np.random.default_rng(0)
     rate = np.diff(np.unwrap(log.truth.pose[:, 2])) / step
-    gyro = replace(log, gyro=np.append(np.nan, 1.02 * rate + 0.01 + rng.normal(0.0, 1e-3 / np.sqrt(step))))
+    gyro = replace(
+        log, gyro=np.append(np.nan, 1.02 * rate + 0.01 + rng.normal(0.0, 1e-3 / np.sqrt(step)))
+    )
     fit = fitted(REFERENCE, gyro)
-    require_within(fit, {"gyro_bias": 0.01, "gyro_scale": 0.02, "clock_offset": 0.0, "offset": ICR.offset})
+    require_within(
+        fit, {"gyro_bias": 0.01, "gyro_scale": 0.02, "clock_offset": 0.0, "offset": ICR.offset}
+    )
     assert fit.stderr["gyro_bias"] < 1e-3
     assert 3e-4 < fit.noise["gyro"] < 3e-3
     assert not {"gyro_bias", "gyro"} & {*fitted(REFERENCE, log).extras, *fit.held}
@@ -115,7 +131,9 @@ def test_values_stop_at_limits_and_say_so(value):
 
 @pytest.mark.parametrize("start", [None, {"radius_error": 0.0}])
 def test_positions_alone_end_in_the_right_minimum_without_a_start(start):
-    """Of 200 drives, fits to shorter windows first, each cut once, took the 84th to D = -271 mm; D's error is 7 mm."""
+    """Of 200 drives, fits to shorter windows first, each cut once, took the 84th to D = -271 mm;
+    D's error is 7 mm.
+    """
     seed = 84
     drive = drive_of(seed=seed, slip=0.05)
     time, pose = measured(drive, position_noise=0.01, seed=10_000 + seed)
@@ -127,7 +145,10 @@ def test_positions_alone_end_in_the_right_minimum_without_a_start(start):
 
 @pytest.mark.parametrize(
     ("speeds", "vague", "known", "true"),
-    [((0.2, 0.2), "offset", "radius_error", ICR.radius_error), ((0.1, 0.2), "radius_error", None, None)],
+    [
+        ((0.2, 0.2), "offset", "radius_error", ICR.radius_error),
+        ((0.1, 0.2), "radius_error", None, None),
+    ],
 )
 def test_what_the_driving_does_not_tell_is_said(speeds, vague, known, true):
     fit = fitted(REFERENCE, drive_log(1, 70.0, driving=constant_speeds(*speeds, 70.0)))

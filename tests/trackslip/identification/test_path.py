@@ -36,34 +36,53 @@ def test_derivatives_and_velocities_are_differences(turning):
     found = path(motion, slope, time)
     for k in range(4):
         ahead, behind = (path(motion + s * h * slope[:, k], slope, time) for s in (1, -1))
-        np.testing.assert_allclose(found.place_slope[k], (ahead.place - behind.place) / (2 * h), atol=1e-7)
-        np.testing.assert_allclose(found.heading_slope[k], (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
+        np.testing.assert_allclose(
+            found.place_slope[k], (ahead.place - behind.place) / (2 * h), atol=1e-7
+        )
+        np.testing.assert_allclose(
+            found.heading_slope[k], (ahead.heading - behind.heading) / (2 * h), atol=1e-7
+        )
     ahead, behind = (path(motion, slope, time + s * h) for s in (1, -1))
     np.testing.assert_allclose(found.velocity, (ahead.place - behind.place) / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(found.yaw_rate, (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(
+        found.yaw_rate, (ahead.heading - behind.heading) / (2 * h), atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("clock_offset", [0.003, -4.003])
 @pytest.mark.parametrize("lag", [0.0, 0.2])
 def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
-    drives, driven = [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)], model("turn_loss")
+    drives, driven = (
+        [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)],
+        model("turn_loss"),
+    )
     every, begin = np.arange(len(driven.names)), 0
     values = np.array([0.045, 0.0066, 0.3, 0.1, 0.05, 0.2, clock_offset, 0.07, lag])
     together = driven.path(values, Drives.of(drives), every)
     for drive in drives:
-        alone, rows = driven.path(values, Drives.of([drive]), every), slice(begin, begin + len(drive.time))
+        alone, rows = (
+            driven.path(values, Drives.of([drive]), every),
+            slice(begin, begin + len(drive.time)),
+        )
         turn = together.heading[begin] - alone.heading[0]
         moved = (together.place[rows] - together.place[begin]) * np.exp(-1j * turn)
         np.testing.assert_allclose(moved, alone.place - alone.place[0], atol=1e-10)
         np.testing.assert_allclose(together.heading[rows] - turn, alone.heading, atol=1e-11)
         slope = together.heading_slope[:, rows] - together.heading_slope[:, [begin]]
-        np.testing.assert_allclose(slope, alone.heading_slope - alone.heading_slope[:, :1], atol=1e-9)
+        np.testing.assert_allclose(
+            slope, alone.heading_slope - alone.heading_slope[:, :1], atol=1e-9
+        )
         begin += len(drive.time)
 
 
 def held(time, omega, period, shifts=(0.0, 0.0)):
-    """Speeds (T, 2) as a robot logs them that reads each encoder once a `period` [s], the two at times of their own."""
-    rows = [np.searchsorted(time, period * np.floor((time - s) / period + 1e-9) + s - 1e-9) for s in shifts]
+    """Speeds (T, 2) as a robot logs them that reads each encoder once a `period` [s], the two at
+    times of their own.
+    """
+    rows = [
+        np.searchsorted(time, period * np.floor((time - s) / period + 1e-9) + s - 1e-9)
+        for s in shifts
+    ]
     return np.column_stack([omega[np.clip(row, 0, None), side] for side, row in enumerate(rows)])
 
 
@@ -71,9 +90,14 @@ def test_a_reading_that_is_logged_again_and_again_counts_once_in_the_middle_of_i
     time = 0.05 * np.arange(400)
     omega = np.column_stack([3 * np.sin(time), 2 + np.cos(0.7 * time)])
     as_read = held(time, omega, 0.2, (0.0, 0.1))
-    later = time[1:] - 0.025 - 0.05  # a reading stands for the row's interval and the three after it
+    # a reading stands for the row's interval and the three after it
+    later = time[1:] - 0.025 - 0.05
     expected = np.column_stack([3 * np.sin(later), 2 + np.cos(0.7 * later)])
     np.testing.assert_allclose(interval_means(time, as_read)[10:-10], expected[10:-10], atol=0.02)
     assert np.abs(as_read[1:] - expected)[10:-10].max() > 0.2
-    for every_row in (RNG.normal(size=(400, 2)), np.repeat(RNG.normal(size=(8, 2)), 50, axis=0), np.ones((400, 2))):
+    for every_row in (
+        RNG.normal(size=(400, 2)),
+        np.repeat(RNG.normal(size=(8, 2)), 50, axis=0),
+        np.ones((400, 2)),
+    ):
         np.testing.assert_array_equal(interval_means(time, every_row), every_row[1:])

@@ -57,7 +57,9 @@ def test_noise_of_slip_is_what_longer_predictions_miss_more(source):
     """Poses with noise of 2 cm and 1° hide slip of 2 mm/√m."""
     logs = [drive_log(seed, 300, source) for seed in (1, 2)]
     noise = fitted("icr_radius", *logs).noise
-    assert noise["slip_turn"] == pytest.approx(WHITE.turning, rel=0.3 if source is not SLAM else 1.0)
+    assert noise["slip_turn"] == pytest.approx(
+        WHITE.turning, rel=0.3 if source is not SLAM else 1.0
+    )
     assert noise["slip_forward"] < 0.01
     assert noise["slip_sideways"] < 0.01
     assert noise["position"] == pytest.approx(source.position_noise, rel=0.3)
@@ -68,7 +70,9 @@ def test_noise_of_slip_is_what_longer_predictions_miss_more(source):
 
 def law(name):
     values = dict.fromkeys(FAMILIES[name].names, 0.0)
-    return FittedLaw(name=name, law=NoSlip(), values=values, stderr={}, interval95={}, correlation=np.eye(0))
+    return FittedLaw(
+        name=name, law=NoSlip(), values=values, stderr={}, interval95={}, correlation=np.eye(0)
+    )
 
 
 def best_of(**errors):
@@ -89,7 +93,9 @@ def missed(sizes, seed=0):
 
 
 def test_the_best_law_has_the_smallest_errors_at_most_horizons():
-    found = best_of(icr_radius=missed((1.0, 1.0, 1.0, 2.0)), turn_loss=missed((0.9, 0.9, 0.9, 9.0), 1))
+    found = best_of(
+        icr_radius=missed((1.0, 1.0, 1.0, 2.0)), turn_loss=missed((0.9, 0.9, 0.9, 9.0), 1)
+    )
     assert found.reason == "turn_loss has the smallest errors at 3 of 4 times ahead"
     assert found.best == "turn_loss"
     assert found.score["icr_radius"] < found.score["turn_loss"]  # 10 s would decide a mean
@@ -126,8 +132,12 @@ def test_of_laws_that_predict_equally_well_the_simplest_is_best(source, variatio
 
 def test_what_the_robot_has_today_knows_no_delay_and_no_gains():
     late = replace(EXACT, delay=0.3)
-    found = compared(*(drive_log(seed, 40, late, STILL, law=ConstantIcr(0.08, 0.168, -0.1)) for seed in (1, 2)))
-    today, gains, none, best = (found.errors[name][2.0] for name in ("today", "two_gains", "none", "icr_radius"))
+    found = compared(
+        *(drive_log(seed, 40, late, STILL, law=ConstantIcr(0.08, 0.168, -0.1)) for seed in (1, 2))
+    )
+    today, gains, none, best = (
+        found.errors[name][2.0] for name in ("today", "two_gains", "none", "icr_radius")
+    )
     assert list(found.errors)[:2] == ["today", "two_gains"]
     assert best.position.rms < 1e-3 < none.position.rms < today.position.rms
     assert best.heading.rms < gains.heading.rms < none.heading.rms

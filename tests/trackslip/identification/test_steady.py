@@ -33,19 +33,31 @@ def samples_of(law, kappa=KAPPA, noise=0.0, seed=0):
 
 
 def skidding(law=LOSS, *, count=60, scatter=0.03, rest=0, errors=0.01):
-    """Samples of a fast robot, driven at random forwards, backwards and in place, with heavy-tailed scatter."""
+    """Samples of a fast robot, driven at random forwards, backwards and in place, with heavy-tailed
+    scatter.
+    """
     rng = np.random.default_rng(0)
     mean = rng.uniform(0.1, 1, count) * np.where(rng.random(count) < 0.15, -1, 1)
     ratio = rng.uniform(-1.2, 1.2, count)
     omega = np.column_stack([mean * (1 - ratio), mean * (1 + ratio)])
-    omega *= 2.0 / FAST.sprocket_radius / np.maximum(1, np.abs(omega).max(axis=1, keepdims=True))  # belts at 2 m/s
+    # belts at 2 m/s
+    omega *= 2.0 / FAST.sprocket_radius / np.maximum(1, np.abs(omega).max(axis=1, keepdims=True))
     omega[:rest, 0] = 0.0
     size = FAST.sprocket_radius * np.abs(omega).max(axis=1, keepdims=True)
     twist = law.twist(omega, FAST) + errors * rng.standard_normal((count, 2))
-    twist += scatter * size * np.clip(rng.standard_t(5, (count, 2)), -4, 4) * [1, 1 / (2 * FAST.half_gauge)]
+    twist += (
+        scatter
+        * size
+        * np.clip(rng.standard_t(5, (count, 2)), -4, 4)
+        * [1, 1 / (2 * FAST.half_gauge)]
+    )
     names = tuple(f"row {k + 1}" for k in range(count))
     return SlipSamples(
-        omega, twist, track_slip(omega, twist, FAST), names, np.tile(errors**2 * np.eye(2), (count, 1, 1))
+        omega,
+        twist,
+        track_slip(omega, twist, FAST),
+        names,
+        np.tile(errors**2 * np.eye(2), (count, 1, 1)),
     )
 
 
@@ -95,7 +107,8 @@ def test_left_out_radii_are_predicted_as_well_as_the_law_is_right():
     assert wrong.yaw_rate > 10 * right.yaw_rate
     tight = samples.radius < 0.9  # by hand: leave out the tightest turns
     rest = fit_law("icr_radius", samples.take(~tight), GEOMETRY)
-    whole = fit_law("icr_radius", samples, GEOMETRY).fit  # from which Newton's step leaves out as much
+    # from which Newton's step leaves out as much
+    whole = fit_law("icr_radius", samples, GEOMETRY).fit
     np.testing.assert_allclose(whole.without(tight * 1)[1], rest.fit.values, rtol=0, atol=1e-6)
     predicted = rest.law.twist(samples.omega[tight], GEOMETRY)[:, 1]
     assert np.abs(predicted - samples.twist[tight, 1]).max() < 3e-4
@@ -105,7 +118,9 @@ def test_a_sensor_that_is_turned_on_the_robot_changes_no_speed():
     samples = samples_of(ICR)
     seen = (samples.twist @ [1, 0.2j]) * np.exp(-0.3j)
     twist = np.column_stack([seen.real, samples.twist[:, 1]])
-    turned = SlipSamples.of(samples.omega, twist, GEOMETRY, samples.run, lateral=seen.imag).along_robot(GEOMETRY)
+    turned = SlipSamples.of(
+        samples.omega, twist, GEOMETRY, samples.run, lateral=seen.imag
+    ).along_robot(GEOMETRY)
     np.testing.assert_allclose(turned.twist, samples.twist)
     assert turned.along_robot(GEOMETRY) is turned
 
@@ -126,7 +141,9 @@ def test_exact_samples_are_no_trouble(count, told):
     exact = np.zeros((count, 2, 2)) if told else None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = compare_laws(SlipSamples.of(omega, twist, FAST, list("abcdefg"[:count]), exact), FAST)
+        found = compare_laws(
+            SlipSamples.of(omega, twist, FAST, list("abcdefg"[:count]), exact), FAST
+        )
     assert found.laws["icr"].values["offset"] == pytest.approx(0.3, abs=1e-6)
 
 
@@ -136,7 +153,10 @@ def test_parameters_that_the_samples_do_not_determine_are_not_reported():
         compare_laws(straight, GEOMETRY)
     few = compare_laws(samples_of(ConstantIcr(0.045, 0.168, 0.01), KAPPA[:2], noise=1e-4), GEOMETRY)
     assert {"icr", "icr_radius"} <= set(few.laws) <= {"none", "icr", "icr_radius", "turn_loss"}
-    assert {warning.split(":")[0] for warning in few.warnings} >= {"law exponential", "law exponential_speed"}
+    assert {warning.split(":")[0] for warning in few.warnings} >= {
+        "law exponential",
+        "law exponential_speed",
+    }
     one_radius = grid(ConstantIcr(0.045, 0.168), radii=(0.63,))
     with pytest.raises(LogError, match="it takes runs of different radii"):
         fit_law("exponential", one_radius, GEOMETRY)
@@ -149,7 +169,10 @@ def test_a_law_takes_radii_that_differ_and_errors_that_are_small():
         with pytest.raises(LogError, match="different radii"):  # parameters stand in for each other
             fit_law(name, samples_of(law, 0.5 * (1 + 1e-4 * np.arange(7))), GEOMETRY)
     nearly_straight = np.linspace(-0.01, 0.01, 8)
-    assert fit_law("icr", samples_of(law, nearly_straight, noise=0.001), GEOMETRY).stderr["offset"] > 0.05
+    assert (
+        fit_law("icr", samples_of(law, nearly_straight, noise=0.001), GEOMETRY).stderr["offset"]
+        > 0.05
+    )
     with pytest.raises(LogError, match="don't determine offset"):  # standard error 0.28 m
         fit_law("icr", samples_of(law, nearly_straight, noise=0.003), GEOMETRY)
 
@@ -157,7 +180,9 @@ def test_a_law_takes_radii_that_differ_and_errors_that_are_small():
 @pytest.mark.parametrize("tight", [0.25, 0.19, -0.25])
 def test_a_run_tighter_than_the_poles_does_not_trap_the_fit(tight):
     fit = fit_law("icr_radius", samples_of(ICR, np.array([0.4, 0.8, 1.6, 1 / tight])), GEOMETRY)
-    assert fit.values == pytest.approx({"offset": ICR.offset, "radius_error": ICR.radius_error}, abs=1e-6)
+    assert fit.values == pytest.approx(
+        {"offset": ICR.offset, "radius_error": ICR.radius_error}, abs=1e-6
+    )
 
 
 def trace(kappa, duration=20.0):
@@ -171,9 +196,21 @@ def trace(kappa, duration=20.0):
 @pytest.mark.parametrize(
     ("do", "error", "match"),
     [
-        (lambda: fit_law("exponential", samples_of(PUBLISHED, KAPPA[:2]), GEOMETRY), LogError, "its 4 parameters"),
-        (lambda: fit_law("cubic", samples_of(PUBLISHED), GEOMETRY), InvalidValueError, "one of none, exponential"),
-        (lambda: usable_samples([trace(0.5, duration=1.0)], GEOMETRY, longest=True), LogError, "too short"),
+        (
+            lambda: fit_law("exponential", samples_of(PUBLISHED, KAPPA[:2]), GEOMETRY),
+            LogError,
+            "its 4 parameters",
+        ),
+        (
+            lambda: fit_law("cubic", samples_of(PUBLISHED), GEOMETRY),
+            InvalidValueError,
+            "one of none, exponential",
+        ),
+        (
+            lambda: usable_samples([trace(0.5, duration=1.0)], GEOMETRY, longest=True),
+            LogError,
+            "too short",
+        ),
         (lambda: usable_samples([trace(0.5)], GEOMETRY, settle=-1.0), InvalidValueError, "settle"),
         (lambda: true_samples([trace(0.5)], GEOMETRY), LogError, "has no truth"),
         (lambda: sample([0.0, 0.0], [0.1, 0.1]), LogError, "run 'odd': the sprockets stand still"),
@@ -202,16 +239,19 @@ def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
         (lambda w: w[::-1], (1, 1)),
         *((lambda w, signs=signs: w * signs, (1, 1)) for signs in ((-1, 1), (1, -1), (-1, -1))),
         *(
-            (lambda w, factor=factor: w * factor, (1, 1)) for factor in (180 / np.pi, 30 / np.pi, 30)
+            (lambda w, factor=factor: w * factor, (1, 1))
+            for factor in (180 / np.pi, 30 / np.pi, 30)
         ),  # deg/s, rpm, gear
-        *((lambda w: w, units) for units in ((1000, 1), (100, 1), (1, 180 / np.pi))),  # mm, cm, degrees
+        # mm, cm, degrees
+        *((lambda w: w, units) for units in ((1000, 1), (100, 1), (1, 180 / np.pi))),
     ],
 )
 def test_other_sides_signs_and_units_are_noticed(wheels, motion):
     twist = np.array([0.2, 0.1])
     omega = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
     match = (
-        r"moves at .* but its sprockets say .*: check the units .* the gear, sprocket_radius = 0\.06 m, left and right"
+        r"moves at .* but its sprockets say .*: check the units .* the gear, sprocket_radius "
+        r"= 0\.06 m, left and right"
     )
     with pytest.raises(LogError, match=match):
         sample(wheels(omega), twist * motion)
@@ -232,5 +272,6 @@ def test_a_real_robot_turns_at_left_out_radii_as_plain_least_squares_predicts_or
         left_out[radii == radius] = missed(values, radii == radius).reshape(-1, 2)
     plain = rms(left_out[:, 1])
     assert found.validation[found.best].yaw_rate <= plain
-    assert found.validation["icr_radius"].yaw_rate <= plain  # the same two numbers, otherwise weighted
+    # the same two numbers, otherwise weighted
+    assert found.validation["icr_radius"].yaw_rate <= plain
     assert plain < found.validation["none"].yaw_rate / 2

@@ -34,7 +34,11 @@ def random_drive(seed=0, count=60, gyro=False):
     omega = 2 + np.cumsum(rng.normal(size=(len(edges) - 1, 2)) * 0.1, axis=0)
     time = 1 + np.arange(count) * 0.1
     pose = np.cumsum(rng.normal(size=(count, 3)) * 0.05, axis=0)
-    turned = np.column_stack([edges, np.cumsum(rng.normal(size=len(edges)) * 0.01), edges]) if gyro else None
+    turned = (
+        np.column_stack([edges, np.cumsum(rng.normal(size=len(edges)) * 0.01), edges])
+        if gyro
+        else None
+    )
     return PreparedDrive(f"random {seed}", edges, omega, time, pose, 0.1, gyro=turned)
 
 
@@ -42,7 +46,9 @@ def random_drive(seed=0, count=60, gyro=False):
 @pytest.mark.parametrize("lag", [0.0, 0.08])
 @pytest.mark.parametrize("name", LAWS)
 def test_slopes_are_differences(name, lag, gyro):
-    """At the weighted means only: the frame that the residuals are told in turns with the fit, to second order."""
+    """At the weighted means only: the frame that the residuals are told in turns with the fit, to
+    second order.
+    """
     data = Drives.of([random_drive(gyro=gyro)])
     driven = DriveModel(FAMILIES[name], GEOMETRY, gyro)
     values = np.array([*LAWS[name], *PLACED, lag, *([0.01, 0.02] if gyro else [])])
@@ -54,13 +60,17 @@ def test_slopes_are_differences(name, lag, gyro):
         ahead, behind = (values + h * (free == k) for h in (1e-6, -1e-6))
         if parameter == "lag":
             behind = values  # 0 is its limit, and its slope is such a difference itself
-        there, back = (residuals(driven, data, windows, at, NONE, weight).value for at in (ahead, behind))
+        there, back = (
+            residuals(driven, data, windows, at, NONE, weight).value for at in (ahead, behind)
+        )
         expected = (there - back) / (ahead[k] - behind[k])
         across = expected[0] + 1j * expected[1]
         turning = 1j * (found.value[0] + 1j * found.value[1])  # of the frame
         by_turn = across - (found.slope[0, k] + 1j * found.slope[1, k])
         within = (2e-2 if parameter == "lag" else 1e-5) * max(np.abs(expected).max(), 1e-3)
-        rest = by_turn - turning * np.real(by_turn * np.conj(turning)) / np.maximum(np.abs(turning) ** 2, 1e-12)
+        rest = by_turn - turning * np.real(by_turn * np.conj(turning)) / np.maximum(
+            np.abs(turning) ** 2, 1e-12
+        )
         np.testing.assert_allclose(np.abs(rest), 0.0, atol=within, err_msg=parameter)
         if parameter == "clock_offset":
             expected[3:] = 0.0  # gyros have the encoders' clock
@@ -80,22 +90,30 @@ def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
     values = np.array([ICR.offset, ICR.radius_error, *np.zeros(6)])
     found = residuals(driven, data, windows, values, NONE, data.known[:, windows.pose] * 1.0)
     assert np.abs(found.value[found.known]).max() < 2e-5
-    np.testing.assert_array_equal(found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"])
+    np.testing.assert_array_equal(
+        found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"]
+    )
 
 
 def test_a_residual_at_the_scale_of_cauchys_loss_has_half_its_weight_in_alignments():
     value = LOSS * np.array([[0.0, 0.6, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0, 0.1]])
-    found = Residuals(value, np.zeros((3, 0, 3)), np.ones((3, 3))).alignment(np.array([1.0, 0.1, 1.0]))
+    found = Residuals(value, np.zeros((3, 0, 3)), np.ones((3, 3))).alignment(
+        np.array([1.0, 0.1, 1.0])
+    )
     np.testing.assert_allclose(found, [[1.0, 0.5, 1.0], [100.0, 100.0, 50.0]])
 
 
 def white(seed, **source):
     """A fit to a drive without varying slip, cut where its poses jump, whose sensor is known."""
-    look = first_look(drives_of([drive_log(seed, 60.0, replace(SLAM, **source), STILL)])[0], GEOMETRY)
+    look = first_look(
+        drives_of([drive_log(seed, 60.0, replace(SLAM, **source), STILL)])[0], GEOMETRY
+    )
     return fit_drives("icr_radius", look.drives, GEOMETRY, Mounting())
 
 
-@pytest.mark.parametrize("wrong", [{"outliers": 0.05}, {"jumps": 2, "jump_size": 0.5, "jump_turn": 0.2}])
+@pytest.mark.parametrize(
+    "wrong", [{"outliers": 0.05}, {"jumps": 2, "jump_size": 0.5, "jump_turn": 0.2}]
+)
 def test_outlying_poses_and_jumps_hardly_matter(wrong):
     clean, spoilt = white(0), white(0, **wrong)
     for name, value in spoilt.values.items():
@@ -104,13 +122,17 @@ def test_outlying_poses_and_jumps_hardly_matter(wrong):
 
 
 def test_fits_of_a_real_drive_end_at_a_minimum():
-    """On grass most residuals are on the flat part of the loss, where reweighted least squares takes small steps."""
+    """On grass most residuals are on the flat part of the loss, where reweighted least squares
+    takes small steps.
+    """
     drives, _ = drives_of(load(LOGS / "warthog_grass_2.parquet")[0].cut(150.0)[:1])
     reference = fit_drives("icr_radius", drives, RobotGeometry(0.54, 0.3))
     for name in ("icr_radius", "icr_sides"):
         found = fit_drives(name, drives, RobotGeometry(0.54, 0.3), reference=reference)
         fit = found.fit
-        again = fit_windows(fit.model, fit.drives, fit.length, fit.values, found.held, np.zeros(len(fit.values)))
+        again = fit_windows(
+            fit.model, fit.drives, fit.length, fit.values, found.held, np.zeros(len(fit.values))
+        )
         moved = np.abs(again.values - fit.values)[fit.free]
         assert (moved < 0.1 * np.sqrt(np.diag(fit.covariance))).all(), name
 
@@ -124,6 +146,9 @@ def test_leaving_out_blocks_by_one_step_is_a_refit_to_first_order():
     for k in range(10):
         data = Drives.of([drive for j, drive in enumerate(fit.drives.drives) if j != k])
         again = fit_windows(fit.model, data, fit.length, fit.values, found.held, none)
-        step, refit = (values - fit.values for values in (fit.without(np.arange(10)[None] == k)[0], again.values))
+        step, refit = (
+            values - fit.values
+            for values in (fit.without(np.arange(10)[None] == k)[0], again.values)
+        )
         np.testing.assert_allclose(step[:2] / error, refit[:2] / error, atol=0.2)
     assert np.isnan(fitted("icr_radius", *logs[:5]).stderr["offset"])

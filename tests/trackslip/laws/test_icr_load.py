@@ -31,7 +31,9 @@ def test_speeds_and_twists_are_inverse(compliance, load):
     omega = np.random.default_rng(1).normal(size=(200, 2))
     twist = law.twist(omega, GEOMETRY)
     np.testing.assert_allclose(law.sprocket_speeds(twist, GEOMETRY), omega, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(body_twist(omega, law.slip(twist), GEOMETRY), twist, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(
+        body_twist(omega, law.slip(twist), GEOMETRY), twist, rtol=1e-8, atol=1e-12
+    )
 
 
 def test_a_robot_slips_uphill_and_is_helped_downhill_whichever_way_it_drives():
@@ -45,14 +47,23 @@ def test_the_heading_is_corrected_by_the_angle_at_which_the_robot_crabs():
     known.reset(np.zeros((4, 3)))
     known.sense(np.array([[0.0, 0.2], [0.0, 0.2], [0.0, -0.2], [0.0, 5.0]]))
     twist = np.array([[0.2, 0.0], [-0.2, 0.0], [0.2, 0.1], [0.01, 0.3]])
-    expected = [np.arctan(-0.02), np.arctan(0.02), np.arctan(0.2 * (0.1 + 0.2 * 0.5)), -MAX_CRAB_ANGLE]
+    expected = [
+        np.arctan(-0.02),
+        np.arctan(0.02),
+        np.arctan(0.2 * (0.1 + 0.2 * 0.5)),
+        -MAX_CRAB_ANGLE,
+    ]
     np.testing.assert_allclose(known.crab_angle(twist), expected)
     np.testing.assert_allclose(known.crab_angle(np.zeros((4, 2))), 0.0)
 
 
 def test_the_filter_learns_what_load_does_not_explain():
-    """Two robots drive a circle on a slope, exactly as the law says; the law is known, but its D and epsilon aren't."""
-    exact = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0)
+    """Two robots drive a circle on a slope, exactly as the law says; the law is known, but its D
+    and epsilon aren't.
+    """
+    exact = FilterTuning(
+        gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0
+    )
     wrong = IcrLoad(0.05, GEOMETRY.half_gauge, 0.0, LAW.compliance, LAW.turn_compliance)
     learning = LoadedOnlineIcr(GEOMETRY, wrong, exact)
     pose, omega, period = np.zeros((2, 3)), np.array([[2.0, 2.9], [3.1, 2.4]]), 0.05
@@ -62,8 +73,14 @@ def test_the_filter_learns_what_load_does_not_explain():
         law = LAW.under(load)
         learning.sense(load)
         v, w = law.twist(omega, GEOMETRY).T
-        pose = se2.drive(pose, np.stack([v, law.sideslip(np.stack([v, w], axis=-1)), w], axis=-1) * period)[0]
-        learning.observe(omega, period, PoseEstimate(pose, np.tile(1e-6 * np.eye(3), (2, 1, 1)), np.ones(2, bool)))
+        pose = se2.drive(
+            pose, np.stack([v, law.sideslip(np.stack([v, w], axis=-1)), w], axis=-1) * period
+        )[0]
+        learning.observe(
+            omega,
+            period,
+            PoseEstimate(pose, np.tile(1e-6 * np.eye(3), (2, 1, 1)), np.ones(2, bool)),
+        )
     found = learning.law()
     np.testing.assert_allclose(found.offset, LAW.offset, atol=2e-4)
     np.testing.assert_allclose(found.radius_error, LAW.radius_error, atol=2e-4)
@@ -76,7 +93,9 @@ def _samples(load: np.ndarray | None, noise: float = 1e-4) -> SlipSamples:
     true = (LAW if load is None else LAW.under(load)).twist(omega, GEOMETRY)
     covariance = np.tile(noise**2 * np.eye(2), (30, 1, 1))
     names = [f"run {k}" for k in range(30)]
-    return SlipSamples.of(omega, true + noise * rng.standard_normal((30, 2)), GEOMETRY, names, covariance, load=load)
+    return SlipSamples.of(
+        omega, true + noise * rng.standard_normal((30, 2)), GEOMETRY, names, covariance, load=load
+    )
 
 
 def test_the_law_is_found_from_runs_under_different_loads():

@@ -18,7 +18,9 @@ def test_laws_survive_their_file(tmp_path):
     found = identify_samples(Sampling(grid(PUBLISHED), (), ()), GEOMETRY)
     (tmp_path / "summary.json").write_text(json.dumps(identification_to_json(found)))
     for path in (tmp_path, tmp_path / "summary.json"):
-        assert load_laws(path) == {name: fit.law for name, fit in found.steady.laws.items() if fit.values}
+        assert load_laws(path) == {
+            name: fit.law for name, fit in found.steady.laws.items() if fit.values
+        }
 
 
 @pytest.mark.parametrize(
@@ -26,13 +28,23 @@ def test_laws_survive_their_file(tmp_path):
     [
         ("{", "not JSON"),
         ("{}", "no slip laws"),
-        ('{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}', "no slip laws"),
+        (
+            '{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}',
+            "no slip laws",
+        ),
         ("[1, 2]", "no slip laws"),
         ('{"a": ' * 100_000, "no"),
         ('{"format": 99}', "reads formats up to"),
-        (f'{{{ROBOT}, "slip_laws": {{"icr": {{"values": {{"offset": 1e308}}}}}}}}', r"icr\.offset = 1e\+308: must be"),
+        (
+            f'{{{ROBOT}, "slip_laws": {{"icr": {{"values": {{"offset": 1e308}}}}}}}}',
+            r"icr\.offset = 1e\+308: must be",
+        ),
         (f'{{{ROBOT}, "slip_laws": {{"icr": {{"values": {{}}}}}}}}', "offset"),
-        (f'{{{ROBOT.replace("0.168", "-1")}, "slip_laws": {{"icr": {{"values": {{"offset": 0.1}}}}}}}}', "half_gauge"),
+        (
+            f'{{{ROBOT.replace("0.168", "-1")}, "slip_laws": {{"icr": {{"values": {{"offset": '
+            f"0.1}}}}}}}}",
+            "half_gauge",
+        ),
     ],
 )
 def test_files_without_laws(tmp_path, text, message):

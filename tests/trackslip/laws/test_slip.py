@@ -50,12 +50,23 @@ def test_constant_icr_is_the_hyperbola():
 
 def test_the_effective_half_gauge_is_b_plus_d():
     robots = ConstantIcr(np.array([0.0, 0.09]), 0.168, np.array([0.0, 0.05]))
-    cases = [(NoSlip(), 0.168), (LAWS[3], 0.213), (SIDES, 0.213), (ConstantIcr(0.9, 0.168), 1.068), (robots, 0.213)]
+    cases = [
+        (NoSlip(), 0.168),
+        (LAWS[3], 0.213),
+        (SIDES, 0.213),
+        (ConstantIcr(0.9, 0.168), 1.068),
+        (robots, 0.213),
+    ]
     for law, expected in cases:
         assert law.effective_half_gauge(GEOMETRY) == pytest.approx(expected, abs=1e-4)
     radius = 4 * 0.168  # of the paper's law: belts of an inner and an outer track at that radius
-    inner, outer = (radius - 0.168) / (1 - PUBLISHED(1 / radius)[0]), (radius + 0.168) / (1 - PUBLISHED(1 / radius)[1])
-    assert PUBLISHED.effective_half_gauge(GEOMETRY) == pytest.approx(radius * (outer - inner) / (outer + inner))
+    inner, outer = (
+        (radius - 0.168) / (1 - PUBLISHED(1 / radius)[0]),
+        (radius + 0.168) / (1 - PUBLISHED(1 / radius)[1]),
+    )
+    assert PUBLISHED.effective_half_gauge(GEOMETRY) == pytest.approx(
+        radius * (outer - inner) / (outer + inner)
+    )
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -67,7 +78,12 @@ def test_sprocket_speeds_undo_the_slip(law, v, kappa):
 
 
 @pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, LOSS_SIDES])
-@given(v=st.floats(0.05, 0.3), radius=st.floats(0.5, 1000.0), left=st.booleans(), backwards=st.booleans())
+@given(
+    v=st.floats(0.05, 0.3),
+    radius=st.floats(0.5, 1000.0),
+    left=st.booleans(),
+    backwards=st.booleans(),
+)
 def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwards):
     kappa = (1 if left else -1) / radius
     twist = (-1 if backwards else 1) * np.array([v, v * kappa])
@@ -75,10 +91,14 @@ def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwar
     np.testing.assert_allclose(back, twist, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES, LAWS[-1], LOSS_SIDES])
+@pytest.mark.parametrize(
+    "law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES, LAWS[-1], LOSS_SIDES]
+)
 def test_turning_in_place_and_standing_are_twists_too(law):
     for twist in ([0.0, 0.5], [0.0, -0.5], [0.0, 0.0]):
-        np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-12)
+        np.testing.assert_allclose(
+            law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-12
+        )
 
 
 @given(v=st.floats(-3, 3), w=st.floats(-9, 9), loss=st.floats(-7.9, 0.99))
@@ -91,7 +111,8 @@ def test_the_belts_of_a_robot_that_loses_speed_in_turns(v, w, loss):
     d = (0.168 + 0.045) * w
     assert (right - left) / 2 == pytest.approx(d, abs=1e-14)
     roots = np.roots([1, -v, (1 - loss) * d**2, -v * d**2])
-    assert np.abs(roots - (right + left) / 2).min() == pytest.approx(0, abs=1e-4)  # of a triple root, as with w = 0
+    # of a triple root, as with w = 0
+    assert np.abs(roots - (right + left) / 2).min() == pytest.approx(0, abs=1e-4)
 
 
 @given(v=st.floats(-5, 5), w=st.floats(-9, 9), loss=st.floats(-1, 0.99), slip=st.floats(0, 10))
@@ -104,7 +125,9 @@ def test_a_skidding_robot_keeps_its_curve_and_reaches_every_commanded_twist(v, w
     np.testing.assert_allclose(slow.twist(omega, GEOMETRY), grown, rtol=1e-11, atol=1e-14)
     np.testing.assert_array_equal(law(1.5), slow(1.5))
     if (np.abs(omega) > 1e-3).all():
-        np.testing.assert_allclose(body_twist(omega, law.slip([v, w]), GEOMETRY), [v, w], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            body_twist(omega, law.slip([v, w]), GEOMETRY), [v, w], rtol=1e-9, atol=1e-9
+        )
 
 
 def test_special_cases_agree():
@@ -114,12 +137,17 @@ def test_special_cases_agree():
     lossless = TurnLoss(0.045, 0.168, 0.0067)
     np.testing.assert_allclose(lossless(kappa), ConstantIcr(0.045, 0.168, 0.0067)(kappa), atol=1e-9)
     twist = np.random.default_rng(0).uniform(-3, 3, (50, 2))
-    for equal in (TurnLossSides(0.045, 0.01, 0.01, 0.168, 0.3), Centrifugal(0.045, 0.168, 0.01, 0.3, 0.0)):
+    for equal in (
+        TurnLossSides(0.045, 0.01, 0.01, 0.168, 0.3),
+        Centrifugal(0.045, 0.168, 0.01, 0.3, 0.0),
+    ):
         omega = TurnLoss(0.045, 0.168, 0.01, 0.3).sprocket_speeds(twist, GEOMETRY)
         np.testing.assert_array_equal(equal.sprocket_speeds(twist, GEOMETRY), omega)
         np.testing.assert_allclose(equal.twist(omega, GEOMETRY), twist, rtol=1e-12)
     slow, fast = SPEED.slip([[0.1, 0.1], [0.3, 0.3]])
-    np.testing.assert_allclose(fast - slow, np.array([-0.2 * np.exp(-0.63), 0.1 * np.exp(-0.68)]) * 0.2)
+    np.testing.assert_allclose(
+        fast - slow, np.array([-0.2 * np.exp(-0.63), 0.1 * np.exp(-0.68)]) * 0.2
+    )
     np.testing.assert_allclose(SPEED(1.0), PUBLISHED(1.0))
 
 
@@ -127,7 +155,9 @@ def test_special_cases_agree():
 @pytest.mark.parametrize("radius", [0.02, 0.05, 0.14])
 def test_turns_with_belts_that_run_against_each_other_have_a_radius(law, radius):
     twist = 0.5 * np.array([radius, 1.0])
-    np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-9)
+    np.testing.assert_allclose(
+        law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("law", [PUBLISHED, SPEED])
@@ -161,14 +191,23 @@ def test_many_laws_at_once_are_each_of_them(kind, ends):
         alone = [kind(*one).twist(each, GEOMETRY) for each in omega]
         np.testing.assert_allclose(together[k], alone, rtol=1e-11, atol=1e-14)
     if kind is not Exponential:
-        np.testing.assert_allclose(many.sprocket_speeds(together, GEOMETRY), np.tile(omega, (12, 1, 1)), rtol=1e-9)
+        np.testing.assert_allclose(
+            many.sprocket_speeds(together, GEOMETRY), np.tile(omega, (12, 1, 1)), rtol=1e-9
+        )
 
 
 def test_slopes_of_twists_are_those_of_the_closed_form():
-    """Of two laws at once: errors of D change the yaw rate alone, those of epsilon both in proportion."""
-    values, omega = np.array([[0.045, 0.01], [-0.02, -0.1]]), np.random.default_rng(0).uniform(-5, 5, (20, 2))
+    """Of two laws at once: errors of D change the yaw rate alone, those of epsilon both in
+    proportion.
+    """
+    values, omega = (
+        np.array([[0.045, 0.01], [-0.02, -0.1]]),
+        np.random.default_rng(0).uniform(-5, 5, (20, 2)),
+    )
     slopes = FAMILIES["icr_radius"].twist_slopes(values, omega, GEOMETRY)
     for (offset, radius_error), found in zip(values, slopes, strict=True):
         twist = ConstantIcr(offset, 0.168, radius_error).twist(omega, GEOMETRY)
-        np.testing.assert_allclose(found[..., 0], twist * [0.0, -1 / (0.168 + offset)], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(
+            found[..., 0], twist * [0.0, -1 / (0.168 + offset)], rtol=1e-6, atol=1e-8
+        )
         np.testing.assert_allclose(found[..., 1], twist / (1 + radius_error), rtol=1e-6, atol=1e-8)

@@ -26,13 +26,17 @@ def on_circles(rng, turns=20, per_turn=360, mount=(0.0, 0.0, 0.0)):
 
 
 def errors_of(estimate, poses):
-    """Errors (S, 3), of headings but for half turns, and the same in the estimates' own standard deviations."""
+    """Errors (S, 3), of headings but for half turns, and the same in the estimates' own standard
+    deviations.
+    """
     error = estimate.pose - poses
     error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
     return error, error / np.sqrt(np.einsum("sii->si", estimate.covariance))
 
 
-def test_line_is_unbiased_where_one_face_is_seen_knows_its_errors_and_declines_edge_on(scan_rectangle):
+def test_line_is_unbiased_where_one_face_is_seen_knows_its_errors_and_declines_edge_on(
+    scan_rectangle,
+):
     rng = np.random.default_rng(2)
     poses = on_circles(rng, turns=10)
     estimate = LineLocator().locate(scan_rectangle(poses, rng))
@@ -54,11 +58,15 @@ def test_where_the_scanner_stands_does_not_matter(scan_rectangle):
     here = LOCATOR.locate(scan_rectangle(poses, np.random.default_rng(4)))
     mount = (-1.5, -1.5, np.pi / 2)
     frame = Scan(np.zeros(2), np.empty((0, 2)), 0.0, np.array(mount))
-    there = LOCATOR.locate(scan_rectangle(frame.to_world(poses), np.random.default_rng(4), mount=mount))
+    there = LOCATOR.locate(
+        scan_rectangle(frame.to_world(poses), np.random.default_rng(4), mount=mount)
+    )
     np.testing.assert_array_equal(there.valid, here.valid)
     good = here.valid
     np.testing.assert_allclose(frame.from_world(there.pose)[good], here.pose[good], atol=1e-6)
-    np.testing.assert_allclose(there.covariance[good], frame.covariance_to_world(here.covariance)[good], atol=1e-7)
+    np.testing.assert_allclose(
+        there.covariance[good], frame.covariance_to_world(here.covariance)[good], atol=1e-7
+    )
 
 
 def test_dropouts_cost_accuracy_and_the_covariance_says_so(scan_rectangle):
@@ -81,7 +89,11 @@ def test_a_plate_cut_by_the_field_of_view_is_not_placed_by_the_cut(scan_rectangl
     bearing = np.radians(rng.uniform(82, 92, 600))
     distance = rng.uniform(1.5, 4.0, 600)
     poses = np.column_stack(
-        [distance * np.cos(bearing), distance * np.sin(bearing), bearing + np.radians(rng.uniform(10, 170, 600))]
+        [
+            distance * np.cos(bearing),
+            distance * np.sin(bearing),
+            bearing + np.radians(rng.uniform(10, 170, 600)),
+        ]
     )
     scan = scan_rectangle(poses, rng)
     cut = np.isfinite(scan.ranges[:, -1])
@@ -123,7 +135,9 @@ def test_tracker_resolves_half_turns_and_bridges_gaps():
 
 
 def seen_at(angle, rng, n, distance=(1.5, 6.0)):
-    """Poses (n, 3) in the LRF's frame, seen at angles (low, high) [deg] from edge-on, and the other way round."""
+    """Poses (n, 3) in the LRF's frame, seen at angles (low, high) [deg] from edge-on, and the other
+    way round.
+    """
     off = np.radians(rng.uniform(*angle, n)) * rng.choice([-1, 1], n)
     distance, bearing = rng.uniform(*distance, n), rng.uniform(-1.0, 1.0, n)
     return np.column_stack([distance * np.cos(bearing), distance * np.sin(bearing), bearing + off])
@@ -165,12 +179,16 @@ def test_gradient_by_finite_differences(scan_rectangle):
     gradient = likelihood.evaluate(beams, pose).in_lrf_frame().gradient
     h = 1e-7
     for k in range(3):
-        up, down = (likelihood.evaluate(beams, pose + sign * h * np.eye(3)[k]).cost for sign in (1, -1))
+        up, down = (
+            likelihood.evaluate(beams, pose + sign * h * np.eye(3)[k]).cost for sign in (1, -1)
+        )
         np.testing.assert_allclose(gradient[:, k], (up - down) / (2 * h), rtol=1e-4, atol=1e-2)
 
 
 def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
-    """At the true pose the gradient's scatter over noise is its mean Hessian, which is Fisher's information."""
+    """At the true pose the gradient's scatter over noise is its mean Hessian, which is Fisher's
+    information.
+    """
     rng = np.random.default_rng(1)
     pose = np.tile([2.0, 0.3, 1.2], (2000, 1))
     scan = scan_rectangle(pose, rng)
@@ -179,13 +197,22 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
     ranges_only = fit.gradient - fit.gradient.mean(axis=0)  # the edges are the same in every scan
     scatter = ranges_only.T @ ranges_only / len(pose)
     no_edges = replace(beams, edges=replace(beams.edges, weight=0 * beams.edges.weight))
-    information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose).in_lrf_frame().hessian.mean(axis=0)
+    information = (
+        PlateLikelihood(PLATE, huber=100.0)
+        .evaluate(no_edges, pose)
+        .in_lrf_frame()
+        .hessian.mean(axis=0)
+    )
     scale = np.sqrt(np.diag(information))
-    np.testing.assert_allclose(scatter / np.outer(scale, scale), information / np.outer(scale, scale), atol=0.1)
+    np.testing.assert_allclose(
+        scatter / np.outer(scale, scale), information / np.outer(scale, scale), atol=0.1
+    )
 
 
 def with_ranges(scan, others, rng):
-    """The scan with other ranges (B,), inf where there is nothing, merged into its nearest returns."""
+    """The scan with other ranges (B,), inf where there is nothing, merged into its nearest
+    returns.
+    """
     seen = np.where(np.isfinite(scan.ranges), scan.ranges, np.inf)
     nearest = np.where(others < seen, others + rng.normal(0.0, scan.noise, seen.shape), seen)
     return replace(scan, ranges=np.where(np.isfinite(nearest), nearest, np.nan))
@@ -193,12 +220,16 @@ def with_ranges(scan, others, rng):
 
 def test_a_post_in_front_cuts_the_plate_in_two_and_both_parts_count(scan_rectangle):
     rng = np.random.default_rng(1)
-    poses = np.column_stack([np.full(200, 3.0), rng.uniform(-0.05, 0.05, 200), np.full(200, np.pi / 2 + 0.2)])
+    poses = np.column_stack(
+        [np.full(200, 3.0), rng.uniform(-0.05, 0.05, 200), np.full(200, np.pi / 2 + 0.2)]
+    )
     scan = scan_rectangle(poses, rng)
     beams = np.stack([np.cos(scan.bearings), np.sin(scan.bearings)], axis=-1)
     cut = with_ranges(scan, post(2.0, 0.03, 0.03)(np.zeros(2), beams, np.zeros(1)), rng)
     cluster, whole = (extract_plate(seen, PLATE, poses) for seen in (cut, scan))
-    for ends, wide in zip(cluster.extremes(cluster.bearing), whole.extremes(whole.bearing), strict=True):
+    for ends, wide in zip(
+        cluster.extremes(cluster.bearing), whole.extremes(whole.bearing), strict=True
+    ):
         assert np.abs(ends - wide).max() <= 1.01 * scan.beam_step
     assert np.all(cluster.count < whole.count)
     assert np.all(cluster.lost == 0), "what is hidden isn't missed"
@@ -209,9 +240,13 @@ def test_a_post_in_front_cuts_the_plate_in_two_and_both_parts_count(scan_rectang
 
 
 def test_what_is_always_there_is_not_the_plate(scan_rectangle):
-    """A box as large as the plate, with more returns: known as background, it isn't taken for it."""
+    """A box as large as the plate, with more returns: known as background, it isn't taken for
+    it.
+    """
     rng = np.random.default_rng(3)
-    poses = np.column_stack([np.full(100, 4.0), rng.uniform(0.5, 1.0, 100), rng.uniform(0.5, 1.5, 100)])
+    poses = np.column_stack(
+        [np.full(100, 4.0), rng.uniform(0.5, 1.0, 100), rng.uniform(0.5, 1.5, 100)]
+    )
     box = scan_rectangle(np.array([[2.0, -1.0, 1.0]]), rng, noise=0.0).ranges
     both = with_ranges(scan_rectangle(poses, rng), np.nan_to_num(box[0], nan=np.inf), rng)
     taken = LOCATOR.locate(both)

@@ -27,12 +27,16 @@ def followed(session, omega=None):
     raw = RawScans.measured(session.time, session.ranges.astype(np.float32), about)
     turns = (session.omega if omega is None else omega)[1:] * np.diff(session.encoder_time)[:, None]
     turned = np.concatenate([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
-    angle = np.stack([np.interp(raw.time, session.encoder_time, side) for side in turned.T], axis=-1)
+    angle = np.stack(
+        [np.interp(raw.time, session.encoder_time, side) for side in turned.T], axis=-1
+    )
     return follow_plate(raw, angle, PLATE)
 
 
 def errors(session, found):
-    """Errors (n, 3) of the valid poses, and in their own standard deviations; whole turns don't count."""
+    """Errors (n, 3) of the valid poses, and in their own standard deviations; whole turns don't
+    count.
+    """
     valid = found.estimate.valid
     error = (found.estimate.pose - session.local(found.time))[valid]
     error[:, 2] -= 2 * np.pi * np.round(np.median(error[:, 2]) / (2 * np.pi))
@@ -54,10 +58,13 @@ PLACES = {
 
 
 @pytest.mark.parametrize(
-    ("place", "seed"), [*((name, 1) for name in PLACES), ("room, off centre", 4), ("centimetres", 2)]
+    ("place", "seed"),
+    [*((name, 1) for name in PLACES), ("room, off centre", 4), ("centimetres", 2)],
 )
 def test_poses_are_as_good_as_they_say(place, seed):
-    """Also of drives that end edge-on with three returns, and in front of a post that one beam meets as well."""
+    """Also of drives that end edge-on with three returns, and in front of a post that one beam
+    meets as well.
+    """
     more = PLACES[place]
     session = drive(commands(seed=seed), **more)
     found = followed(session)
@@ -90,7 +97,9 @@ def test_what_looks_wrong_is_told():
 
 def test_scans_without_a_plate():
     for start, omega in ((-5.0, commands()), (3.0, np.zeros((500, 2)))):
-        with pytest.raises(LogError, match=r"no plate of 0\.6x0\.04 m moves as the encoders say in its .* scans"):
+        with pytest.raises(
+            LogError, match=r"no plate of 0\.6x0\.04 m moves as the encoders say in its .* scans"
+        ):
             followed(drive(omega, start=(0.0, start, 0.0), things=room(), beams=181))
 
 
@@ -101,7 +110,11 @@ def test_returns_and_beams_follow_rep_117():
     np.testing.assert_array_equal(np.isfinite(raw.ranges[0]), [0, 0, 1, 1, 1, 0, 0, 0, 0, 0])
     np.testing.assert_allclose(raw.bearings, np.linspace(0.1, 1.0, 10), atol=1e-12)
     np.testing.assert_allclose(raw.lag, 0.002 * np.arange(9, -1, -1))
-    for ranges, step, said in ((np.inf, 0.1, "no return"), (1.0, 0.0, "increment = 0"), (1.0, 1.0, "a full circle")):
+    for ranges, step, said in (
+        (np.inf, 0.1, "no return"),
+        (1.0, 0.0, "increment = 0"),
+        (1.0, 1.0, "a full circle"),
+    ):
         with pytest.raises(LogError, match=said):
             RawScans.measured(time, np.full((20, 10), ranges, np.float32), message(0.0, step))
 
@@ -124,9 +137,13 @@ def test_what_is_found_does_not_depend_on_the_blocks(scan_rectangle):
     def followed(ends):
         follower = Follower(PlateLocator(Plate()), Tracker(poses[:, 0], GEOMETRY))
         blocks = zip([0, *ends], [*ends, ROWS], strict=True)
-        found = [follower.follow(replace(scan, ranges=scan.ranges[:, a:b]), angle[:, a:b]) for a, b in blocks]
+        found = [
+            follower.follow(replace(scan, ranges=scan.ranges[:, a:b]), angle[:, a:b])
+            for a, b in blocks
+        ]
         return [
-            np.concatenate([getattr(one, name) for one in found], axis=1) for name in ("pose", "covariance", "valid")
+            np.concatenate([getattr(one, name) for one in found], axis=1)
+            for name in ("pose", "covariance", "valid")
         ]
 
     whole = followed([])

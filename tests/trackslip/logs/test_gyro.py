@@ -43,7 +43,9 @@ def test_it_is_written_and_read_back(log, tmp_path, write, name):
 
 
 def test_an_empty_cell_takes_the_next_reading_of_the_same_second(log, tmp_path):
-    texts = ["" if k % 2 or 100 <= k < 150 else repr(value) for k, value in enumerate(log.gyro.tolist())]
+    texts = [
+        "" if k % 2 or 100 <= k < 150 else repr(value) for k, value in enumerate(log.gyro.tolist())
+    ]
     (read,) = read_log(cells(log, texts, tmp_path / "a.csv")).runs
     np.testing.assert_array_equal(read.gyro[1:99:2], log.gyro[2:100:2])
     assert np.isnan(read.gyro[99:130]).all()
@@ -56,13 +58,21 @@ def test_wild_readings_are_left_out_in_one_line(log, tmp_path):
     read = read_log(cells(log, texts, tmp_path / "a.csv"))
     assert np.isnan(read.runs[0].gyro[3:6]).all()
     (line,) = read.warnings
-    assert line == "run 'a': 3 gyro readings left out: row 4, column gyro: '1e6' is not a yaw rate of at most 100 rad/s"
+    assert (
+        line
+        == "run 'a': 3 gyro readings left out: row 4, column gyro: '1e6' is not a yaw rate of at "
+        "most 100 rad/s"
+    )
 
 
-@pytest.mark.parametrize(("factor", "shown"), [(180 / np.pi, "57.3"), (-1.0, "-1"), (1e-3, "0.001")])
+@pytest.mark.parametrize(
+    ("factor", "shown"), [(180 / np.pi, "57.3"), (-1.0, "-1"), (1e-3, "0.001")]
+)
 def test_other_units_are_refused(log, tmp_path, factor, shown):
     write_parquet([replace(log, gyro=factor * log.gyro)], tmp_path / "a.parquet")
-    with pytest.raises(LogError, match=f"run 'a': column gyro: turns are {shown} times the headings', must be"):
+    with pytest.raises(
+        LogError, match=f"run 'a': column gyro: turns are {shown} times the headings', must be"
+    ):
         read_log(tmp_path / "a.parquet")
 
 
@@ -70,7 +80,9 @@ def test_other_units_are_refused(log, tmp_path, factor, shown):
 def test_what_does_not_follow_the_headings_is_left_out(log, tmp_path, what):
     other = np.random.default_rng(1).normal(0, 0.2, len(TIME))
     derivative = np.append(0.0, np.diff(log.gyro) / np.diff(TIME))
-    write_parquet([replace(log, gyro=other if what == "another axis" else derivative)], tmp_path / "a.parquet")
+    write_parquet(
+        [replace(log, gyro=other if what == "another axis" else derivative)], tmp_path / "a.parquet"
+    )
     read = read_log(tmp_path / "a.parquet")
     assert read.runs[0].gyro is None
     assert "column gyro left out: its turns don't follow the headings" in read.warnings[0]

@@ -33,7 +33,18 @@ def stored(full, tmp_path):
 
 
 def assert_same(read, written):
-    for name in ("run", "time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load"):
+    for name in (
+        "run",
+        "time",
+        "omega",
+        "pose",
+        "command",
+        "twist_command",
+        "icr",
+        "covariance",
+        "valid",
+        "load",
+    ):
         np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
     assert (read.truth is None) == (written.truth is None)
     if written.truth is not None:
@@ -69,8 +80,15 @@ def test_columns_have_units_and_descriptions(stored):
         assert field.metadata[b"unit"].decode() == column.unit
         assert field.metadata[b"description"].decode() == column.description
         assert (column.unit == NO_UNIT) == (field.name in ("run", "valid"))
-        assert column.unit != PURE or pa.types.is_floating(field.type) or pa.types.is_integer(field.type)
-    rows = (f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in COLUMNS.values())
+        assert (
+            column.unit != PURE
+            or pa.types.is_floating(field.type)
+            or pa.types.is_integer(field.type)
+        )
+    rows = (
+        f"| `{column.name}` | {column.unit or '–'} | {column.description} |"
+        for column in COLUMNS.values()
+    )
     assert "\n".join(rows) in DOCS.read_text(encoding="utf-8")
 
 
@@ -88,7 +106,9 @@ def test_runs_of_several_files_are_joined_under_new_names(stored, tmp_path, full
     assert second.metadata == full.metadata
 
 
-@pytest.mark.parametrize(("duration", "count"), [(65.0, 10), (68.0, 10), (9.9, 2), (9.7, 1), (2.0, 1)])
+@pytest.mark.parametrize(
+    ("duration", "count"), [(65.0, 10), (68.0, 10), (9.9, 2), (9.7, 1), (2.0, 1)]
+)
 def test_a_long_run_is_cut_into_parts_of_equal_duration(duration, count):
     time = 3.0 + np.arange(round(duration / 0.1) + 1) * 0.1
     whole = RunLog("drive", time, np.ones((len(time), 2)), np.zeros((len(time), 3)), gyro=time)
@@ -108,12 +128,21 @@ def test_a_long_run_is_cut_into_parts_of_equal_duration(duration, count):
         ("run,t,omega_l,omega_r,x,phi\n", "has no column y"),
         (HEADER, "no rows"),
         ("", "Empty CSV file"),
-        (HEADER + LINES[0] + "a,1,1,2,oops,0,0\na,2,1,2,oops,0,0\n", "row 2, column x: 'oops' .*; so are 2 of its 3"),
+        (
+            HEADER + LINES[0] + "a,1,1,2,oops,0,0\na,2,1,2,oops,0,0\n",
+            "row 2, column x: 'oops' .*; so are 2 of its 3",
+        ),
         (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", "run 'a': 1 row"),
         (HEADER + LINES[0] + "a,0.1,1,2\n", "Expected 7 columns, got 4"),
-        (HEADER + LINES[0] + "a,0,1,3,0,0,0\na,0,1,4,0,0,0\n", "row 2, .* 0 is not after 0, .*; so are 2 of its 3"),
+        (
+            HEADER + LINES[0] + "a,0,1,3,0,0,0\na,0,1,4,0,0,0\n",
+            "row 2, .* 0 is not after 0, .*; so are 2 of its 3",
+        ),
         (HEADER + 2 * ",0.1,1,2,0,0,0\n", "2 rows left out: row 1, column run: empty"),
-        (HEADER + "a,0,,2,0,0,0\na,1,1,,0,0,0\n", "run 'a': columns omega_l, omega_r: no row has both"),
+        (
+            HEADER + "a,0,,2,0,0,0\na,1,1,,0,0,0\n",
+            "run 'a': columns omega_l, omega_r: no row has both",
+        ),
         (HEADER[:-1] + ",x\n" + LINES[0][:-1] + ",1\n", "column x is there 2 times"),
     ],
 )

@@ -31,7 +31,9 @@ def test_a_row_with_a_damaged_reading_or_time_is_left_out(tmp_path, column, valu
     found = read(tmp_path, rows)
     np.testing.assert_allclose(found.runs[0].time, np.delete(np.arange(10) / 10, 4))
     assert found.runs[0].omega[:, 1].tolist() == [2, 3, 4, 5, 7, 8, 9, 10, 11]
-    assert found.notes == (f"run 'a': 1 row left out: row 5, column {column}: {value!r} is not a finite number",)
+    assert found.notes == (
+        f"run 'a': 1 row left out: row 5, column {column}: {value!r} is not a finite number",
+    )
 
 
 @pytest.mark.parametrize(
@@ -42,8 +44,16 @@ def test_a_row_with_a_damaged_reading_or_time_is_left_out(tmp_path, column, valu
             [4, 6],
             "2 poses left out: row 5, column y: 'inf' is not a finite number",
         ),
-        ({4: "a,0.4,1,6,1e300,0,0,true"}, [4], "1 pose left out: row 5, column x: '1e300' is not a finite number"),
-        ({4: "a,0.4,1,6,0.4,0,0,perhaps"}, [4], "1 pose left out: row 5, column valid: 'perhaps' is not true or false"),
+        (
+            {4: "a,0.4,1,6,1e300,0,0,true"},
+            [4],
+            "1 pose left out: row 5, column x: '1e300' is not a finite number",
+        ),
+        (
+            {4: "a,0.4,1,6,0.4,0,0,perhaps"},
+            [4],
+            "1 pose left out: row 5, column valid: 'perhaps' is not true or false",
+        ),
         ({4: "a,0.4,1,6,nan,oops,inf,false"}, [4], None),
         ({4: "a,0.4,1,6,,,,"}, [4], None),
         ({5: "a,0.5,1,7,0.5,0,,true"}, [], None),
@@ -74,7 +84,11 @@ def test_rows_without_encoder_take_the_reading_that_covers_them(tmp_path):
     ("stamps", "kept", "note"),
     [
         ([0, 1, 1, 2, 3], [0, 1, 3, 4], "row 3, column t: 1 is not after 1, the time before it"),
-        ([0, 1, 2, 1.5, 3], [0, 1, 3, 4], "row 4, column t: 1.5 is not after 2, the time before it"),
+        (
+            [0, 1, 2, 1.5, 3],
+            [0, 1, 3, 4],
+            "row 4, column t: 1.5 is not after 2, the time before it",
+        ),
         ([0, 99, 1, 2, 3], [0, 2, 3, 4], "row 3, column t: 1 is not after 99, the time before it"),
         ([5, 0, 1, 2, 3], [1, 2, 3, 4], "row 2, column t: 0 is not after 5, the time before it"),
     ],
@@ -99,8 +113,13 @@ def test_as_many_rows_as_possible_stay():
 
 def test_two_drives_under_one_name_are_read_as_two_runs(tmp_path):
     found = read(tmp_path, lines(rows=30) + lines(rows=40))
-    assert [(run.run, len(run.time)) for run in found.runs] == [("a, part 1", 30), ("a, part 2", 40)]
-    assert found.notes == ("run 'a': row 31, column t: goes back from 2.9 s to 0 s: read as 2 runs",)
+    assert [(run.run, len(run.time)) for run in found.runs] == [
+        ("a, part 1", 30),
+        ("a, part 2", 40),
+    ]
+    assert found.notes == (
+        "run 'a': row 31, column t: goes back from 2.9 s to 0 s: read as 2 runs",
+    )
 
 
 def test_a_run_most_of_whose_rows_are_damaged_is_refused(tmp_path):
@@ -108,7 +127,8 @@ def test_a_run_most_of_whose_rows_are_damaged_is_refused(tmp_path):
     found = read(tmp_path, lines("good") + bad + lines("short", rows=1) + lines("", rows=2))
     assert [run.run for run in found.runs] == ["good"]
     assert [str(refused) for refused in found.refused] == [
-        "run 'bad' left out: row 11, column omega_l: 'oops' is not a finite number; so are 6 of its 10 rows",
+        "run 'bad' left out: row 11, column omega_l: 'oops' is not a finite number; so are 6 of "
+        "its 10 rows",
         "run 'short' left out: 1 row, needs at least 2",
     ]
     assert found.notes == ("2 rows left out: row 22, column run: empty",)

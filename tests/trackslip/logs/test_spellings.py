@@ -9,7 +9,8 @@ from trackslip.logs.table_reader import runs_from_table
 
 NAMES = ["run", "t", "omega_l", "omega_r", "x", "y", "phi"]
 ROWS = [
-    ["a", 0.1 * k, 1.0, 1.5 + 0.25 * k, *([0.05 * k, -0.5, 0.1 * k] if k % 2 == 0 else [""] * 3)] for k in range(12)
+    ["a", 0.1 * k, 1.0, 1.5 + 0.25 * k, *([0.05 * k, -0.5, 0.1 * k] if k % 2 == 0 else [""] * 3)]
+    for k in range(12)
 ]
 
 
@@ -34,7 +35,9 @@ SPELLINGS = {
     "decimal commas": text(separator=";").replace(".", ","),
     "a row of units": PLAIN.replace("\n", "\n-,s,rad/s,rad/s,m,m,rad\n", 1),
     "all of it": "# robot\n"
-    + text([["", "s", "rad/s", "rad/s", "m", "m", "rad"], *ROWS], separator=" ; ").replace(".", ","),
+    + text([["", "s", "rad/s", "rad/s", "m", "m", "rad"], *ROWS], separator=" ; ").replace(
+        ".", ","
+    ),
     "a mark of the byte order": "\ufeff" + PLAIN,
 }
 
@@ -48,9 +51,13 @@ def test_other_spellings_are_read_alike(tmp_path, content):
         np.testing.assert_array_equal(getattr(run, name), getattr(plain, name))
 
 
-@pytest.mark.parametrize(("column", "unit", "must"), [("phi", "deg", "rad"), ("t", "ms", "s"), ("x", "mm", "m")])
+@pytest.mark.parametrize(
+    ("column", "unit", "must"), [("phi", "deg", "rad"), ("t", "ms", "s"), ("x", "mm", "m")]
+)
 def test_a_row_of_other_units_is_refused(tmp_path, column, unit, must):
-    units = dict(zip(NAMES, ["-", "s", "rad/s", "rad/s", "m", "m", "rad"], strict=True)) | {column: unit}
+    units = dict(zip(NAMES, ["-", "s", "rad/s", "rad/s", "m", "m", "rad"], strict=True)) | {
+        column: unit
+    }
     with pytest.raises(LogError, match=f"column {column}: in '{unit}', must be in {must}"):
         read(tmp_path, text([[*units.values()], *ROWS]))
 
@@ -71,14 +78,24 @@ def test_a_table_without_run_is_one_run_named_after_its_file(tmp_path):
 )
 def test_quaternions_of_any_norm_are_headings(tmp_path, names):
     heading = np.linspace(-3.0, 3.0, len(ROWS))
-    parts = {"x": 0.0 * heading, "y": 0.0 * heading, "z": 2 * np.sin(heading / 2), "w": 2 * np.cos(heading / 2)}
-    rows = [[*row[:4], 0.0, 0.0, *(float(parts[name[-1]][k]) for name in names)] for k, row in enumerate(ROWS)]
+    parts = {
+        "x": 0.0 * heading,
+        "y": 0.0 * heading,
+        "z": 2 * np.sin(heading / 2),
+        "w": 2 * np.cos(heading / 2),
+    }
+    rows = [
+        [*row[:4], 0.0, 0.0, *(float(parts[name[-1]][k]) for name in names)]
+        for k, row in enumerate(ROWS)
+    ]
     (run,) = read(tmp_path, text(rows, [*NAMES[:6], *names])).runs
     np.testing.assert_allclose(run.pose[:, 2], heading, atol=1e-12)
 
 
 def test_a_part_of_a_quaternion_is_no_heading(tmp_path):
-    with pytest.raises(LogError, match="columns qz are of a quaternion without w: give phi, the heading in rad, or"):
+    with pytest.raises(
+        LogError, match="columns qz are of a quaternion without w: give phi, the heading in rad, or"
+    ):
         read(tmp_path, text(names=[*NAMES[:6], "qz"]))
 
 
@@ -106,7 +123,11 @@ def test_any_number_of_rows_of_one_time_is_one(order):
     """Encoders, gyro and pose in rows of their own; every fifth time has a pose."""
     cells = []
     for k in range(50):
-        parts = {"omega_l": k, "omega_r": -k}, {"gyro": 0.01 * k}, {"x": k, "y": 2 * k, "phi": 0.1, "valid": True}
+        parts = (
+            {"omega_l": k, "omega_r": -k},
+            {"gyro": 0.01 * k},
+            {"x": k, "y": 2 * k, "phi": 0.1, "valid": True},
+        )
         cells += [{"t": 0.05 * k, **parts[part]} for part in order if part < 2 or k % 5 == 0]
     names = ("t", "omega_l", "omega_r", "gyro", "x", "y", "phi", "valid")
     table = pa.table({name: pa.array([row.get(name) for row in cells]) for name in names})
@@ -128,7 +149,9 @@ def test_any_number_of_rows_of_one_time_is_one(order):
     ],
 )
 def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
-    """All rows with encoders before all with poses, in no order, or as they arrive: poses 0.8 s late."""
+    """All rows with encoders before all with poses, in no order, or as they arrive: poses 0.8 s
+    late.
+    """
     time = 0.02 * np.arange(1200)
     posed = np.arange(1200) % 6 == 5
     rows = order(posed)
@@ -150,5 +173,7 @@ def test_poses_far_from_any_encoder_are_kept_apart(tmp_path):
         "run 'a': 5 rows after its last encoder reading left out",
     )
     np.testing.assert_allclose(run.time, 0.1 * np.arange(12))
-    np.testing.assert_allclose(run.beyond[:, 0], [*(-100 + 0.1 * np.arange(3)), *(100 + 0.1 * np.arange(5))])
+    np.testing.assert_allclose(
+        run.beyond[:, 0], [*(-100 + 0.1 * np.arange(3)), *(100 + 0.1 * np.arange(5))]
+    )
     assert run.between(0, 5).beyond is None

@@ -41,7 +41,8 @@ METHODS = {"arc": arc, "paper": paper}
 @pytest.mark.parametrize("twist", [(0.25, 0.4), (0.05, 0.02), (-0.2, 0.3), (0.2, 0.0), (0.0, 0.5)])
 def test_every_method_finds_the_twist_of_an_arc(method, twist):
     found = METHODS[method](circle_log(twist), WINDOW)
-    np.testing.assert_allclose(found.twist, twist, atol={"arc": 2e-6, "paper": 5e-6}[method])  # a chord is shorter
+    # a chord is shorter
+    np.testing.assert_allclose(found.twist, twist, atol={"arc": 2e-6, "paper": 5e-6}[method])
 
 
 def test_standard_errors_are_those_of_repeats():
@@ -79,9 +80,13 @@ def test_a_lateral_speed_does_not_bend_the_arc():
 def test_a_window_without_poses_is_refused(method):
     time = np.arange(600) * 0.05
     log = circle_log((0.1, 0.1), valid=(time < 20) | (time > 24.5))
-    with pytest.raises(LogError, match="hardly any valid pose between 20 s and 25 s, where it is steady"):
+    with pytest.raises(
+        LogError, match="hardly any valid pose between 20 s and 25 s, where it is steady"
+    ):
         arc(log, (20.0, 25.0))
-    with pytest.raises(LogError, match=r"its steady window between 29\.5 s and 30 s is short: it has 9 poses"):
+    with pytest.raises(
+        LogError, match=r"its steady window between 29\.5 s and 30 s is short: it has 9 poses"
+    ):
         METHODS[method](circle_log((0.1, 0.1)), (29.5, 30.0))
 
 
@@ -94,7 +99,9 @@ def test_long_run_covariance_is_that_of_newey_and_west(share):
     for lag in range(1, min(lags, 59) + 1):
         product = series[lag:].T @ series[:-lag]
         expected += (1 - lag / (lags + 1)) * (product + product.T)
-    np.testing.assert_allclose(long_run_covariance(series, share), expected / 60, rtol=1e-12, atol=1e-12 * 60)
+    np.testing.assert_allclose(
+        long_run_covariance(series, share), expected / 60, rtol=1e-12, atol=1e-12 * 60
+    )
 
 
 TWIST = np.array([0.2, 0.25])
@@ -104,12 +111,16 @@ PLATE = Plate()
 
 @pytest.fixture(scope="module")
 def logs(scan_rectangle):
-    """The same run scanned twenty times with other noise, on circles shifted a little; and its true poses."""
+    """The same run scanned twenty times with other noise, on circles shifted a little; and its true
+    poses.
+    """
     time = np.arange(0, 30, 0.2)
     found = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        pose = advance([2.0, -0.5 + rng.uniform(-0.05, 0.05), 0.3 + rng.uniform(-0.1, 0.1)], TWIST, time)
+        pose = advance(
+            [2.0, -0.5 + rng.uniform(-0.05, 0.05), 0.3 + rng.uniform(-0.1, 0.1)], TWIST, time
+        )
         scan = scan_rectangle(pose, rng)
         estimate = PlateLocator().locate(scan)
         heading = estimate.pose[:, 2] - np.pi * np.round((estimate.pose[:, 2] - pose[:, 2]) / np.pi)
@@ -125,13 +136,18 @@ def test_bundle_is_at_the_bound_and_its_errors_are_its_scatter(logs):
     found = [bundle(log, SCANNED) for log, _ in logs]
     error = np.array([steady.twist for steady in found]) - TWIST
     rms = np.sqrt(np.mean(error**2, axis=0))
-    # the bound of a pose and a twist with lateral speed, from the bounds of the single scans that have one
+    # the bound of a pose and a twist with lateral speed, from the bounds of the single scans that
+    # have one
     log, pose = logs[0]
     rows = (log.time > SCANNED[0]) & (log.time < SCANNED[1])
     covariance = pose_bound(pose[rows], PLATE, log.scans.scan.bearings, log.scans.scan.noise)
     held = np.isfinite(covariance).all(axis=(1, 2))
-    _, jacobian = poses_on_arc(np.array([*pose[75], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[75])
-    information = np.einsum("tki,tkl,tlj->ij", jacobian[held], np.linalg.inv(covariance[held]), jacobian[held])
+    _, jacobian = poses_on_arc(
+        np.array([*pose[75], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[75]
+    )
+    information = np.einsum(
+        "tki,tkl,tlj->ij", jacobian[held], np.linalg.inv(covariance[held]), jacobian[held]
+    )
     bound = np.sqrt(np.diag(np.linalg.inv(information)))[[3, 5]]
     assert np.all(rms < 1.1 * bound * (1 + 3 / np.sqrt(2 * len(logs))))
     stated = np.sqrt(np.mean([np.diag(steady.covariance) for steady in found], axis=0))

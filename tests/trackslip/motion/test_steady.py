@@ -40,13 +40,22 @@ def test_a_run_that_is_steady_for_a_while_only():
 
 
 def test_every_steady_stretch_is_a_sample():
-    log = driven(((0.0, 0.5), (6.0, 1.0), (12.0, 0.0), (15.0, 0.7), (21.0, -0.5), (22.0, 1.3)), duration=30.0)
+    log = driven(
+        ((0.0, 0.5), (6.0, 1.0), (12.0, 0.0), (15.0, 0.7), (21.0, -0.5), (22.0, 1.3)), duration=30.0
+    )
     parts = steady_parts(log)
-    assert [part.name for part in parts] == ["run @ 1.5 s", "run @ 7.5 s", "run @ 16.5 s", "run @ 23.5 s"]
+    assert [part.name for part in parts] == [
+        "run @ 1.5 s",
+        "run @ 7.5 s",
+        "run @ 16.5 s",
+        "run @ 23.5 s",
+    ]
     found = usable_samples([log], GEOMETRY)
     assert found.samples.run == tuple(part.name for part in parts)
     np.testing.assert_allclose(found.samples.slip, np.tile(LAW(0.5), (4, 1)), atol=1e-6)
-    np.testing.assert_allclose(found.samples.twist, np.outer([0.5, 1.0, 0.7, 1.3], TWIST), atol=1e-6)
+    np.testing.assert_allclose(
+        found.samples.twist, np.outer([0.5, 1.0, 0.7, 1.3], TWIST), atol=1e-6
+    )
     assert found.refused == ()
 
 
@@ -57,7 +66,9 @@ def test_a_gap_in_the_clock_parts_a_run():
     assert "its clock has a gap from t = 4.95 s to 12 s" in part.notes[0]
     assert part.window == pytest.approx((12.0 + SETTLE, 26.95 - MARGIN))
     np.testing.assert_allclose(
-        usable_samples([replace(log, time=late)], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6
+        usable_samples([replace(log, time=late)], GEOMETRY, longest=True).samples.slip[0],
+        LAW(0.5),
+        atol=1e-6,
     )
 
 
@@ -94,7 +105,13 @@ def test_standing_still_between_commands_is_no_sample():
 
 def test_pieces_follow_the_law_where_the_load_turns_with_the_robot():
     """A circle on a slope, which is not steady as a whole."""
-    law, omega, step, rows, pose = IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2), np.array([1.5, 3.5]), 0.05, [], np.zeros(3)
+    law, omega, step, rows, pose = (
+        IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2),
+        np.array([1.5, 3.5]),
+        0.05,
+        [],
+        np.zeros(3),
+    )
     for k in range(4 * 280):
         load = np.tan(0.17) * np.array([np.cos(pose[2]), -np.sin(pose[2])])
         if k % 4 == 0:
@@ -127,7 +144,9 @@ def displaced(pose, way, direction, turn):
     x, y = (pose[:, :2] - pose[0, :2]).T
     cos, sin = np.cos(turn), np.sin(turn)
     moved = np.column_stack([cos * x - sin * y, sin * x + cos * y]) + pose[0, :2]
-    return np.column_stack([moved + way * np.array([np.cos(direction), np.sin(direction)]), pose[:, 2] + turn])
+    return np.column_stack(
+        [moved + way * np.array([np.cos(direction), np.sin(direction)]), pose[:, 2] + turn]
+    )
 
 
 def samples_of(time, pose, twist):
@@ -149,18 +168,25 @@ def test_a_lasting_jump_is_refused_where_it_is(way, turn, rate, noise):
         pose[row:] = displaced(pose[row:], way, rng.uniform(-3, 3), np.radians(turn))
         with pytest.raises(LogError, match=r"its poses jump by .* and stay there") as refused:
             samples_of(time, pose, twist)
-        assert float(str(refused.value).partition("t = ")[2].split()[0]) == pytest.approx(time[row], abs=8 / rate)
+        assert float(str(refused.value).partition("t = ")[2].split()[0]) == pytest.approx(
+            time[row], abs=8 / rate
+        )
 
 
 @pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
 def test_jumps_at_random_times_do_not_bias_the_motion(noise):
-    """Errors of v and w in standard errors, where the jump is near the ends or small enough not to be refused."""
+    """Errors of v and w in standard errors, where the jump is near the ends or small enough not to
+    be refused.
+    """
     rng = np.random.default_rng(2)
     errors = []
     for _ in range(45):
         time, pose, twist = circle(rng, noise, rng.choice([5.0, 10.0, 20.0]))
         row = int(rng.integers(1, len(time)))
-        way, turn = rng.choice([0, 1]) * rng.uniform(0.15, 0.5), np.radians(rng.choice([0, 1]) * rng.uniform(8, 30))
+        way, turn = (
+            rng.choice([0, 1]) * rng.uniform(0.15, 0.5),
+            np.radians(rng.choice([0, 1]) * rng.uniform(8, 30)),
+        )
         pose[row:] = displaced(pose[row:], way, rng.uniform(-3, 3), turn)
         with contextlib.suppress(LogError):
             errors.append(errors_of(samples_of(time, pose, twist), twist))
@@ -174,6 +200,8 @@ def test_wild_poses_hardly_matter(successive):
     rng = np.random.default_rng(3)
     for _ in range(5):
         time, pose, twist = circle(rng, NOISE["coarse"])
-        rows = np.sort(rng.choice(len(time) // 10, 5, replace=False))[:, None] * 10 + np.arange(successive)
+        rows = np.sort(rng.choice(len(time) // 10, 5, replace=False))[:, None] * 10 + np.arange(
+            successive
+        )
         pose[rows, :2] += rng.uniform(0.5, 5, (5, 1, 2)) * rng.choice([-1, 1], (5, 1, 2))
         assert np.abs(errors_of(samples_of(time, pose, twist), twist)).max() < 4.0

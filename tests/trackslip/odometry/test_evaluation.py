@@ -35,11 +35,15 @@ def test_the_true_law_has_no_errors_and_another_has_some():
 
 
 def test_a_circle_is_wrong_by_its_law():
-    """The turn of a circle is too large by a constant share, and the end is where the arcs differ."""
+    """The turn of a circle is too large by a constant share, and the end is where the arcs
+    differ.
+    """
     twist = np.array([0.2, 0.4])
     omega = ICR.sprocket_speeds(twist, GEOMETRY)
     time = np.arange(0.0, 60.0, 0.02)
-    log = RunLog("circle", time, np.tile(omega, (len(time), 1)), advance([0.0, 0.0, 0.0], twist, time))
+    log = RunLog(
+        "circle", time, np.tile(omega, (len(time), 1)), advance([0.0, 0.0, 0.0], twist, time)
+    )
     found = odometry_errors(log, BY_NONE)
     nominal = body_twist(omega, 0.0, GEOMETRY)
     for seconds, errors in found.after_seconds.items():
@@ -47,7 +51,9 @@ def test_a_circle_is_wrong_by_its_law():
         ends = [advance([0.0, 0.0, 0.0], one, seconds) for one in (nominal, twist)]
         assert errors.position.median == pytest.approx(np.hypot(*(ends[0] - ends[1])[:2]), rel=1e-6)
         assert errors.heading.median == pytest.approx(turned - truly, rel=1e-6)
-        assert errors.heading.mean / errors.way == pytest.approx((nominal[1] - twist[1]) / nominal[0], rel=1e-3)
+        assert errors.heading.mean / errors.way == pytest.approx(
+            (nominal[1] - twist[1]) / nominal[0], rel=1e-3
+        )
         assert errors.count == len(time) - round(seconds / 0.02)
 
 
@@ -55,7 +61,9 @@ def test_only_measured_poses_count_where_others_are_held_or_interpolated():
     log = drive_log(1, 60.0, PoseSource(rate=1.0), STILL).between(20, 3030)
     rows = np.flatnonzero(log.is_valid)
     for kind in ("previous", "linear"):
-        pose = interp1d(log.time[rows], log.pose[rows].T, kind, fill_value="extrapolate")(log.time).T
+        pose = interp1d(log.time[rows], log.pose[rows].T, kind, fill_value="extrapolate")(
+            log.time
+        ).T
         found = odometry_errors(replace(log, pose=pose, valid=None), BY_LAW)
         assert found.after_seconds[5.0].position.median < 1e-4
         assert found.after_seconds[5.0].count == pytest.approx(len(rows) - 5, abs=3)
@@ -72,7 +80,9 @@ def test_sensor_and_clock_are_allowed_for():
 def test_without_headings_stretches_start_as_the_positions_before():
     log = drive_log(3, 60.0, replace(EXACT, heading=False), STILL)
     found = odometry_errors(log, BY_LAW)
-    np.testing.assert_allclose(found.trajectories[0].placed[:, :2], found.trajectories[0].measured[:, :2], atol=1e-6)
+    np.testing.assert_allclose(
+        found.trajectories[0].placed[:, :2], found.trajectories[0].measured[:, :2], atol=1e-6
+    )
     assert found.after_metres[2.0].position.largest < 1e-6
     assert found.after_metres[2.0].heading is None
     none = odometry_errors(log, BY_NONE).after_metres[2.0]
@@ -85,7 +95,10 @@ def test_a_drive_without_poses_is_left_out_of_several():
     empty = without_poses(replace(log, run="blind"), log.is_valid)
     found = odometry_errors([empty, log], BY_LAW)
     assert [drive.name for drive in found.trajectories] == ["drive 7"]
-    assert found.notes[0] == "run 'blind': encoders were read at 0 of 0 measured poses, needs at least 2"
+    assert (
+        found.notes[0]
+        == "run 'blind': encoders were read at 0 of 0 measured poses, needs at least 2"
+    )
     with pytest.raises(LogError, match="run 'blind': encoders were read at 0 of 0 measured"):
         odometry_errors(empty, BY_LAW)
     with pytest.raises(LogError, match="run 'drive 7': encoders were read at 0 of 100 measured"):

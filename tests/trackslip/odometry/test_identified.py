@@ -32,7 +32,10 @@ def test_a_folder_holds_the_same_as_the_identification(found, folder, name):
     assert type(here.law) is type(there.law)
     for about in ("noise", "drift", "mounting", "clock_offset"):
         assert getattr(here, about) == getattr(there, about)
-    errors = [(law.errors.names, law.errors.covariance.tolist()) if law.errors else None for law in (here, there)]
+    errors = [
+        (law.errors.names, law.errors.covariance.tolist()) if law.errors else None
+        for law in (here, there)
+    ]
     assert errors[0] == errors[1]
 
 
@@ -40,7 +43,13 @@ def test_a_file_of_laws_knows_nothing_else(tmp_path):
     save_laws(tmp_path / "laws.json", {"icr_radius": ICR}, GEOMETRY)
     used = identified_law(tmp_path / "laws.json")
     assert (used.name, used.law, used.geometry) == ("icr_radius", ICR, GEOMETRY)
-    assert (used.noise, used.errors, used.mounting, used.clock_offset, used.drift) == (None, None, None, None, 0.0)
+    assert (used.noise, used.errors, used.mounting, used.clock_offset, used.drift) == (
+        None,
+        None,
+        None,
+        None,
+        0.0,
+    )
     assert identified_law(tmp_path / "laws.json", "none").law == NoSlip() == no_slip(GEOMETRY).law
 
 
@@ -53,15 +62,27 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
             None,
             "law = 'exponential': must be one of none, icr, icr_radius (in the identification",
         ),
-        (tmp_path / "two.json", None, None, "two.json: says nothing of which law is best: choose one of icr, "),
-        (folder, "icr", RobotGeometry(0.2, 0.06), "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06"),
+        (
+            tmp_path / "two.json",
+            None,
+            None,
+            "two.json: says nothing of which law is best: choose one of icr, ",
+        ),
+        (
+            folder,
+            "icr",
+            RobotGeometry(0.2, 0.06),
+            "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06",
+        ),
     ]:
         with pytest.raises(TrackslipError) as caught:
             identified_law(source, name, robot)
         assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("damage", [{"noise": {}}, {"extras": {"clock_offset": 0.0, "lag": -(10**400)}}])
+@pytest.mark.parametrize(
+    "damage", [{"noise": {}}, {"extras": {"clock_offset": 0.0, "lag": -(10**400)}}]
+)
 def test_a_damaged_summary_is_told_in_a_line(folder, damage):
     content = json.loads((folder / "summary.json").read_text())
     fit = content["drive"]["laws"]["icr"]

@@ -12,7 +12,9 @@ from trackslip.odometry.evaluation import Trajectory, stretches, write_tum
 
 
 def trajectory(seed=0, count=400, noise=0.01):
-    """A robot that winds about at 10 Hz, standing for a while, and an estimate whose errors grow."""
+    """A robot that winds about at 10 Hz, standing for a while, and an estimate whose errors
+    grow.
+    """
     rng = np.random.default_rng(seed)
     time = 100.0 + 0.1 * np.arange(count)
     speed = np.where((time > 115) & (time < 118), 0.0, 0.25)
@@ -30,7 +32,9 @@ def trajectory(seed=0, count=400, noise=0.01):
 def of_evo(time, pose):
     position = np.column_stack([pose[:, :2], np.zeros(len(pose))])
     none, half = np.zeros(len(pose)), pose[:, 2] / 2
-    return PoseTrajectory3D(position, np.column_stack([np.cos(half), none, none, np.sin(half)]), time)
+    return PoseTrajectory3D(
+        position, np.column_stack([np.cos(half), none, none, np.sin(half)]), time
+    )
 
 
 def evo_statistics(metric, reference, estimate):
@@ -49,10 +53,17 @@ def test_relative_errors_after_metres_are_those_of_evo(length):
     drive = trajectory()
     reference, estimate = of_evo(drive.time, drive.measured), of_evo(drive.time, drive.estimated)
     way, *missed = errors.errors_after_metres(drive, length)
-    pairs = {"delta": length, "delta_unit": Unit.meters, "all_pairs": True, "pairs_from_reference": True}
+    pairs = {
+        "delta": length,
+        "delta_unit": Unit.meters,
+        "all_pairs": True,
+        "pairs_from_reference": True,
+    }
     for relation, found in zip(("translation_part", "rotation_angle_rad"), missed, strict=True):
         metric = metrics.RPE(metrics.PoseRelation[relation], **pairs)
-        np.testing.assert_allclose(statistics(found), evo_statistics(metric, reference, estimate), atol=1e-6)
+        np.testing.assert_allclose(
+            statistics(found), evo_statistics(metric, reference, estimate), atol=1e-6
+        )
         assert len(way) == len(metric.error) > 100
 
 
@@ -61,8 +72,12 @@ def test_relative_errors_after_seconds_are_those_of_evo_after_frames():
     reference, estimate = of_evo(drive.time, drive.measured), of_evo(drive.time, drive.estimated)
     for seconds in (1.0, 2.0, 5.0, 10.0):
         way, position, _ = errors.errors_after_seconds(drive, seconds)
-        frames = metrics.RPE(metrics.PoseRelation.translation_part, round(10 * seconds), Unit.frames, all_pairs=True)
-        np.testing.assert_allclose(statistics(position), evo_statistics(frames, reference, estimate), atol=1e-6)
+        frames = metrics.RPE(
+            metrics.PoseRelation.translation_part, round(10 * seconds), Unit.frames, all_pairs=True
+        )
+        np.testing.assert_allclose(
+            statistics(position), evo_statistics(frames, reference, estimate), atol=1e-6
+        )
         assert len(way) == len(frames.error)
     drive.time[:] /= 0.75  # at 7.5 Hz, two poses are half an interval from a second
     assert len(errors.errors_after_seconds(drive, 1.0)[0]) == len(drive.time) - 7
@@ -84,7 +99,10 @@ def test_evo_reads_files_with_stamps_of_clocks_and_positions_on_the_earth(tmp_pa
 def test_alignment_finds_a_known_motion():
     drive = trajectory(noise=0.0)
     elsewhere = errors.moved(drive.measured, 1.3, np.array([0.5, 0.5]), np.array([-3.0, 7.0]))
-    for aligned in (errors.best_fit(elsewhere, drive.measured), errors.from_pose(elsewhere, drive.measured, 17)):
+    for aligned in (
+        errors.best_fit(elsewhere, drive.measured),
+        errors.from_pose(elsewhere, drive.measured, 17),
+    ):
         np.testing.assert_allclose(aligned[:, :2], drive.measured[:, :2], atol=1e-12)
         np.testing.assert_allclose(wrap_angle(aligned[:, 2] - drive.measured[:, 2]), 0, atol=1e-12)
 

@@ -14,7 +14,9 @@ TRUE = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.0067)
 GAIN = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + TRUE.offset)
 NOISE = np.diag([0.002, 0.002, np.radians(0.25)]) ** 2
 PERIOD = 0.05
-EXACT = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0)
+EXACT = FilterTuning(
+    gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0
+)
 
 
 @dataclass
@@ -26,11 +28,15 @@ class Drive:
     rng: np.random.Generator
 
     @classmethod
-    def begin(cls, n: int, law: ConstantIcr | None = None, tuning: FilterTuning | None = None) -> "Drive":
+    def begin(
+        cls, n: int, law: ConstantIcr | None = None, tuning: FilterTuning | None = None
+    ) -> "Drive":
         pose = np.zeros((n, 3))
         return cls(IcrFilter(pose, GEOMETRY, law, tuning), pose, np.random.default_rng(0))
 
-    def run(self, seconds: float, omega: tuple[float, float] = (2.0, 2.9), law: ConstantIcr = TRUE) -> None:
+    def run(
+        self, seconds: float, omega: tuple[float, float] = (2.0, 2.9), law: ConstantIcr = TRUE
+    ) -> None:
         speeds = np.tile(omega, (len(self.pose), 1))
         for _ in range(round(seconds / PERIOD)):
             self.pose = advance(self.pose, law.twist(speeds, GEOMETRY), PERIOD)
@@ -53,7 +59,9 @@ def test_motion_and_its_derivatives_by_finite_differences():
 
 
 def test_finds_the_law_and_knows_how_well():
-    """Where truth is drawn from what the filter expects, squared errors in its covariance are chi-square."""
+    """Where truth is drawn from what the filter expects, squared errors in its covariance are
+    chi-square.
+    """
     rng = np.random.default_rng(1)
     tuning = replace(EXACT, gain_spread=0.1, radius_error_spread=0.005)
     gain, radius_error = 1 + rng.normal(0, 0.1, 150), rng.normal(0, 0.005, 150)
@@ -62,7 +70,9 @@ def test_finds_the_law_and_knows_how_well():
     for seconds in (2.0, 8.0):
         drive.run(seconds, law=truth)
         error = drive.found.state[:, 3:5] - np.stack([gain, radius_error], axis=1)
-        square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:5, 3:5]), error)
+        square = np.einsum(
+            "ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:5, 3:5]), error
+        )
         low, high = chi2.ppf([0.001, 0.999], 2 * len(square))
         assert low < square.sum() < high
     assert drive.found.restarts.sum() <= 1

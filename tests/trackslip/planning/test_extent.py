@@ -13,7 +13,9 @@ from trackslip.planning.route import RATE, TURNING, Maneuvers, extent, longest_s
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
-MANEUVERS = Maneuvers.of(np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]]), LIMITS)
+MANEUVERS = Maneuvers.of(
+    np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]]), LIMITS
+)
 EXACT = replace(first_knowledge(GEOMETRY), reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
 
 
@@ -25,7 +27,9 @@ def test_a_path_is_that_of_the_law():
         pose = advance(pose, law.twist(way / 0.06, GEOMETRY), 1.0)
         ends.append(pose)
     x, y = path(MANEUVERS, 0.3, np.array([[0.218, 1.01, 1.01]]))
-    np.testing.assert_allclose(np.column_stack([x[0, ::8], y[0, ::8]]), np.array(ends)[:, :2], atol=1e-12)
+    np.testing.assert_allclose(
+        np.column_stack([x[0, ::8], y[0, ::8]]), np.array(ends)[:, :2], atol=1e-12
+    )
 
 
 def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
@@ -65,7 +69,9 @@ def test_every_law_that_the_robot_may_have_stays_inside(index):
     assert (found[0] <= at.min(axis=0) + 1e-3).all()
     assert (at.max(axis=0) <= found[1] + 1e-3).all()
     if index:
-        expected = extent(MANEUVERS, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0))
+        expected = extent(
+            MANEUVERS, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
+        )
         assert (at.min(axis=0) < expected[0]).any() or (at.max(axis=0) > expected[1]).any()
 
 
@@ -88,7 +94,9 @@ def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, accelerati
 
 def test_times_are_those_of_trapezoids_and_triangles_and_yaw_rates_are_limited():
     straight = Maneuvers.of(np.array([[3.0, 3.0], [0.1, 0.1]]), LIMITS)
-    np.testing.assert_allclose(straight.duration, [3.0 / 0.3 + 0.3 / 0.5, 2 * np.sqrt(0.1 / 0.5)], atol=1 / RATE)
+    np.testing.assert_allclose(
+        straight.duration, [3.0 / 0.3 + 0.3 / 0.5, 2 * np.sqrt(0.1 / 0.5)], atol=1 / RATE
+    )
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
     spin = Maneuvers.of(np.array([[-3.0, 3.0]]), LIMITS).speeds(60.0)
     assert np.abs(spin).max() == pytest.approx(TURNING * 0.3, rel=1e-3)

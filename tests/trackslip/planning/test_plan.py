@@ -57,7 +57,9 @@ def test_plans_repeat_longer_drives_tell_more_and_smaller_areas_less(plan):
     np.testing.assert_array_equal(again.speeds, plan.speeds)
     longer = plan_drive(GEOMETRY, replace(LIMITS, duration=80.0), SLAM)
     smaller = plan_drive(GEOMETRY, replace(LIMITS, area=(1.0, 1.0)), SLAM)
-    best, other, worst = (planning.largest(one.expectation, plan.sizes) for one in (longer, plan, smaller))
+    best, other, worst = (
+        planning.largest(one.expectation, plan.sizes) for one in (longer, plan, smaller)
+    )
     assert best < 0.8 * other
     assert worst > 1.1 * other
 
@@ -69,14 +71,18 @@ def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
     drive = drive_to_measure(plan.maneuvers.speeds(40.0), RATE, SLAM, 0.06)
     first = expected(model, plan.values, [drive], SLAM, plan.knowledge.slip, known)
-    assert planning.largest(second.expectation, plan.sizes) < 0.95 * planning.largest(first, plan.sizes)
+    assert planning.largest(second.expectation, plan.sizes) < 0.95 * planning.largest(
+        first, plan.sizes
+    )
     assert second.expectation.stderr["offset"] < first.stderr["offset"]  # which is left open
 
 
 def test_laws_of_more_parameters_can_be_planned_for(monkeypatch):
     monkeypatch.setattr(planning, "_EVALUATIONS", 60)  # few drives determine a loss in turns
     found = plan_drive(GEOMETRY, LIMITS, SLAM, PLANNED_LAWS[-1])
-    assert all(0 < found.expectation.stderr[name] < 0.04 * size for name, size in found.sizes.items())
+    assert all(
+        0 < found.expectation.stderr[name] < 0.04 * size for name, size in found.sizes.items()
+    )
 
 
 STDERR = {"offset": 2e-4, "radius_error": 9e-4, "sensor_x": 1e-3}
@@ -86,8 +92,16 @@ LAW = {
     "stderr": STDERR,
     "interval95": {"offset": [0.0441, 0.0459]},
     "correlation": CORRELATION,
-    "extras": dict.fromkeys(("sensor_x", "sensor_y", "sensor_yaw", "drift", "clock_offset", "lag"), 0.0),
-    "noise": {"position": 0.02, "heading": 0.01, "slip_forward": 0.003, "slip_sideways": 1e-9, "slip_turn": 0.004},
+    "extras": dict.fromkeys(
+        ("sensor_x", "sensor_y", "sensor_yaw", "drift", "clock_offset", "lag"), 0.0
+    ),
+    "noise": {
+        "position": 0.02,
+        "heading": 0.01,
+        "slip_forward": 0.003,
+        "slip_sideways": 1e-9,
+        "slip_turn": 0.004,
+    },
 }
 ICR = {"values": {"offset": 0.044}, "stderr": {"offset": 1e-3}}
 
@@ -99,8 +113,14 @@ def summary(**changes):
         "format": 1,
         "method": "drive",
         "geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},
-        "slip_laws": {"icr": ICR, "icr_radius": {key: law[key] for key in ("values", "stderr", "interval95")}},
-        "drive": {"best": "icr_radius", "laws": {"icr_radius": law, "none": {"values": {}, "stderr": {}}}},
+        "slip_laws": {
+            "icr": ICR,
+            "icr_radius": {key: law[key] for key in ("values", "stderr", "interval95")},
+        },
+        "drive": {
+            "best": "icr_radius",
+            "laws": {"icr_radius": law, "none": {"values": {}, "stderr": {}}},
+        },
     }
 
 
@@ -127,7 +147,10 @@ def test_law_noise_and_covariance(tmp_path):
     [
         ({}, "no slip laws in it"),
         (summary() | {"geometry": {"half_gauge": -1, "sprocket_radius": 1}}, "half_gauge = -1"),
-        (summary() | {"slip_laws": {"icr": ICR}}, "law = 'icr_radius': must be one of none, icr (in "),
+        (
+            summary() | {"slip_laws": {"icr": ICR}},
+            "law = 'icr_radius': must be one of none, icr (in ",
+        ),
         (summary(stderr={}), "no standard errors of the law icr_radius in it"),
         (summary(values={"offset": 0.04}), "radius_error = None: must be a number"),
         (summary(correlation=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "is damaged (covariance"),
@@ -141,10 +164,14 @@ def test_summaries_that_cannot_be_used(tmp_path, content, message):
 
 
 def test_limits_that_allow_no_drive_are_refused():
-    with pytest.raises(TrackslipError, match=r"duration = 10\.0: must be longer, for a drive within the limits"):
+    with pytest.raises(
+        TrackslipError, match=r"duration = 10\.0: must be longer, for a drive within the limits"
+    ):
         plan_drive(GEOMETRY, replace(LIMITS, max_speed=1e-3, duration=10.0), SLAM)
     with pytest.raises(TrackslipError, match="area = '3x3': must be larger"):
-        plan_drive(GEOMETRY, LIMITS, SLAM, knowledge=replace(first_knowledge(GEOMETRY), slip=(0.5,) * 3))
+        plan_drive(
+            GEOMETRY, LIMITS, SLAM, knowledge=replace(first_knowledge(GEOMETRY), slip=(0.5,) * 3)
+        )
 
 
 MODEL = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
@@ -158,7 +185,9 @@ SPEEDS = np.column_stack([0.2 + 0.1 * np.sin(0.7 * TIME), 0.2 * np.cos(0.5 * TIM
 
 @pytest.mark.parametrize("poses", [COARSE, PoseQuality(5.0, 0.02, None)])
 def test_fits_miss_the_law_by_about_what_is_expected(poses):
-    """Drives of two minutes with slip that varies and noisy poses; `validation/test_plan_trials.py` has hundreds."""
+    """Drives of two minutes with slip that varies and noisy poses; `validation/test_plan_trials.py`
+    has hundreds.
+    """
     speeds = np.tile(SPEEDS, (6, 1))
     drive = drive_to_measure(speeds, READINGS, poses, 0.06)
     stated = expected(MODEL, TRUTH, [drive], poses, SLIP).stderr
@@ -167,10 +196,19 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
     for seed in range(10):
         rng = np.random.default_rng(seed)
         motion, _ = law.drive(np.concatenate([speeds[:1], speeds]) / 0.06, READINGS, rng)
-        noise = rng.normal(size=drive.pose.shape) * [poses.position, poses.position, poses.heading or np.nan]
-        fit = fit_drives("icr_radius", [replace(drive, pose=motion.at(drive.time) + noise)], GEOMETRY)
+        noise = rng.normal(size=drive.pose.shape) * [
+            poses.position,
+            poses.position,
+            poses.heading or np.nan,
+        ]
+        fit = fit_drives(
+            "icr_radius", [replace(drive, pose=motion.at(drive.time) + noise)], GEOMETRY
+        )
         missed.append(
-            [(value - true) / stated[name] for (name, value), true in zip(fit.values.items(), TRUTH, strict=True)]
+            [
+                (value - true) / stated[name]
+                for (name, value), true in zip(fit.values.items(), TRUTH, strict=True)
+            ]
         )
     ratio = np.sqrt(np.mean(np.square(missed), axis=0))
     assert ((ratio > 0.55) & (ratio < 1.5)).all()  # within two standard errors
@@ -178,16 +216,22 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
 
 def test_what_the_driving_does_not_tell_is_held():
     straight = np.full((400, 2), 0.3)
-    found = expected(MODEL, TRUTH, [drive_to_measure(straight, READINGS, COARSE, 0.06)], COARSE, SLIP)
+    found = expected(
+        MODEL, TRUTH, [drive_to_measure(straight, READINGS, COARSE, 0.06)], COARSE, SLIP
+    )
     assert "offset" in found.held
     assert "radius_error" in found.stderr
     without = PoseQuality(5.0, 0.05, None)
-    found = expected(MODEL, TRUTH, [drive_to_measure(SPEEDS, READINGS, without, 0.06)], without, SLIP)
+    found = expected(
+        MODEL, TRUTH, [drive_to_measure(SPEEDS, READINGS, without, 0.06)], without, SLIP
+    )
     assert "sensor_yaw" in found.held
 
 
 def test_information_from_before_adds_up():
-    """Twice the same drive, or one and what is known of the law from the other: the extras of the first are its own."""
+    """Twice the same drive, or one and what is known of the law from the other: the extras of the
+    first are its own.
+    """
     drive = drive_to_measure(SPEEDS, READINGS, COARSE, 0.06)
     alone = expected(MODEL, TRUTH, [drive], COARSE, SLIP)
     covariance = np.diag([alone.stderr["offset"] ** 2, alone.stderr["radius_error"] ** 2])

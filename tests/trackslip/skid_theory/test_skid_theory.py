@@ -14,11 +14,15 @@ MIRROR = [1, -1, -1]
 
 def offset(speeds, contact=LEVEL, **options):
     speeds = np.asarray(speeds, float)
-    return (speeds[..., 1] - speeds[..., 0]) / (2 * steady_twist(speeds, contact, **options)[..., 2]) - B
+    return (speeds[..., 1] - speeds[..., 0]) / (
+        2 * steady_twist(speeds, contact, **options)[..., 2]
+    ) - B
 
 
 def closed_form_offset(ratio):
-    """D of a uniformly loaded line, from b F_along(D) = M_across(D), both integrals done by hand."""
+    """D of a uniformly loaded line, from b F_along(D) = M_across(D), both integrals done by
+    hand.
+    """
 
     def balance(d):
         scaled = d / ratio  # (mu_along D)^2 + (mu_across x)^2 = mu_across^2 (scaled^2 + x^2)
@@ -40,12 +44,15 @@ def test_icr_of_a_uniform_track_is_the_closed_form(ratio):
 @pytest.mark.parametrize("pull", [-0.3, 0.05, 0.6])
 def test_straight_ahead_is_the_closed_form(shear, pull):
     """Of Janosi and Hanamoto: the mean of the shares of all elements of a track."""
-    v, u, w = steady_twist([0.2, 0.2], line_contact(B, L, 0.7, 0.778, points=400), shear=shear, load=Load(pull=pull))
+    v, u, w = steady_twist(
+        [0.2, 0.2], line_contact(B, L, 0.7, 0.778, points=400), shear=shear, load=Load(pull=pull)
+    )
     slip = 1 - v / 0.2
     assert np.sign(slip) == np.sign(pull)
     ratio = abs(slip) * 2 * L / shear
     closed = 0.7 * (1 - (1 - np.exp(-ratio)) / ratio)
-    assert closed == pytest.approx(abs(pull), rel=2e-3 if shear < 1e-3 else 2e-5)  # the points must resolve the entry
+    # the points must resolve the entry
+    assert closed == pytest.approx(abs(pull), rel=2e-3 if shear < 1e-3 else 2e-5)
     np.testing.assert_allclose([u, w], 0, atol=1e-9)
 
 
@@ -73,31 +80,41 @@ def test_displacements_are_those_of_elements_followed_on_their_way(twist, belt):
             return [cos * slide - sin * aside, sin * slide + cos * aside, w, -belt]
 
         time = (entry - contact.x[k]) / belt
-        x, y_moved, phi, _ = solve_ivp(velocity, (0, time), [0, 0, 0, entry], rtol=1e-10, atol=1e-12).y[:, -1]
+        x, y_moved, phi, _ = solve_ivp(
+            velocity, (0, time), [0, 0, 0, entry], rtol=1e-10, atol=1e-12
+        ).y[:, -1]
         cos, sin = np.cos(phi), np.sin(phi)
-        np.testing.assert_allclose(found[k], [cos * x + sin * y_moved, cos * y_moved - sin * x], atol=1e-9)
+        np.testing.assert_allclose(
+            found[k], [cos * x + sin * y_moved, cos * y_moved - sin * x], atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("shear", [0.0, 0.01])
 @pytest.mark.parametrize("speeds", [[0.1, 0.16], [-0.1, 0.1], [0.0, 0.1], [-0.16, -0.1]])
 def test_the_ground_carries_weight_momentum_slope_and_pull(speeds, shear):
-    """Newton and Euler for a robot of unit weight on a slope, with a drawbar, written out from the twist alone."""
+    """Newton and Euler for a robot of unit weight on a slope, with a drawbar, written out from the
+    twist alone.
+    """
     centre = forwards, left, height = 0.02, 0.01, 0.12
     contact, load = line_contact(B, L, 0.6, 0.8, centre), Load(0.15, 0.7, 0.08, 0.1)
     speeds = 3 * np.array(speeds)
     v, u, w = twist = steady_twist(speeds, contact, 9.81, shear=shear, load=load)
     normal = np.cos(load.slope)
     need = np.array([-w * (u + w * forwards), w * (v - w * left)]) / 9.81 / normal
-    need += np.tan(load.slope) * np.array([np.cos(load.uphill), np.sin(load.uphill)])  # at the centre of mass
+    # at the centre of mass
+    need += np.tan(load.slope) * np.array([np.cos(load.uphill), np.sin(load.uphill)])
     drawbar = load.pull / normal
     belt = np.where(contact.y > 0, speeds[0], speeds[1])
     loads = contact.loads(need, load.hitch_height * drawbar)
     assert loads.sum() == pytest.approx(1)
-    assert (contact.x * loads).sum() == pytest.approx(forwards - height * need[0] - load.hitch_height * drawbar)
+    assert (contact.x * loads).sum() == pytest.approx(
+        forwards - height * need[0] - load.hitch_height * drawbar
+    )
     assert (contact.y * loads).sum() == pytest.approx(left - height * need[1])
     found = ground_wrench(twist, belt, contact, loads, shear or 1e-9)
     moment = forwards * need[1] - left * need[0]
-    fades = 1e-6 if shear else 2e-5  # friction of elements that pivot, which Coulomb ground has in full
+    # friction of elements that pivot, which Coulomb ground has in full
+    fades = 1e-6 if shear else 2e-5
     np.testing.assert_allclose(found, [need[0] + drawbar, need[1], moment], atol=fades)
 
 
@@ -116,4 +133,6 @@ def test_the_yaw_ratio_of_four_wheels_on_points(half_wheelbase, ratio):
     """Moments of four alike points balance where D = (ratio a)^2 / b, at half the wheelbase a."""
     contact = wheel_contact(B, (-half_wheelbase, half_wheelbase), 1e-6, 0.7, 0.7 * ratio, points=2)
     yaw_rate = steady_twist([[-0.1, 0.1], [0.1, 0.3]], contact)[:, 2]
-    np.testing.assert_allclose(yaw_rate * B / 0.1, 1 / (1 + (ratio * half_wheelbase / B) ** 2), rtol=1e-4)
+    np.testing.assert_allclose(
+        yaw_rate * B / 0.1, 1 / (1 + (ratio * half_wheelbase / B) ** 2), rtol=1e-4
+    )

@@ -3,7 +3,15 @@ import pytest
 from quadrature import integral_miss, times
 from scipy.special import fresnel
 
-from trackslip.trajectory.named import REFERENCES, ClothoidPath, PathPiece, figure_eight, rounded_square, slalom, spiral
+from trackslip.trajectory.named import (
+    REFERENCES,
+    ClothoidPath,
+    PathPiece,
+    figure_eight,
+    rounded_square,
+    slalom,
+    spiral,
+)
 from trackslip.trajectory.path import LIMITS, MotionLimits, ProfiledReference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 from trackslip.trajectory.waypoints import waypoints
@@ -27,7 +35,8 @@ def test_figure_eight_is_bernoullis_lemniscate():
     np.testing.assert_allclose(
         np.abs(twist[moving, 1] / twist[moving, 0]), 3 * np.hypot(x, y)[moving] / a**2, atol=1e-9
     )
-    assert x[np.argmax(phi)] == pytest.approx(0, abs=2e-2)  # left round one lobe, right round the other
+    # left round one lobe, right round the other
+    assert x[np.argmax(phi)] == pytest.approx(0, abs=2e-2)
 
 
 def test_slalom_is_a_sine():
@@ -55,16 +64,21 @@ def test_clothoid_is_fresnels(sharpness):
     s = np.linspace(0, 2.3, 301)
     scale = np.sqrt(np.pi / abs(sharpness))
     sine, cosine = fresnel(s / scale)
-    expected = np.column_stack([scale * cosine, np.sign(sharpness) * scale * sine, sharpness * s**2 / 2])
+    expected = np.column_stack(
+        [scale * cosine, np.sign(sharpness) * scale * sine, sharpness * s**2 / 2]
+    )
     np.testing.assert_allclose(path.pose(s), expected, atol=1e-13)
     np.testing.assert_allclose(path.curvature(s), sharpness * s, atol=1e-13)
 
 
 @pytest.mark.parametrize(
-    ("length", "duration"), [(3.0, 3.0 / 0.2 + 0.2 / 0.05), *((way, 2 * np.sqrt(way / 0.05)) for way in (0.01, 0.3))]
+    ("length", "duration"),
+    [(3.0, 3.0 / 0.2 + 0.2 / 0.05), *((way, 2 * np.sqrt(way / 0.05)) for way in (0.01, 0.3))],
 )
 def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, duration):
-    reference = ProfiledReference(ClothoidPath(ORIGIN, [PathPiece(length)]), MotionLimits(speed=0.2, acceleration=0.05))
+    reference = ProfiledReference(
+        ClothoidPath(ORIGIN, [PathPiece(length)]), MotionLimits(speed=0.2, acceleration=0.05)
+    )
     assert reference.duration == pytest.approx(duration, rel=1e-3)
     np.testing.assert_allclose(reference.twist(duration / 9), [0.05 * duration / 9, 0.0], rtol=1e-6)
 
@@ -89,8 +103,12 @@ HASTY = MotionLimits(speed=0.5, acceleration=0.4, yaw_rate=0.8, track_speed=0.6,
 MADE = {
     "left circle": circle(1.25, 0.15, 40.0, (1.0, 2.0, 0.5)),
     "right circle": circle(-0.8, 0.15, 40.0),
-    "reverse": SegmentedReference((0, 0, 0), [Segment(3.0, 0.0, -0.2, 0.5), Segment(3.0, -0.2, 0.0, -0.5)]),
-    "hasty clothoid": ProfiledReference(ClothoidPath(START, [PathPiece(0.8, 3.0, -3.0), PathPiece(0.9)]), HASTY),
+    "reverse": SegmentedReference(
+        (0, 0, 0), [Segment(3.0, 0.0, -0.2, 0.5), Segment(3.0, -0.2, 0.0, -0.5)]
+    ),
+    "hasty clothoid": ProfiledReference(
+        ClothoidPath(START, [PathPiece(0.8, 3.0, -3.0), PathPiece(0.9)]), HASTY
+    ),
     "waypoints": waypoints(POINTS),
     "hasty waypoints": waypoints(POINTS, HASTY),
 }

@@ -29,28 +29,36 @@ def csv(tmp_path):
 
 
 def nearest(reference, points):
-    """Distance (N,) of each point to the path; its own error is a quarter of the way between two times, squared."""
+    """Distance (N,) of each point to the path; its own error is a quarter of the way between two
+    times, squared.
+    """
     time = np.linspace(0, reference.duration, 40_001)
     xy = reference.pose(time)[:, :2]
     return np.array([np.hypot(*(xy - point).T).min() for point in points])
 
 
-def test_it_passes_through_all_points_in_order_with_a_continuous_curvature_that_is_zero_at_both_ends():
+def test_passes_through_points_in_order_with_continuous_curvature():
     reference = waypoints(POINTS)
     assert nearest(reference, POINTS).max() < 1e-4
     pose = reference.pose([0.0, reference.duration])
     np.testing.assert_allclose(pose[:, :2], POINTS[[0, -1]], atol=1e-12)
     knots = reference.knots[1:-1]
-    np.testing.assert_allclose(reference.twist(np.nextafter(knots, 0)), reference.twist(knots), atol=1e-10)
+    np.testing.assert_allclose(
+        reference.twist(np.nextafter(knots, 0)), reference.twist(knots), atol=1e-10
+    )
     v, w = reference.twist([1e-3, reference.duration - 1e-3]).T
     np.testing.assert_allclose(w / v, 0, atol=1e-3)
 
 
 def test_headings_say_where_it_reverses_and_speeds_how_fast():
-    """A turn in three moves, as a planner writes it: to the right ahead, to the right in reverse, straight on."""
+    """A turn in three moves, as a planner writes it: to the right ahead, to the right in reverse,
+    straight on.
+    """
     angles = np.linspace(0, np.pi / 4, 6)
     ahead = np.stack([np.sin(angles), np.cos(angles) - 1, -angles], axis=-1)
-    back = ahead[-1] + np.stack([-np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=-1) @ _turned(-np.pi / 4)
+    back = ahead[-1] + np.stack(
+        [-np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=-1
+    ) @ _turned(-np.pi / 4)
     back[:, 2] = -np.pi / 4 - angles
     last = back[-1] + 0.3 * np.arange(1, 4)[:, None] * [0.0, -1.0, 0.0]
     table = np.concatenate([ahead, back[1:], last])
@@ -63,12 +71,16 @@ def test_headings_say_where_it_reverses_and_speeds_how_fast():
     assert (np.sign(v[np.abs(v) > 0.05])[:-1] != np.sign(v[np.abs(v) > 0.05])[1:]).sum() == 2
     assert np.abs(w).max() == pytest.approx(0.1, rel=0.05)  # arcs of 1 m
     assert np.ptp(reference.pose(time)[:, 2]) == pytest.approx(np.pi / 2, abs=1e-3)
-    np.testing.assert_allclose(reference.pose([0.0, reference.duration])[:, :2], table[[0, -1], :2], atol=1e-12)
+    np.testing.assert_allclose(
+        reference.pose([0.0, reference.duration])[:, :2], table[[0, -1], :2], atol=1e-12
+    )
     assert waypoints([(0, 0), (-1, 0), (-2, 0)], yaw=np.zeros(3)).pose(0.0)[2] == pytest.approx(0)
 
 
 def _turned(angle):
-    return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return np.array(
+        [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
 
 
 def test_speeds_brake_evenly_towards_a_waypoint():
@@ -79,7 +91,8 @@ def test_speeds_brake_evenly_towards_a_waypoint():
     inside = (x > 0.2) & (x < 1.8)  # where it neither starts nor stops
     below = 0.05**2 + growth * np.abs(x - 1)[inside] - v[inside] ** 2
     assert below.min() > -1e-9
-    assert below.max() < growth * 2 * STEP  # a cell has the speed of its slower end, and so has a knot of its cells
+    # a cell has the speed of its slower end, and so has a knot of its cells
+    assert below.max() < growth * 2 * STEP
 
 
 @settings(max_examples=10)
@@ -101,12 +114,21 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
 
 
 @pytest.mark.parametrize(
-    "content", ["x,y\n0,0\n1,0.5\n2,0\n", "# a path\nx, y\r\n0, 0\r\n1,0.5\r\n2,0", "\ufeffy;x\n0;0\n0,5;1\n0;2\n"]
+    "content",
+    [
+        "x,y\n0,0\n1,0.5\n2,0\n",
+        "# a path\nx, y\r\n0, 0\r\n1,0.5\r\n2,0",
+        "\ufeffy;x\n0;0\n0,5;1\n0;2\n",
+    ],
 )
 def test_files_are_spelt_as_those_of_logs(csv, content):
     reference, expected = read_waypoints(csv(content)), waypoints([(0, 0), (1, 0.5), (2, 0)])
     np.testing.assert_array_equal(reference.pose([0.0, 5.0, 9.0]), expected.pose([0.0, 5.0, 9.0]))
-    assert load_reference(csv(content)).duration == load_reference(str(csv(content))).duration == expected.duration
+    assert (
+        load_reference(csv(content)).duration
+        == load_reference(str(csv(content))).duration
+        == expected.duration
+    )
 
 
 @pytest.mark.parametrize(
@@ -115,8 +137,14 @@ def test_files_are_spelt_as_those_of_logs(csv, content):
         ("", "Empty CSV file"),
         ("x,y\n0,0\n1,zero\n2,0", "row 2, column y: 'zero' is not a finite number"),
         ("0,1\n1,0\n2,0", "has no column x, y; found '0, 1'"),
-        ("x,y,yaw\n0,0,0\n1,0,1.6\n2,0,0", "point 2, column yaw = 1.6: must be within 45 deg of the way from point 1"),
-        ("x,y,yaw,v\n0,0,0,.1\n1,0,0,-.1\n2,0,0,.1", "point 2, column v = -0.1: must be at least 0, unless"),
+        (
+            "x,y,yaw\n0,0,0\n1,0,1.6\n2,0,0",
+            "point 2, column yaw = 1.6: must be within 45 deg of the way from point 1",
+        ),
+        (
+            "x,y,yaw,v\n0,0,0,.1\n1,0,0,-.1\n2,0,0,.1",
+            "point 2, column v = -0.1: must be at least 0, unless",
+        ),
         (b"\xff\xfe\x00\x81", "has no column x|codec can't decode|CSV"),
     ],
 )
@@ -133,6 +161,9 @@ def test_missing_files_and_unknown_names_are_refused(tmp_path):
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(ReferenceFileError, match="directory"):
         load_reference(tmp_path / "folder.csv")
-    with pytest.raises(InvalidValueError, match=r"'figure_8': must be one of paper, circle, .*stop_and_go, or a \.csv"):
+    with pytest.raises(
+        InvalidValueError,
+        match=r"'figure_8': must be one of paper, circle, .*stop_and_go, or a \.csv",
+    ):
         load_reference("figure_8")
     np.testing.assert_array_equal(named_reference("slalom", (1, 2, 0.5)).pose(0.0), [1, 2, 0.5])
