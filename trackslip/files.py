@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from trackslip.errors import LogError, first_line
+from trackslip.replacement import MANIFEST, complete_for_reading
 
 # largest text file, which takes several gigabytes of memory if it is JSON [bytes]
 _MOST = 256_000_000
@@ -88,7 +89,6 @@ FORMAT = 1
 """Format of manifests, laws and runs from this version. The number increases when older versions
 cannot read them.
 """
-MANIFEST = "manifest.json"
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
@@ -118,8 +118,17 @@ def installed_version() -> str:
 
 
 def known_manifest(folder: Path) -> Mapping[str, Any]:
-    """Read the manifest of a results folder; empty if missing, as in a folder with a real robot's
-    logs.
+    """Read the manifest of a results folder; empty if missing, as in a folder with a robot's logs.
+
+    Results that a killed command has only begun to move are moved first. Raises LogError if the
+    manifest is damaged or from a newer version, OutputError if the results can't be moved.
+    """
+    complete_for_reading(folder)
+    return read_manifest(folder)
+
+
+def read_manifest(folder: Path) -> Mapping[str, Any]:
+    """Read the manifest of a results folder; empty if missing.
 
     Raises LogError if the manifest is damaged or from a newer version.
     """

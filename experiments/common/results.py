@@ -1,21 +1,19 @@
-"""Writing of results: folders and single files, each written completely or not at all, and bags."""
+"""Writing of results: single files, each written completely or not at all, and bags."""
 
 import contextlib
 import itertools
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import FileLock, Timeout
 
 from trackslip.errors import OutputError, first_line
-from trackslip.files import MANIFEST
 from trackslip.identification.samples import SlipSamples
 from trackslip.logs.runlog import RunLog
+from trackslip.replacement import MANIFEST
 
 SUMMARY_FILE = "summary.json"
 RUNS_FILE = "runs.parquet"
@@ -29,43 +27,7 @@ PICTURES_FOLDER = "pictures"
 DRIVE_RECORDING = "drive.rrd"
 TRAJECTORIES_FOLDER = "trajectories"
 
-_DRAFT, _LOCK = ".draft", ".lock"
 _LONGEST_NAME = 120  # characters in a file name; file systems allow 255
-
-
-@contextlib.contextmanager
-def results_folder(out: Path, overwrite: bool) -> Iterator[Path]:
-    """A folder to write results into, which are moved to `out` when the block ends, or deleted if
-    it fails.
-
-    `out` must be new or empty or, with `overwrite`, contain a command's results, which are
-    replaced. No other command can write to `out` during the block. Hidden files, such as runs of an
-    unfinished sweep, are deleted afterwards.
-
-    Raises OutputError before the block starts if `out` can't be used, and later if the disk is
-    full.
-    """
-    with output_errors(f"out = {str(out)!r}"), _folders(out), _locked(out):
-        old = [file for file in out.iterdir() if not file.name.startswith(".")]
-        if old and not (out / MANIFEST_FILE).is_file():
-            raise OutputError(
-                f"out = {str(out)!r}: contains files that are no results; move them away"
-            )
-        if old and not overwrite:
-            raise OutputError(f"out = {str(out)!r}: contains results; --overwrite replaces them")
-        draft = out / _DRAFT
-        shutil.rmtree(draft, ignore_errors=True)  # left by a killed command
-        draft.mkdir()
-        try:
-            yield draft
-            for file in sorted(out.iterdir(), key=lambda file: file.name != MANIFEST_FILE):
-                if file.name not in (_DRAFT, _LOCK):
-                    shutil.rmtree(file) if file.is_dir() else file.unlink()
-            for file in sorted(draft.iterdir(), key=lambda file: file.name == MANIFEST_FILE):
-                # the manifest, which marks the results as complete, is last
-                file.replace(out / file.name)
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -86,22 +48,7 @@ def output_errors(what: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Keep other commands out of a folder. However the process ends, its lock is released."""
-    lock = FileLock(folder / _LOCK, blocking=False)
-    try:
-        lock.acquire()
-    except Timeout as error:
-        raise OutputError(f"out = {str(folder)!r}: another command is writing there") from error
-    try:
-        yield
-    finally:
-        (folder / _LOCK).unlink(missing_ok=True)
-        lock.release()
-
-
-@contextlib.contextmanager
-def _folders(folder: Path) -> Iterator[None]:
+def new_folders(folder: Path) -> Iterator[None]:
     """Make a folder and its parents for a block, and remove new folders that the block leaves
     empty.
     """
@@ -120,7 +67,7 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
     nothing behind.
     """
     draft = file.with_name(f".{file.name}-{os.getpid()}")
-    with _folders(file.parent):
+    with new_folders(file.parent):
         try:
             write(draft)
             draft.replace(file)

@@ -3,7 +3,7 @@ fails.
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 from experiments.common.manifest import make_manifest
 from experiments.common.plain_json import plain, write_json
 from experiments.common.progress import Advance, progress
-from experiments.common.results import MANIFEST_FILE, SUMMARY_FILE, results_folder, write_runs
+from experiments.common.results import MANIFEST_FILE, SUMMARY_FILE, write_runs
+from experiments.common.results_folder import results_folder
 from sim.stopwatch import Stopwatch
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.logs.runlog import RunLog
@@ -26,8 +27,10 @@ class Run:
     reason under "error", and TrackslipError is raised. Raises OutputError as `results_folder` does.
     """
 
-    def __init__(self, config: Any) -> None:
+    def __init__(self, config: Any, resumed: Collection[str] = ()) -> None:
+        """`resumed`: subfolders of unfinished work that the command takes up."""
         self.config = config
+        self.resumed = resumed
         self.command = type(config).__module__.split(".")[1]
         self.folder = Path(config.out)
         self.watch = Stopwatch()
@@ -93,7 +96,8 @@ class Run:
     @contextmanager
     def _in_folder(self) -> Iterator["Run"]:
         failure: RunFailedError | None = None
-        with results_folder(self.folder, self.config.overwrite) as self.folder:
+        folder = results_folder(self.folder, self.config.overwrite, self.resumed)
+        with folder as self.folder:
             try:
                 yield self
             except RunFailedError as error:

@@ -26,9 +26,8 @@ from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
+from trackslip.replacement import STORE
 
-STORE = ".runs"
-"""Subfolder of the results folder with the finished runs of an unfinished command."""
 # fewest fleets per worker, so that workers finish together, unless fleets would be too small
 _EACH = 4
 # simulated time of a fleet, summed over robots, above which starting another worker pays off [s]
@@ -94,13 +93,21 @@ class Store:
     def __init__(self, out: Path, ids: Collection[str], anew: bool) -> None:
         """Load the stored rows with these `ids`, except those of failed runs; with `anew`, load
         nothing.
+
+        Raises OutputError if the store has runs with other ids, which would be lost.
         """
         self.rows: dict[str, Row] = {}
         self._folder, self._logs = out / STORE, dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
             with contextlib.suppress(ValueError):  # a file cut off by a full disk
                 rows = json.loads(file.read_text(encoding="utf-8"))
-                self._add([row for row in rows if row["id"] in ids and row["error"] is None], file)
+                finished = [row for row in rows if row["error"] is None]
+                others = [row for row in finished if row["id"] not in ids]
+                if others:
+                    about = f"contains {counted(len(others), 'run')} of other options"
+                    how = "which these options resume; --overwrite deletes them"
+                    raise OutputError(f"out = {str(out)!r}: {about}, {how}")
+                self._add(finished, file)
 
     def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
         """Store rows and the Parquet file of their logs: logs first, then rows, each file
@@ -256,7 +263,7 @@ def resumable(
     The error raised when the command is stopped says how much was kept, and that the same command
     resumes.
     """
-    with Run(config) as run:
+    with Run(config, resumed=[STORE]) as run:
         store = Store(Path(config.out), ids, config.overwrite)
         try:
             yield run, store

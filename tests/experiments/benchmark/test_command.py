@@ -3,9 +3,9 @@ import re
 import numpy as np
 import pytest
 
-from experiments.common.sweep import STORE
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import rms, tracking_errors
+from trackslip.replacement import STORE
 from trackslip.trajectory.named import load_reference
 from trackslip.trajectory.segmented import paper_reference
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from experiments.common.pool import workers
-from experiments.common.sweep import STORE
 from trackslip.errors import TrackslipError
+from trackslip.replacement import STORE
 
 
 def die(_task):

@@ -12,7 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from experiments.cli import main
-from experiments.common.results import results_folder
+from experiments.common.results_folder import results_folder
 from trackslip.files import FORMAT
 from trackslip.laws.file import SHIPPED
 
@@ -64,7 +64,7 @@ def test_what_is_not_replaced(refused, tmp_path):
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "thesis.tex").touch()
     line = refused("predict", "--out", "thesis", "--overwrite")
-    assert line == "out = 'thesis': contains files that are no results; move them away"
+    assert line.startswith("out = 'thesis': contains thesis.tex, which is no result of trackslip")
 
 
 def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):

@@ -10,9 +10,11 @@ import pytest
 from experiments.cli import main
 from experiments.common import sweep
 from experiments.common.run_table import chosen
-from experiments.common.sweep import STORE, Store
+from experiments.common.sweep import Store
 from experiments.simulate.grid_runs import drive_cells
+from trackslip.errors import OutputError
 from trackslip.logs.logfile import read_runs
+from trackslip.replacement import STORE
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 ONE = ("--radii", "0.6", *SHORT[3:])
@@ -151,7 +153,8 @@ def test_a_store_keeps_the_runs_of_the_same_grid(tmp_path):
     Store(out, {"id"}, anew=True).keep([{"id": "id", "run": "a", "error": None}])
     assert Store(out, {"id"}, anew=False).rows.keys() == {"id"}
     assert not Store(out, {"id"}, anew=True).rows
-    assert not Store(out, {"other"}, anew=False).rows
+    with pytest.raises(OutputError, match="contains 1 run of other options"):
+        Store(out, {"other"}, anew=False)
 
 
 @pytest.mark.slow
