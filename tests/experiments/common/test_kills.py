@@ -36,7 +36,7 @@ sys.argv = ["trackslip", *arguments]
 from experiments.__main__ import main
 main()
 """
-GRID = ("grid", "--radii", "0.6", "--speeds", "0.2", "--duration", "2", "--executor", "inline")
+GRID = ("grid", "--radii", "0.6", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 BENCHMARK = (
     *("benchmark", "--controllers", "linear", "--compensations", "none", "--grounds", "stone"),
     *("--references", "circle", "--seeds", "0", "--localization", "truth", "--jobs", "1"),
