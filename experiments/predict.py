@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 from experiments.common.choices import SHIPPED
 from experiments.common.options import (
     Distinct,
+    Excludes,
     Exclusion,
     Needs,
     Positive,
@@ -112,6 +113,14 @@ class Config(ResultsOptions):
         Needs(("pull_height",), "pull"),
         Needs(("measured", "multiplier"), "turns"),
         Needs(("turns",), "measured"),
+        Excludes(
+            (
+                *("contact_length", "friction_ratio", "friction", "shear", "slope", "uphill"),
+                *("pull", "pull_height", "com_x", "sprocket_radius", "radius_error", "radii"),
+                *("out", "overwrite"),
+            ),
+            "turns",
+        ),
     )
 
     def __post_init__(self) -> None:
@@ -190,6 +199,7 @@ def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
     slope and pull.
     """
     robot, ground = load_parameters(config.robot)
+    ground.require_even("the ground of --robot is even and level here, and --slope tilts it")
     given = {name: getattr(config, name) for name in ("half_gauge", "com_x", "sprocket_radius")}
     robot = replace(
         robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None}

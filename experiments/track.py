@@ -87,12 +87,14 @@ class Config(options.Simulation):
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("circle_radius", "circle_speed", "circle_duration"), "reference", ("circle",)),
         Excludes(("laws",), "compensation", WITHOUT_LAWS),
+        options.WITHOUT_SCANS,
     )
 
     def check(self, drive: Drive) -> None:
         """Raise InvalidValueError for options that the robot's drive does not allow."""
         super().check(drive)
-        options.require_speed("circle_speed", self.circle_speed, drive.top_speed)
+        if self.reference == "circle":
+            options.require_speed("circle_speed", self.circle_speed, drive.top_speed)
 
 
 def run(config: Config) -> None:

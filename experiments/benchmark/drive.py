@@ -12,6 +12,7 @@ import numpy as np
 
 from experiments.benchmark.cases import FACTORS, BenchmarkCase, plant_ranges
 from experiments.benchmark.gains import Gains
+from experiments.common.choices import WITHOUT_LAWS
 from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
 from experiments.common.manifest import content, digest
 from experiments.common.results import SUMMARY_FILE
@@ -93,6 +94,9 @@ class ClosedLoops:
         """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed,
         before driving.
         """
+        if self.config.laws and {case.compensation for case in cases} <= set(WITHOUT_LAWS):
+            allowed = f"left out for the compensations {', '.join(WITHOUT_LAWS)}"
+            raise InvalidValueError("laws", self.config.laws, allowed)
         controllers = [case.controller for case in cases]
         controllers += [
             self.gains.specification(case.controller, case.compensation) for case in cases

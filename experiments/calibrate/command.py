@@ -18,6 +18,7 @@ from experiments.common.run import Run
 from sim.calibration.calibration import calibrate
 from sim.calibration.targets import Drives
 from sim.robot.parameters import ground_file_text, robot_file_text
+from trackslip.errors import require
 from trackslip.se2 import Mounting
 
 
@@ -25,7 +26,11 @@ def run(config: Config) -> None:
     """Fit the robot, and store, report and print the results."""
     with Run(config) as run:
         base = first_candidate(config.robot, config.ground, config.sensor, config.clock_offset)
+        base.ground.require_even("robots are calibrated on even, level ground")
         target = read_target(config.target, config, base)
+        if not isinstance(target, Drives):
+            allowed = "left out: only drives have a clock, not turns or steady samples"
+            require(config.clock_offset == 0, "clock_offset", config.clock_offset, allowed)
         other = None if config.test is None else read_target(str(config.test), config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
         folds = fold_labels(target, config.folds)

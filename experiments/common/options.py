@@ -106,7 +106,7 @@ class Distinct(Bound):
 @dataclasses.dataclass(frozen=True)
 class Exclusion:
     """Options `names` that have no effect for some values of another `option`, and then must keep
-    their defaults.
+    their defaults. Dots lead to options in a group.
 
     The other option matches if it has one of `values` or, if there are no `values`, differs from
     its default.
@@ -135,11 +135,11 @@ class Exclusion:
             values = (getattr(options, self.option),) if self.where and self.values else self.values
             reason = " or ".join(map(self._flag, values or (None,)))
             for name in self.names:
-                default = defaults_of(options)[name]
+                group, *inner = name.split(".")
                 refuse_changed(
                     name,
-                    getattr(options, name),
-                    default,
+                    option(options, name),
+                    functools.reduce(getattr, inner, defaults_of(options)[group]),
                     f"{'with' if self.where else 'without'} {reason}",
                 )
 

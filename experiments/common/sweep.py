@@ -1,11 +1,12 @@
 """Sweeps: runs are driven fleet by fleet on any workers and stored as they finish, so that a killed
 command can resume.
 
-The store has a JSON file of rows and a Parquet file of logs per fleet. A run's id hashes everything
-but the code.
+The store has a JSON file of rows and a Parquet file of logs per fleet. The JSON file has digests of
+both, and files that differ from them count as missing. A run's id hashes everything but the code.
 """
 
 import contextlib
+import hashlib
 import io
 import itertools
 import json
@@ -15,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from experiments.common.manifest import digest
+from experiments.common.manifest import content, digest
 from experiments.common.plain_json import plain
 from experiments.common.pool import WorkersFailedError, processors, workers
 from experiments.common.progress import progress
@@ -99,15 +100,13 @@ class Store:
         self.rows: dict[str, Row] = {}
         self._folder, self._logs = out / STORE, dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
-            with contextlib.suppress(ValueError):  # a file cut off by a full disk
-                rows = json.loads(file.read_text(encoding="utf-8"))
-                finished = [row for row in rows if row["error"] is None]
-                others = [row for row in finished if row["id"] not in ids]
-                if others:
-                    about = f"contains {counted(len(others), 'run')} of other options"
-                    how = "which these options resume; --overwrite deletes them"
-                    raise OutputError(f"out = {str(out)!r}: {about}, {how}")
-                self._add(finished, file)
+            finished = [row for row in _stored_rows(file) if row["error"] is None]
+            others = [row for row in finished if row["id"] not in ids]
+            if others:
+                about = f"contains {counted(len(others), 'run')} of other options"
+                how = "which these options resume; --overwrite deletes them"
+                raise OutputError(f"out = {str(out)!r}: {about}, {how}")
+            self._add(finished, file)
 
     def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
         """Store rows and the Parquet file of their logs: logs first, then rows, each file
@@ -119,7 +118,9 @@ class Store:
         if any(row["error"] is None for row in rows):
             if logs is not None:
                 write_whole(file.with_suffix(".parquet"), lambda draft: draft.write_bytes(logs))
-            write_whole(file, lambda draft: draft.write_text(json.dumps(rows), encoding="utf-8"))
+            sha256 = None if logs is None else hashlib.sha256(logs).hexdigest()
+            stored = {"rows": rows, "logs": sha256, "digest": digest([rows, sha256])}
+            write_whole(file, lambda draft: draft.write_text(json.dumps(stored), encoding="utf-8"))
         self._add(rows, file)
 
     def gather(self, runs: Iterable[Planned], file: Path) -> None:
@@ -135,6 +136,22 @@ class Store:
     def _add(self, rows: Iterable[Row], file: Path) -> None:
         for row in rows:
             self.rows[row["id"]], self._logs[row["id"]] = row, file.with_suffix(".parquet")
+
+
+def _stored_rows(file: Path) -> list[Row]:
+    """The rows in a file that `Store.keep` wrote; none if it or its logs are missing, damaged or
+    from another program, so that its runs are driven again.
+    """
+    try:
+        stored = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
+        if not isinstance(stored, dict) or stored.keys() != {"rows", "logs", "digest"}:
+            return []
+        rows: list[Row] = stored["rows"]
+        if stored["digest"] != digest([rows, stored["logs"]]):
+            return []
+        return rows if stored["logs"] == content(file.with_suffix(".parquet")) else []
+    except (OSError, ValueError, RecursionError):
+        return []
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,13 @@ class Config(ResultsOptions):
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("turn",), "path"),
         Excludes(("path", "turn", "speed", "flippers"), "policy"),
+        Excludes(
+            (
+                *("course", "difficulty", "speed", "turn", "path", "flippers", "preset"),
+                *("friction", "duration", "seed", "policy", "pictures", "out", "overwrite"),
+            ),
+            "check",
+        ),
     )
 
     def __post_init__(self) -> None:

@@ -12,9 +12,10 @@ from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
 from sim.policy import Policy
 from sim.robot.named import load_tracked
+from sim.robot.tracked import TrackedRobot
 from sim.seeds import generator
 from sim.settings import from_options
-from sim.terrain import load_course
+from sim.terrain import Course, load_course
 from sim.traverse.config import CrossingLayout, TraverseConfig
 from sim.traverse.courses import FTR_COURSES, draw_course
 from sim.traverse.ground import Footprint
@@ -40,14 +41,11 @@ def make_world(config: Config) -> Traverse:
     built.
     """
     robot = load_tracked(config.robot)
-    if config.course in FTR_COURSES:
-        seed = config.seed or 0
-        drawn = draw_course(
-            config.course, config.difficulty, generator(seed, config.course), robot.hull
-        )
-        course = replace(drawn, seed=seed)
-    else:
-        course = load_course(config.course, config.seed, FTR_COURSES)
+    course = _course(config, robot, config.seed)
+    if config.seed is not None:
+        other = _course(config, robot, config.seed + 1)
+        is_random = plain(other.solids) != plain(course.solids)
+        require(is_random, "seed", config.seed, "left out: the course has no random parts")
     course = Footprint.of(robot).fit(course)
     if config.friction is not None:
         course = replace(course, friction=config.friction)
@@ -62,6 +60,15 @@ def make_world(config: Config) -> Traverse:
         sample=SAMPLE,
         threads=1,
     )
+
+
+def _course(config: Config, robot: TrackedRobot, seed: int | None) -> Course:
+    """The course with its random parts drawn by `seed`; None for the course's own seed."""
+    if config.course not in FTR_COURSES:
+        return load_course(config.course, seed, FTR_COURSES)
+    rng = generator(seed or 0, config.course)
+    drawn = draw_course(config.course, config.difficulty, rng, robot.hull)
+    return replace(drawn, seed=seed or 0)
 
 
 def driver(config: Config, world: Traverse) -> Driver:

@@ -24,6 +24,7 @@ from experiments.evaluate.models import known_geometry, models_of, robots_of
 from experiments.evaluate.page import Report
 from experiments.evaluate.prediction import Prediction, predict
 from experiments.recorder import record
+from trackslip.errors import require
 from trackslip.identification.source import Source
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import write_tum
@@ -42,7 +43,9 @@ def run(config: Config) -> None:
     known = known_geometry(config)
     with Run(given) as run, run.progress("evaluation", 2, "stages") as step:
         log = read_log(config, known)
-        if log.rows is not None:  # steady samples have no clock
+        if log.rows is not None:
+            allowed = f"left out: {log.name} holds steady samples, which have no clock"
+            require(config.clock_offset is None, "clock_offset", config.clock_offset, allowed)
             config = replace(config, clock_offset=0.0)
         for line in log.taken:
             print(line)

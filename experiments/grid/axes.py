@@ -6,8 +6,9 @@ import dataclasses
 import functools
 import re
 import typing
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from types import NoneType, UnionType
+from typing import Any, Literal
 
 import docstring_parser
 import tyro
@@ -16,8 +17,8 @@ from experiments.common.options import Distinct, option
 from experiments.grid.config import Config
 from experiments.simulate.grid_options import GridConfig
 from sim.robot.parameters import RobotParameters
-from sim.settings import read_toml
-from trackslip.errors import InvalidValueError
+from sim.settings import converted, read_toml
+from trackslip.errors import InvalidValueError, SettingsFileError, require
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 
 SPECIAL = {
@@ -84,18 +85,12 @@ def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
     """The values on each axis, in the order of the loops, of which radius and speed are the
     innermost.
 
-    Raises InvalidValueError with the axis' name, and SystemExit after tyro has printed which value
-    it can't read.
+    Raises InvalidValueError with the axis' name, SettingsFileError with the sweep file's name, and
+    SystemExit after tyro has printed which value of an option it can't read.
     """
-    given = _given(config)
-    types = {name: tuple[kind, ...] for name, (kind, _) in known().items()}  # type: ignore[valid-type]
-    typed_dict: Any = typing.TypedDict
-    words = [word for name, values in given.items() for word in (f"--{name}", *values)]
-    only_values = (tyro.conf.DisallowNone,)
-    parsed = tyro.cli(
-        typed_dict("Axes", types, total=False), args=words, add_help=False, config=only_values
-    )
-    axes = {name: parsed[name] for name in given}
+    axes = _of_options(config)
+    for name, values in of_file(config).items():
+        axes.setdefault(name, values)
     for name, values in axes.items():
         Distinct().check(name, values)
         replaced = option_name(name)
@@ -107,24 +102,59 @@ def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
     return axes | drive
 
 
-def _given(config: Config) -> dict[str, list[str]]:
-    """The axes from the options and the sweep file, with their values as text; options take
-    precedence.
-    """
-    given: dict[str, Any] = {}
+def _of_options(config: Config) -> dict[str, tuple[Any, ...]]:
+    """The axes that the command line names."""
+    given: dict[str, Sequence[str]] = {}
     if config.grounds:
         given["ground"] = config.grounds
     if config.seeds:
-        given["seed"] = config.seeds
+        given["seed"] = [str(seed) for seed in config.seeds]
     for text in config.vary or ():
         name, equals, values = text.partition("=")
         if not equals:
             raise InvalidValueError("vary", text, "NAME=VALUE,VALUE,...")
         name = name.replace("-", "_")
         given[_SHORT.get(name, name)] = values.split(",")
-    for name, values in _entries(read_toml(config.sweep)) if config.sweep else ():
-        given.setdefault(_SHORT.get(name, name), values if isinstance(values, list) else [values])
-    return {name: [str(value) for value in values] for name, values in given.items()}
+    types = {name: tuple[kind, ...] for name, (kind, _) in known().items()}  # type: ignore[valid-type]
+    typed_dict: Any = typing.TypedDict
+    words = [word for name, values in given.items() for word in (f"--{name}", *values)]
+    only_values = (tyro.conf.DisallowNone,)
+    parsed = tyro.cli(
+        typed_dict("Axes", types, total=False), args=words, add_help=False, config=only_values
+    )
+    return {name: parsed[name] for name in given}
+
+
+def of_file(config: Config) -> dict[str, tuple[Any, ...]]:
+    """The axes in the sweep file, if there is one; raises SettingsFileError for an unknown axis or
+    a value of another type.
+    """
+    axes = {}
+    for key, values in _entries(read_toml(config.sweep)) if config.sweep else ():
+        name = _SHORT.get(key, key)
+        if name not in known():
+            raise SettingsFileError(
+                f"{config.sweep}: {key} is unknown; known are {', '.join(known())}"
+            )
+        kind, _ = known()[name]
+        try:
+            axes[name] = _converted(key, values if isinstance(values, list) else [values], kind)
+        except InvalidValueError as error:
+            raise SettingsFileError(f"{config.sweep}: {error}") from error
+    return axes
+
+
+def _converted(name: str, values: list[Any], kind: Any) -> tuple[Any, ...]:
+    """Values from a TOML file as values of an option of type `kind`, which may also be None."""
+    is_union = typing.get_origin(kind) in (typing.Union, UnionType)
+    parts = typing.get_args(kind) if is_union else (kind,)
+    of = next(part for part in parts if part is not NoneType)
+    if typing.get_origin(of) is Literal:
+        choices = typing.get_args(of)
+        for value in values:
+            require(value in choices, name, value, f"one of {', '.join(map(str, choices))}")
+        return tuple(values)
+    return tuple(converted(name, value, of) for value in values)
 
 
 def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -10,10 +10,11 @@ from typing import Any
 
 from experiments.common.manifest import digest
 from experiments.common.options import with_option
-from experiments.grid.axes import axes_of, option_name
+from experiments.grid.axes import axes_of, of_file, option_name
 from experiments.grid.config import Config
 from experiments.simulate.grid_runs import GridCell, require_radius
 from experiments.simulate.world import FileReader, Specification, World, read_files
+from trackslip.errors import InvalidValueError, SettingsFileError
 
 # options that a fleet shares
 _IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")
@@ -85,6 +86,19 @@ def plan(config: Config) -> list[PlannedRun]:
     """All runs of a grid or sweep; raises TrackslipError for invalid values, before any run is
     driven.
     """
+    in_file = of_file(config)
+    try:
+        return _planned(config)
+    except InvalidValueError as error:
+        fields = {option_name(axis) or axis.removeprefix("robot.") for axis in in_file}
+        if "friction_ratio" in in_file:
+            fields.add("across")
+        if error.field in fields | set(in_file):
+            raise SettingsFileError(f"{config.sweep}: {error}") from error
+        raise
+
+
+def _planned(config: Config) -> list[PlannedRun]:
     axes = axes_of(config)
     radii, speeds = axes.pop("radius"), axes.pop("speed")
     base, read = replace(config, radii=radii, speeds=speeds), functools.cache(read_files)
@@ -109,6 +123,8 @@ def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setti
     for axis, value in axes.items():
         if name := option_name(axis):
             config = with_option(config, name, value)
+    if "pull.force" not in axes:
+        config.require_load()
     world = Specification.read(config, read)
     changed = {
         axis.removeprefix("robot."): value

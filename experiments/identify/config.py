@@ -92,7 +92,7 @@ class Config(ResultsOptions):
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("motion", "settle"), "method", ("drive",)),
-        Excludes(("lag",), "method", ("steady",)),
+        Excludes(("sensor", "lag"), "method", ("steady",)),
     )
 
     def __post_init__(self) -> None:

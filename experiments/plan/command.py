@@ -58,7 +58,7 @@ def _plan(config: Config, run: Run) -> DrivePlan:
     """The plan for the options; raises LogError for unreadable results, InvalidValueError for
     invalid options.
     """
-    law = config.law or REFERENCE
+    law: str = config.law or REFERENCE
     if config.after is None:
         geometry = config.geometry()
         knowledge, values, known = first_knowledge(geometry), None, None

@@ -9,6 +9,7 @@ import tyro
 from experiments.common.options import (
     Excludes,
     Exclusion,
+    Needs,
     Positive,
     ResultsOptions,
     Whole,
@@ -87,6 +88,7 @@ class Config(ResultsOptions):
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("half_gauge", "sprocket_radius"), "after"),
+        Needs(("topic",), "bag", (True,)),
     )
 
     def __post_init__(self) -> None:

@@ -2,12 +2,20 @@
 
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import tyro
 
 from experiments.common.choices import GROUNDS, ROBOTS, SHIPPED
-from experiments.common.options import ResultsOptions, Whole, Within, default_is
+from experiments.common.options import (
+    Excludes,
+    Exclusion,
+    ResultsOptions,
+    Whole,
+    Within,
+    default_is,
+    refuse_changed,
+)
 from sim.drive.drive import MAX_FORCE, MAX_RADIUS_ERROR, Drive, Pull
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
@@ -62,11 +70,16 @@ class GroundOptions:
     """Shear modulus of ground that gives way before it slides, 0 for Coulomb friction [m]."""
 
     def __post_init__(self) -> None:
-        self.changed(Ground())
+        changed(Ground(), self)
 
     def changed(self, ground: Ground) -> Ground:
-        """`ground` with the properties that are given here."""
-        return changed(ground, self)
+        """`ground` with the properties that are given here; raises InvalidValueError for `uphill`
+        on level ground, unless the slope is given, too, as in a sweep over slopes.
+        """
+        result = changed(ground, self)
+        if self.uphill is not None and self.slope is None and result.slope == 0:
+            raise InvalidValueError("ground.uphill", self.uphill, "left out on level ground")
+        return result
 
 
 OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
@@ -170,12 +183,28 @@ class Equipment(ResultsOptions):
     )
     """Load that the robot tows."""
 
+    def require_load(self) -> None:
+        """Raise InvalidValueError for properties of a load that pulls with no force."""
+        if self.pull.force == 0:
+            refuse_changed("pull", self.pull, PullOptions(), "without --pull")
+
     def check(self, drive: Drive) -> None:
         """Raise InvalidValueError for options that the robot's drive does not allow."""
         scan_periods = self.scanner.period / drive.period
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
             raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
+
+
+WITHOUT_SCANS = Excludes(
+    (
+        *("scanner.field_of_view", "scanner.resolution", "scanner.noise", "scanner.max_range"),
+        *("scanner.dropout", "scanner.quantisation", "scanner.range_bias", "obstacles"),
+    ),
+    "localization",
+    ("truth",),
+)
+"""With the true pose nothing is measured, but commands still have the period of the scans."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +221,8 @@ class ClosedLoopOptions(Equipment):
     """
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (WITHOUT_SCANS,)
 
 
 @dataclass(frozen=True)

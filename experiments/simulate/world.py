@@ -74,6 +74,8 @@ class World(Specification):
         Raises InvalidValueError for a servo period that is not a multiple of the robot's physics
         step.
         """
+        if specification is None:
+            config.require_load()
         given = specification or Specification.of(config)
         world = cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))
         config.check(world.drive)

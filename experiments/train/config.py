@@ -13,6 +13,7 @@ from experiments.common.choices import (
     REFERENCES,
     ROBOTS,
     TRAINING_PATHS,
+    WITHOUT_LAWS,
 )
 from experiments.common.options import (
     Distinct,
@@ -111,6 +112,7 @@ class Config(ResultsOptions):
         Excludes(
             ("references", "grounds", "compensation", "laws", "authority"), "env", (TRAVERSE,)
         ),
+        Excludes(("laws",), "compensation", WITHOUT_LAWS),
     )
 
     def __post_init__(self) -> None:

@@ -26,9 +26,7 @@ class Config(Repeatable):
     its tracks.
     """
     ground: GroundOptions = field(default_factory=GroundOptions)
-    """The ground, and properties that differ from the named ground; slopes, patches and changes are
-    left out.
-    """
+    """Level, even ground, and properties that differ from the named ground."""
     out: Path = Path("out/validate")
     """Folder for the results."""
     pdf: bool = False

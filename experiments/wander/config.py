@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.common.options import Positive, Whole, Within, default_is
+from experiments.common.options import Positive, Whole, Within, default_is, refuse_changed
 from experiments.simulate.options import MAX_DURATION, Simulation, changed, require_speed
 from sim.drive.drive import Drive
 from sim.scanner.scanner import LaserScanner
@@ -74,6 +74,14 @@ class SourceOptions:
 
     def __post_init__(self) -> None:
         Within(0.1, _MAX_RATE, "Hz").check("rate", self.poses().rate)
+
+        if not self.poses().gaps:
+            refuse_changed("gap_duration", self.gap_duration, None, "without gaps")
+        if not self.poses().jumps:
+            refuse_changed("jump_size", self.jump_size, None, "without jumps")
+        if not self.poses().heading:
+            for name in ("heading_noise", "mounting"):
+                refuse_changed(name, getattr(self, name), None, "without headings")
 
     def poses(self) -> PoseSource:
         """The named source with the properties that are given here."""

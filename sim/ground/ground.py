@@ -116,6 +116,15 @@ class Ground(Checked):
         times = [change.time for change in self.changes]
         require(times == sorted(set(times)), "changes", times, "in ascending order, all different")
 
+    def require_even(self, reason: str) -> None:
+        """Raise InvalidValueError, with the `reason`, for ground with a slope, patches or
+        changes.
+        """
+        for name in ("slope", "patches", "changes"):
+            value = getattr(self, name)
+            stated = value if name == "slope" else len(value)
+            require(not value, f"ground.{name}", stated, f"left out: {reason}")
+
     @property
     def largest_shear(self) -> float:
         """Largest shear modulus of the ground, its patches and its changes [m]."""

@@ -41,7 +41,9 @@ TOKEN = re.compile(rb"[-+.\w]+|\"[^\"\n]*\"|'[^'\n]*'")
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: a sound example, and the command lines that read it, with FILE for its path."""
+    """A sound example of a kind of file, and the command lines that read it, with FILE for its
+    path.
+    """
 
     example: Path
     commands: tuple[tuple[str, ...], ...]
@@ -120,20 +122,21 @@ def kinds(folder: Path) -> dict[str, Kind]:
     import pyarrow.csv
     import pyarrow.parquet
 
-    short = pa.parquet.read_table(LOGS / "warthog_grass.parquet").slice(0, 700)
-    pa.parquet.write_table(short, folder / "log.parquet")
-    pa.csv.write_csv(short, folder / "log.csv")
+    rows = pa.parquet.read_table(LOGS / "warthog_grass.parquet").slice(0, 700)
+    pa.parquet.write_table(rows, folder / "log.parquet")
+    pa.csv.write_csv(rows, folder / "log.csv")
     geometry = ("--half-gauge", "0.54", "--sprocket-radius", "0.3")
     grid = folder / "grid"
     _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
     found = folder / "found"
     _run("identify", grid, "--out", found)
-    _run("track", "--reference", "circle", "--circle-duration", "2", "--bag", "--out", folder / "track")
+    short = ("--reference", "circle", "--circle-duration", "2")
+    _run("track", *short, "--bag", "--out", folder / "track")
     (folder / "path.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n2,1\n")
     (folder / "ground.toml").write_text("along = 0.7\nacross = 0.6\nshear = 0.01\n")
     (folder / "posts.toml").write_text("posts = [{x = 1, y = 2.0}]\n")
     track = ("track", "--localization", "truth")
-    circle = (*track, "--reference", "circle", "--circle-duration", "2")
+    circle = (*track, *short)
     bags = _bags(folder)
     return {
         "csv": Kind(
@@ -145,7 +148,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
             found / "summary.json",
             ((*circle, "--laws", "FILE"), ("deploy", "FILE", "--out", "dd.yaml")),
         ),
-        "manifest": Kind(grid / "manifest.json", (("log", "FOLDER"), ("predict", "--out", "FOLDER"))),
+        "manifest": Kind(
+            grid / "manifest.json", (("log", "FOLDER"), ("predict", "--out", "FOLDER"))
+        ),
         "path": Kind(folder / "path.csv", ((*track, "--reference", "FILE"),)),
         "ground": Kind(folder / "ground.toml", ((*circle, "--ground", "FILE"),)),
         "posts": Kind(folder / "posts.toml", ((*circle, "--obstacles", "FILE"),)),
@@ -161,9 +166,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             (("grid", "--sweep", "FILE", "--duration", "0.2", "--radii", "1", "--speeds", "0.2"),),
         ),
         "dataset": Kind(LOGS / "maxxii.toml", (("evaluate", "FILE"),)),
-        "mcap": Kind(
-            next((folder / "track").rglob("*.mcap")), (("log", "FILE"),), binary=True
-        ),
+        "mcap": Kind(next((folder / "track").rglob("*.mcap")), (("log", "FILE"),), binary=True),
         **bags,
     }
 
@@ -171,7 +174,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
 def _bags(folder: Path) -> dict[str, Kind]:
     """Bags as ROS 1 and sqlite3 write them, if rosbags is installed."""
     with contextlib.suppress(ImportError):
-        from bags import JOINT_NAMES, JOINTS, START, STAMPED, write_bag
+        from bags import JOINT_NAMES, JOINTS, STAMPED, START, write_bag
 
         messages = []
         for k in range(40):

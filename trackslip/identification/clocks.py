@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -17,11 +18,11 @@ from trackslip.logs.checks import unwrapped
 
 # largest offset that a fit finds by itself; also the prior's standard deviation in `path.EXTRAS`
 # [s]
-NEAR = 2.0
-GRID = 0.1  # step of the common time grid, and the clock error that gains allow for [s]
+NEAR: Final = 2.0
+GRID: Final = 0.1  # step of the common time grid, and the clock error that gains allow for [s]
 # half the time over which velocities are computed: noise of 2 cm then becomes 3 cm/s [s]
-_HALF = 0.5
-_FITS = 0.5  # least share of the variance that a credible clock offset explains
+_HALF: Final = 0.5
+_FITS: Final = 0.5  # least share of the variance that a credible clock offset explains
 
 
 @dataclass(frozen=True)

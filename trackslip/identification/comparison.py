@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.special import stdtrit
@@ -16,9 +16,18 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 
-FEWEST_BLOCKS = 6  # least number of independent parts of driving for an interval
-_SINGULAR = 1e-12  # ratio to the largest eigenvalue below which the data determine nothing
-_FEWEST_EFFECTIVE = 3.0  # least number of effective blocks for which Student's t is meaningful
+FEWEST_BLOCKS: Final = 6  # least number of independent parts of driving for an interval
+_SINGULAR: Final = 1e-12  # ratio to the largest eigenvalue below which the data determine nothing
+# least number of effective blocks for which Student's t is meaningful
+_FEWEST_EFFECTIVE: Final = 3.0
+REFERENCE: Final = "icr_radius"
+"""The law that is fitted first, as the start for other laws; it is also the best law if laws can't
+be compared.
+"""
+LEAST_ERROR: Final = 1e-3
+"""Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or
+relative].
+"""
 
 
 class Gain(NamedTuple):
@@ -109,14 +118,6 @@ def student(blocks: Array, normal: Array) -> Array:
     return np.asarray(stdtrit(np.maximum(effective, _FEWEST_EFFECTIVE) - 1, 0.975))
 
 
-REFERENCE = "icr_radius"
-"""The law that is fitted first, as the start for other laws; it is also the best law if laws can't
-be compared.
-"""
-LEAST_ERROR = 1e-3
-"""Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or
-relative].
-"""
 Fit = TypeVar("Fit", bound=FittedLaw)
 
 

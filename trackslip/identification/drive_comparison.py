@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
 
-TODAY = "today"  # name of the prediction without identification: dead reckoning without slip
+TODAY: Final = "today"  # name of the prediction without identification: dead reckoning without slip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -25,8 +25,11 @@ from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
 # most successive poses that may be wild or placeholders; a longer series is a path of its own
-MOST_WILD = 3
-_NOISE = 0.1  # largest share of outlying motions; above it, all outliers count as noise
+MOST_WILD: Final = 3
+_NOISE: Final = 0.1  # largest share of outlying motions; above it, all outliers count as noise
+# limit for jumps [robust standard deviations]: bursts of slip reach 6, relocalisations exceed 10
+_OUTLYING: Final = 10.0
+
 
 Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]
 """Maps the indices (n,) of the first and last poses of n motions to deviations from the wheels'
@@ -56,10 +59,6 @@ def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], lis
         else:
             lasting.append(k)
     return wild, lasting
-
-
-# limit for jumps [robust standard deviations]: bursts of slip reach 6, relocalisations exceed 10
-_OUTLYING = 10.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from trackslip.identification.comparison import Gain, cr3, newton_steps, student
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
-WINDOW = 2.0
+WINDOW: Final = 2.0
 """Duration of windows [s]: noise of 2 cm is then 5 % of a slow robot's distance, and arcs are below
 half a circle.
 """
 # [standard deviations]: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
-_HUBER = 1.345
+_HUBER: Final = 1.345
 
 
 @dataclass(frozen=True)

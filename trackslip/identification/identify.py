@@ -76,6 +76,13 @@ def identify_source(
     require(method in (None, "steady", "drive"), "method", method, "steady or drive")
     if method == "drive" and not source.logs:
         raise LogError("holds steady samples, not traces: only method steady can be used")
+    if not source.logs:
+        _refuse_traces_options(source.reading, f"{source.name} holds steady samples, not traces")
+        _refuse_drive_options(sensor, lag, f"{source.name} holds steady samples, not traces")
+    if method == "steady":
+        _refuse_drive_options(sensor, lag, "only method drive estimates it")
+    if method == "drive":
+        _refuse_traces_options(source.reading, "only method steady uses it")
     if method == "steady" or not source.logs:
         return identify_samples(source.sampling, source.geometry, source.logs)
 
@@ -84,7 +91,11 @@ def identify_source(
         look = first_look(drives, source.geometry)
         return compare_drives(look, source.geometry, sensor, names, step, lag), refused
 
-    if method == "drive" or not _steady_runs(source):
+    steady_runs = method is None and _steady_runs(source)
+    if method is None and not steady_runs:
+        reason = "most of the driving isn't steady, so whole drives are used; method steady uses it"
+        _refuse_traces_options(source.reading, reason)
+    if not steady_runs:
         drive, refused = of_drives()
         out = (*source.refused, *refused)
         warnings = (*source.notes, *map(str, out), *drive.warnings)
@@ -98,6 +109,18 @@ def identify_source(
             steady,
             warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"),
         )
+
+
+def _refuse_drive_options(sensor: Mounting | None, lag: bool, reason: str) -> None:
+    """Raise InvalidValueError, with the `reason`, for options that only whole drives use."""
+    require(sensor is None, "sensor", sensor, f"left out: {reason}")
+    require(not lag, "lag", lag, f"left out: {reason}")
+
+
+def _refuse_traces_options(reading: ReadOptions, reason: str) -> None:
+    """Raise InvalidValueError, with the `reason`, for options that only steady stretches use."""
+    require(reading.settle == SETTLE, "settle", reading.settle, f"left out: {reason}")
+    require(reading.motion is None, "motion", reading.motion, f"left out: {reason}")
 
 
 def identify_samples(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -20,9 +21,9 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, family
 from trackslip.se2 import Mounting
 
-_LENGTHS = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
+_LENGTHS: Final = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
 # prediction horizons that decide the window length and show how slip varies [s]
-_COMPARED = (1.0, 5.0)
+_COMPARED: Final = (1.0, 5.0)
 
 
 @dataclass(frozen=True, kw_only=True)

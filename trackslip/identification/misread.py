@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import Final
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from trackslip.kinematics import Array, RobotGeometry
 
 # largest relative deviation of a gain from a wrong unit's factor: tracks slip no more, except on
 # ice
-_EXACTLY = 0.05
+_EXACTLY: Final = 0.05
 # least correlation that leaves no doubt; swapped sides reach 0.6 in two-minute drives
-_CLEARLY = 0.8
+_CLEARLY: Final = 0.8
 # least increase in the sum of the correlations for which another reading counts as better
-_BETTER = 0.2
-_SLOW = 0.2  # rms belt speed at which no robot turns by an ambiguous angle between two poses [m/s]
+_BETTER: Final = 0.2
+# rms belt speed at which no robot turns by an ambiguous angle between two poses [m/s]
+_SLOW: Final = 0.2
 
 
 def refuse_cells(drive: PreparedDrive) -> None:

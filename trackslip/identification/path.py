@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import scipy
@@ -32,7 +33,7 @@ class Extra:
     title: str
 
 
-EXTRAS: dict[str, Extra] = {
+EXTRAS: Final[dict[str, Extra]] = {
     "sensor_x": Extra("m", 0.05, 2.0, -10.0, 10.0, "sensor ahead of the turning centre"),
     "sensor_y": Extra("m", 0.02, 1.0, -10.0, 10.0, "sensor to the left"),
     "drift": Extra("s", 0.05, 0.3, -5.0, 5.0, "outward drift in turns"),
@@ -42,7 +43,7 @@ EXTRAS: dict[str, Extra] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
-GYRO = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
+GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 
 @dataclass(frozen=True)

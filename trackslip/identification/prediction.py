@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from trackslip.identification.windows import WindowFit
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
-FOLDS = 5
+FOLDS: Final = 5
 """Number of parts for held-out predictions; each part contains every fifth block of driving."""
-HORIZONS = (1.0, 2.0, 5.0, 10.0)  # prediction horizons [s]
+HORIZONS: Final = (1.0, 2.0, 5.0, 10.0)  # prediction horizons [s]
 
 
 @dataclass(frozen=True)

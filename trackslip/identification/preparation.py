@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
@@ -17,13 +18,13 @@ from trackslip.logs.checks import unwrapped
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.steady import STANDING
 
-BLOCK = 10.0
+BLOCK: Final = 10.0
 """Least duration of a block of driving; slip in different blocks is assumed to be independent
 [s].
 """
-FEW = 5  # number of rows or windows that may occur by chance
+FEW: Final = 5  # number of rows or windows that may occur by chance
 # most encoder intervals in total, to limit memory; surplus intervals are merged
-_MAX_ROWS = 200_000
+_MAX_ROWS: Final = 200_000
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from trackslip.logs.runlog import Refused, RunLog
 Method = Literal["steady", "drive"]
 """How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
 # largest half-width of a useful interval for a multiplier, which is 1 to 2 for tracks [-]
-_VAGUE = 0.5
+_VAGUE: Final = 0.5
 
 
 @dataclass(frozen=True)

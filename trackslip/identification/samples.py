@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from trackslip.kinematics import (
     track_speeds,
 )
 from trackslip.logs.runlog import Refused, RunLog, none_usable
-from trackslip.motion.arc import arc, bundle
+from trackslip.motion.arc import arc
+from trackslip.motion.bundle import bundle
 from trackslip.motion.steady import (
     MARGIN,
     SETTLE,
@@ -32,11 +34,11 @@ from trackslip.motion.steady import (
 )
 from trackslip.motion.steady_twist import MotionMethod, paper
 
-MOTION_METHODS: dict[str, MotionMethod] = {"paper": paper, "arc": arc, "bundle": bundle}
+MOTION_METHODS: Final[dict[str, MotionMethod]] = {"paper": paper, "arc": arc, "bundle": bundle}
 """Methods that estimate the twist of a steady run, from the paper's own to the most accurate."""
-_REPEATED = 0.01  # largest angle between a command and its repeats (test_steady) [rad]
+_REPEATED: Final = 0.01  # largest angle between a command and its repeats (test_steady) [rad]
 # plausible ratios to the sprockets' speed and yaw rate (test_steady)
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])
+_KEPT: Final = np.array([[0.2, 0.0], [1.8, 1.8]])
 
 
 @dataclass(frozen=True)

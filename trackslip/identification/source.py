@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from trackslip.logs.table import LATERAL, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
-MULTIPLIERS = (0.1, 10.0)
+MULTIPLIERS: Final = (0.1, 10.0)
 """Least and largest wheel_separation_multiplier of a robot: the distance of its ICRs is within ten
 times the gauge.
 """

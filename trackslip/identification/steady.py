@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
@@ -48,13 +49,13 @@ from trackslip.metrics import rms
 
 # least error of a run relative to the faster sprocket: for samples computed from a law, with
 # rounding
-_EXACT = 1e-9
+_EXACT: Final = 1e-9
 # condition number of normal equations above which parameters are interchangeable (test_steady)
-_SINGULAR = 1e7
-_FOLDS = 10  # largest number of folds in a cross-validation (Kohavi, 1995)
+_SINGULAR: Final = 1e7
+_FOLDS: Final = 10  # largest number of folds in a cross-validation (Kohavi, 1995)
 # least standard error of an undetermined parameter, in units of `LawFamily.limits` scales
 # (test_steady)
-_VAGUE = 5.0
+_VAGUE: Final = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from scipy.linalg import eigh
@@ -28,16 +29,16 @@ from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, wrap_angle
 
-LOSS = 2.0
+LOSS: Final = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and
 Ronchetti).
 """
 # least second derivative of the loss relative to the weights; large residuals would lower it
 # further
-_BENDS = 0.2
+_BENDS: Final = 0.2
 # factor on the first steps: those of reweighted least squares are too short for this loss
-_RELAXED = 1.5
-_NEAR = 30.0  # change below which the next step is Newton's [standard errors]
+_RELAXED: Final = 1.5
+_NEAR: Final = 30.0  # change below which the next step is Newton's [standard errors]
 
 
 @dataclass(frozen=True)

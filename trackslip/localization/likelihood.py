@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -33,8 +34,27 @@ from trackslip.kinematics import Array
 from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Points, Rows, Scan, places_of
 
 # signs of the bearings of the right and left edge from the middle
-_OUTWARDS = np.array([[-1.0], [1.0]])
-_MARGIN = 0.1  # distance from the scanner's maximum range within which returns may be missing [m]
+_OUTWARDS: Final = np.array([[-1.0], [1.0]])
+# distance from the scanner's maximum range within which returns may be missing [m]
+_MARGIN: Final = 0.1
+EDGE_ON: Final = np.radians(2.0)
+"""Viewing angle below which a scan determines no pose [rad]: heading errors are three to five times
+as large as the likelihood's curvature implies, because few beams graze the long face and the mirror
+image is nearly as likely.
+"""
+UNKNOWN: Final = 1e6  # variance of quantities that a scan does not determine
+_BESIDE: Final = 1e-12  # avoids division by zero if a corner is at the LRF [m]
+_TINY: Final = 1e-300  # avoids division by zero if a beam is parallel to a face
+# damping of the first step, and least damping after a step that raised the cost
+_DAMPING: Final = 1e-3
+_REFUSED: Final = 1.0
+# predicted cost decrease below which a step is the last; later ones would gain about its square
+_CONVERGED: Final = 1e-2
+# rows and columns of the six distinct elements of a Hessian
+_ROW: Final = np.triu_indices(3)[0]
+_COLUMN: Final = np.triu_indices(3)[1]
+# element number at each place of the Hessian
+_SYMMETRIC: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @dataclass(frozen=True)
@@ -117,23 +137,6 @@ class PlateBeams:
     def sums(self, of_returns: Array) -> Array:
         """Sum values (..., H) of the returns in each scan: (..., M)."""
         return np.add.reduceat(of_returns, self.first, axis=-1)
-
-
-EDGE_ON = np.radians(2.0)
-"""Viewing angle below which a scan determines no pose [rad]: heading errors are three to five times
-as large as the likelihood's curvature implies, because few beams graze the long face and the mirror
-image is nearly as likely.
-"""
-UNKNOWN = 1e6  # variance of quantities that a scan does not determine
-_BESIDE = 1e-12  # avoids division by zero if a corner is at the LRF [m]
-_TINY = 1e-300  # avoids division by zero if a beam is parallel to a face
-# damping of the first step, and least damping after a step that raised the cost
-_DAMPING, _REFUSED = 1e-3, 1.0
-# predicted cost decrease below which a step is the last; later ones would gain about its square
-_CONVERGED = 1e-2
-_ROW, _COLUMN = np.triu_indices(3)  # indices of the six distinct elements of a Hessian
-# element number at each place of the Hessian
-_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @dataclass(frozen=True)

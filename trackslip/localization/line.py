@@ -5,6 +5,7 @@ for fits.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -13,11 +14,11 @@ from trackslip.localization.likelihood import in_axes
 from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
 
 # angle between the line of sight and the two initial headings beside it [rad]
-_BESIDE = np.radians(2.0)
+_BESIDE: Final = np.radians(2.0)
 # sine of the viewing angle above which a plate is seen from the side
-_FROM_SIDE = np.sin(np.radians(30.0))
-_WHOLE = 0.8  # visible fraction of a side above which both visible ends locate the side
-_MIN_EXTENT = 0.35  # smallest extent of a valid line [m]
+_FROM_SIDE: Final = np.sin(np.radians(30.0))
+_WHOLE: Final = 0.8  # visible fraction of a side above which both visible ends locate the side
+_MIN_EXTENT: Final = 0.35  # smallest extent of a valid line [m]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ of a plate seen from the side, along its length, is only as precise as the edges
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -40,25 +41,29 @@ from trackslip.localization.scan import (
     returns_at,
 )
 
-_AT_ONCE = 2000  # maximum number of scans fitted at once, to limit memory
-_HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
-_SCREENING = 4  # iterations from every initial pose before the best fit is selected
-_ITERATIONS = 8  # maximum number of iterations from the best screened fit
-_MAX_MISFIT = 3.0  # maximum rms residual of a valid pose [standard deviations]
-_MAX_HEADING_ERROR = np.radians(3.0)  # maximum standard error of a valid heading [rad]
-_MAX_POSITION_ERROR = 0.05  # maximum standard error of a valid position [m]
+_AT_ONCE: Final = 2000  # maximum number of scans fitted at once, to limit memory
+_HUBER: Final = 3.0  # residual above which the loss of a range is linear [standard deviations]
+_SCREENING: Final = 4  # iterations from every initial pose before the best fit is selected
+_ITERATIONS: Final = 8  # maximum number of iterations from the best screened fit
+_MAX_MISFIT: Final = 3.0  # maximum rms residual of a valid pose [standard deviations]
+_MAX_HEADING_ERROR: Final = np.radians(3.0)  # maximum standard error of a valid heading [rad]
+_MAX_POSITION_ERROR: Final = 0.05  # maximum standard error of a valid position [m]
 # excess of a misfit over 1 that indicates returns from other objects [standard deviations]
-_STRAINED = 4.0
+_STRAINED: Final = 4.0
 # log likelihood gain if a return is from the plate instead of anything within a few metres
-_EXPLAINED = 7.0
-_MIN_PLATE_RETURNS = 8  # number of returns below which a cluster may look like a plate by chance
-_ROUNDS = 2  # number of times that returns are selected by the fitted pose
-_SCREENED = 24  # number of beams per cluster with which initial poses are screened
-_ALIKE = 1e-3  # cost difference below which the first fit is used, so that rounding does not decide
-_FEW_BEAMS = 1.5  # beam steps on a short face below which the face holds one or two beams
-_FROM_SIDE = np.radians(45.0)  # viewing angle above which a plate counts as seen from the side
-_TINY = 1e-12  # avoids division by zero for edges without information
-_MIN_DROPOUT = 0.02  # lowest assumed probability that a beam that hits the plate gives no return
+_EXPLAINED: Final = 7.0
+# number of returns below which a cluster may look like a plate by chance
+_MIN_PLATE_RETURNS: Final = 8
+_ROUNDS: Final = 2  # number of times that returns are selected by the fitted pose
+_SCREENED: Final = 24  # number of beams per cluster with which initial poses are screened
+# cost difference below which the first fit is used, so that rounding does not decide
+_ALIKE: Final = 1e-3
+_FEW_BEAMS: Final = 1.5  # beam steps on a short face below which the face holds one or two beams
+# viewing angle above which a plate counts as seen from the side
+_FROM_SIDE: Final = np.radians(45.0)
+_TINY: Final = 1e-12  # avoids division by zero for edges without information
+# lowest assumed probability that a beam that hits the plate gives no return
+_MIN_DROPOUT: Final = 0.02
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from scipy.interpolate import interp1d
@@ -17,16 +18,19 @@ from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
 from trackslip.localization.likelihood import EDGE_ON, viewing_angle
 from trackslip.localization.scan import Locator, PoseEstimate, Scan
 
-GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
-"""Maximum deviation of a valid pose from its prediction [m, rad], plus an allowance for driving
-without poses.
+GATE_POSITION: Final = 0.10
+"""Maximum distance of a valid pose from its prediction, plus an allowance for driving without poses
+[m].
 """
-GROWTH = 0.3
+GATE_HEADING: Final = np.radians(20.0)
+"""The same for the heading [rad]."""
+GROWTH: Final = 0.3
 """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
-BLIND_TURN = np.radians(60.0)
+BLIND_TURN: Final = np.radians(60.0)
 """Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be
 below pi / 2.
 """
+EVERY: Final = 8  # interval between scans that are located independently [scans]
 
 
 class Tracker:
@@ -102,9 +106,6 @@ class Tracker:
         covariance[:, [0, 1], [0, 1]] += ((GROWTH * way) ** 2 + astray**2)[:, None]
         covariance[:, 2, 2] += heading**2
         return covariance
-
-
-EVERY = 8  # interval between scans that are located independently [scans]
 
 
 class Follower:

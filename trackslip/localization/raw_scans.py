@@ -9,7 +9,7 @@ distances and turns of the plate per sprocket radian are measured.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -30,18 +30,21 @@ from trackslip.localization.scan import (
 )
 
 # number of scans for the background, equal sprocket turns apart because a robot may rest
-_KEY_SCANS = 400
-_FIRST_NOISE = 0.02  # noise assumed until the scanner's noise is estimated from the plate [m]
+_KEY_SCANS: Final = 400
+# noise assumed until the scanner's noise is estimated from the plate [m]
+_FIRST_NOISE: Final = 0.02
 # above the noise of any scanner; ranges that scatter more are not from a fixed object [m]
-_MAX_NOISE = 0.04
-_ROUNDS = 3  # number of alternations between locating the plate and estimating background and noise
-_ABOUT = 0.1  # distance from the plate within which returns are not used for the background [m]
-_MIN_RETURNS = 8  # fewest returns of a scan from which the noise is estimated
+_MAX_NOISE: Final = 0.04
+# number of alternations between locating the plate and estimating background and noise
+_ROUNDS: Final = 3
+# distance from the plate within which returns are not used for the background [m]
+_ABOUT: Final = 0.1
+_MIN_RETURNS: Final = 8  # fewest returns of a scan from which the noise is estimated
 # distances, in valid poses, to earlier and later poses with which a pose is compared
-_COMPARED = (1, 2, 3, 4)
-_MIN_LOCATED = 12  # fewest scans in which the plate must be located
+_COMPARED: Final = (1, 2, 3, 4)
+_MIN_LOCATED: Final = 12  # fewest scans in which the plate must be located
 # net lead of one end, as a fraction of the distance driven, above which this end is the front
-_TOLD = 0.3
+_TOLD: Final = 0.3
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +16,27 @@ from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 
 Points = NDArray[np.complex128]  # points or directions in the scan plane, as x + iy
-MAX_GAP = 0.7
+MAX_GAP: Final = 0.7
 """Distance above which neighbouring returns are from different objects [m]. It exceeds the length
 of the plate, because neighbouring returns can be a plate's length apart when the plate is seen
 nearly edge-on.
 """
-FINER_GAPS = (0.25, 0.1)
+FINER_GAPS: Final = (0.25, 0.1)
 """Smaller gaps, tried where MAX_GAP does not separate the plate from a close object [m]."""
-MIN_RETURNS = 4  # fewest returns for a pose; three always fit exactly, on whichever face they are
-MIN_NOISE = 0.5e-3
+# fewest returns for a pose; three always fit exactly, on whichever face they are
+MIN_RETURNS: Final = 4
+MIN_NOISE: Final = 0.5e-3
 """Smallest assumed noise of a scanner, because the plate is never a perfect rectangle [m]."""
-_ABOUT = 0.15  # maximum distance of a return from an expected plate, above a tracker's error [m]
+# maximum distance of a return from an expected plate, above a tracker's error [m]
+_ABOUT: Final = 0.15
 # maximum distance of a return from its plate, unless five standard deviations are more [m]
-_ON_PLATE = 0.03
-_HOUSING = 0.05  # range below which returns are from the LRF's housing or stand [m]
+_ON_PLATE: Final = 0.03
+_HOUSING: Final = 0.05  # range below which returns are from the LRF's housing or stand [m]
 # distance from the background within which returns belong to it [standard deviations]
-_STATIC = 5.0
-_IN_FRONT = 0.05  # distance in front of the plate from which a return is from another object [m]
-_CANDIDATES = 4  # maximum number of candidate clusters per scan
+_STATIC: Final = 5.0
+# distance in front of the plate from which a return is from another object [m]
+_IN_FRONT: Final = 0.05
+_CANDIDATES: Final = 4  # maximum number of candidate clusters per scan
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -16,31 +17,33 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
 from trackslip.motion.steady_twist import within
 
-SETTLE = 1.5  # default time from steady sprocket speeds to steady motion [s]
-_BLOCK = 0.5  # duration of the blocks over which sprocket speeds are averaged [s]
+SETTLE: Final = 1.5  # default time from steady sprocket speeds to steady motion [s]
+_BLOCK: Final = 0.5  # duration of the blocks over which sprocket speeds are averaged [s]
 # largest change in a steady sprocket's mean speed, relative to the faster sprocket's speed [-]
-_DRIFT = 0.05
-_SLOW = 0.2  # speed, relative to the run's highest, below which the largest change is constant [-]
-_NOISE = 4.0  # largest change in mean speeds that encoder noise explains [standard deviations]
-MARGIN = 0.5
+_DRIFT: Final = 0.05
+# speed, relative to the run's highest, below which the largest change is constant [-]
+_SLOW: Final = 0.2
+# largest change in mean speeds that encoder noise explains [standard deviations]
+_NOISE: Final = 4.0
+MARGIN: Final = 0.5
 """Time excluded at the end of a steady stretch, and minimum time excluded at its start, for filter
 transients [s].
 """
-_SHORTEST = 0.5  # minimum duration of a stretch without the excluded times [s]
-_GAP = 5.0  # time step above which the clock has a gap [median time steps]
-_MIN_GAP = 0.3  # minimum time step that counts as a gap [s]
+_SHORTEST: Final = 0.5  # minimum duration of a stretch without the excluded times [s]
+_GAP: Final = 5.0  # time step above which the clock has a gap [median time steps]
+_MIN_GAP: Final = 0.3  # minimum time step that counts as a gap [s]
 # speed up to which a sprocket is at rest, less than a turn in an hour and a half [rad/s]
-STANDING = 1e-3
-_RESTING = 0.01  # speed up to which a sprocket is at rest, relative to the run's highest [-]
+STANDING: Final = 1e-3
+_RESTING: Final = 0.01  # speed up to which a sprocket is at rest, relative to the run's highest [-]
 # minimum number of valid poses in each half of a stretch if the halves are compared
-_MIN_HALF = 2 * MIN_ARC_POSES
-_SIGNIFICANT = 6.0  # smallest significant difference between the halves [standard errors]
-_CHANGE = 0.05  # smallest relevant relative change of the twist [-]
+_MIN_HALF: Final = 2 * MIN_ARC_POSES
+_SIGNIFICANT: Final = 6.0  # smallest significant difference between the halves [standard errors]
+_CHANGE: Final = 0.05  # smallest relevant relative change of the twist [-]
 # curvature of a nearly straight path [1/m], and radius of a turn nearly on the spot [m]
-_TURNING = 0.2
-_LISTED = 3  # maximum number of gaps in the message if no stretch is long enough
-_LOAD_CHANGE = 0.1  # largest change of the traction per unit load within a piece [-]
-_SHORTEST_PIECE = 1.5  # minimum duration of a piece [s]
+_TURNING: Final = 0.2
+_LISTED: Final = 3  # maximum number of gaps in the message if no stretch is long enough
+_LOAD_CHANGE: Final = 0.1  # largest change of the traction per unit load within a piece [-]
+_SHORTEST_PIECE: Final = 1.5  # minimum duration of a piece [s]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import scipy
@@ -15,9 +16,16 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-_MOST = 0.5  # share of valid poses above which a lack of poses is due to too short a window
+_MOST: Final = 0.5  # share of valid poses above which a lack of poses is due to too short a window
 # indices of v and w, and of u, among the parameters x, y, phi, v, u, w
-_TWIST, _LATERAL = np.array([3, 5]), 4
+_TWIST: Final = np.array([3, 5])
+_LATERAL: Final = 4
+_MIN_STEPS: Final = 20  # minimum number of steps for a mean twist
+# width of the lag window for the error of a mean twist, relative to the number of rows [-]
+_LAGS: Final = 0.5
+# turn per row at which the filter reduces a circle's radius by 8e-5 [rad]
+_MAX_TURN_PER_ROW: Final = 0.15
+_MAX_GAP_TURN: Final = 2.5  # largest turn in a gap that an arc can bridge [rad]
 
 
 @dataclass(frozen=True)
@@ -93,13 +101,6 @@ def long_run_covariance(series: Array, share: float | None = None) -> Array:
     total[lags + 1 + rows :] = total[lags + rows]
     sums = total[lags + 1 :] - total[: -lags - 1]
     return np.asarray(sums.T @ sums / ((lags + 1) * rows))
-
-
-_MIN_STEPS = 20  # minimum number of steps for a mean twist
-# width of the lag window for the error of a mean twist, relative to the number of rows [-]
-_LAGS = 0.5
-_MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter reduces a circle's radius by 8e-5 [rad]
-_MAX_GAP_TURN = 2.5  # largest turn in a gap that an arc can bridge [rad]
 
 
 def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:

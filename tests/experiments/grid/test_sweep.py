@@ -211,3 +211,34 @@ def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
         result = trackslip("grid", *SWEEP)
     assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
     assert len(logs(result.folder)) == 4
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('radius = ["0.5"]', "radius = '0.5': must be a number"),
+        ("radius = true", "radius = True: must be a number"),
+        ("seed = [1.5]", "seed = 1.5: must be a whole number"),
+        ("radius = 1979-05-27", "radius = datetime.date(1979, 5, 27): must be a number"),
+        ('drive.lag = "fast"', "drive.lag = 'fast': must be a number"),
+        ('localization = ["sonar"]', "localization = 'sonar': must be one of plate, line"),
+        ("motion = [3]", "motion = 3: must be one of paper, arc, bundle"),
+        ("ground = []", "ground = (): must be at least one value"),
+        ("wheels = [1]", "wheels is unknown; known are radius, speed, "),
+        ("drive = 3", "drive is unknown; known are radius, speed, "),
+        ("scanner.noise = -1", "scanner.noise = -1.0: must be a finite number >= 0"),
+        ("friction_ratio = [inf]", "across = inf: must be a finite number > 0"),
+        ("robot.half_gauge = [0.2, -1]", "half_gauge = -1.0: must be from 0.001 to 10 m"),
+        ("ground.uphill = [1.0]", "ground.uphill = 1.0: must be left out on level ground"),
+        ("pull.height = [0.3]", "pull.height = 0.3: must be left out without --pull"),
+    ],
+)
+def test_a_mistake_in_a_sweep_file_names_the_file(refused, tmp_path, line, message):
+    (tmp_path / "sweep.toml").write_text(line)
+    assert f"sweep.toml: {message}" in refused("grid", "--sweep", "sweep.toml")
+
+
+def test_a_sweep_over_slopes_may_have_a_level_one(trackslip):
+    varied = ("slope=0,0.05", "ground.uphill=0,3.14")
+    result = trackslip("grid", *ONE, "--vary", *varied)
+    assert "4 runs in 4 grids" in result.printed

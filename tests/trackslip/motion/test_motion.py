@@ -9,7 +9,8 @@ from trackslip.kinematics import advance
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
 from trackslip.logs.runlog import RunLog, ScanLog
-from trackslip.motion.arc import arc, bundle, poses_on_arc
+from trackslip.motion.arc import arc, poses_on_arc
+from trackslip.motion.bundle import bundle
 from trackslip.motion.steady_twist import even_poses, long_run_covariance, paper
 
 WINDOW = (1.5, 29.0)

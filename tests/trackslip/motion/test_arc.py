@@ -1,0 +1,54 @@
+"""The arc fitted to poses is where its equations have their root."""
+
+import numpy as np
+import pytest
+import scipy
+
+from trackslip.kinematics import advance, wrap_angle
+from trackslip.motion.arc import fit_arc, poses_on_arc
+from trackslip.motion.steady_twist import long_run_covariance
+
+SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # units of the residuals [m, m, rad]
+TIME = 0.05 * np.arange(-300, 300)  # [s]
+
+
+def noise(kind, rng):
+    """Errors (T, 3) of poses: white, with wild poses that are all alike, or with heavy tails."""
+    white = rng.normal(size=(len(TIME), 3)) * [0.002, 0.002, 0.004]
+    if kind == "white":
+        return white
+    if kind == "heavy":
+        return rng.standard_t(1.5, size=white.shape) * [0.01, 0.01, 0.02]
+    wild = rng.random(len(TIME)) < 0.15
+    white[wild] += rng.normal(size=3) * [0.3, 0.3, 0.5]
+    return white
+
+
+def root_near(parameters, pose):
+    """Parameters (6,) where the sum of the bounded residuals' scores is 0, found by scipy."""
+
+    def total_score(parameters):
+        predicted, jacobian = poses_on_arc(parameters, TIME)
+        missed = predicted - pose
+        missed[:, 2] = wrap_angle(missed[:, 2])
+        residual = missed / SCALE
+        spread = np.maximum(1.0, 1.4826 * np.median(np.abs(residual), axis=0))
+        bounded = np.clip(residual, -3 * spread, 3 * spread)
+        return np.einsum("tki,tk->i", jacobian / SCALE[:, None], bounded)
+
+    found = scipy.optimize.root(total_score, parameters, tol=1e-12)
+    assert np.abs(found.fun).max() < 1e-6
+    return found.x
+
+
+@pytest.mark.parametrize("kind", ["white", "wild", "heavy"])
+@pytest.mark.parametrize("seed", range(6))
+def test_arc_converges_to_a_small_share_of_its_errors(kind, seed):
+    rng = np.random.default_rng(seed)
+    twist = [rng.uniform(-0.3, 0.3), rng.uniform(-0.6, 0.6)]
+    pose = advance([1.0, 2.0, 0.5], np.array(twist), TIME) + noise(kind, rng)
+    parameters, hessian, scores, _ = fit_arc(TIME, pose)
+    inverse = np.linalg.inv(hessian)
+    covariance = inverse @ (len(TIME) * long_run_covariance(scores)) @ inverse
+    missed = parameters - root_near(parameters, pose)
+    assert np.abs(missed / np.sqrt(np.diag(covariance))).max() < 1e-3
