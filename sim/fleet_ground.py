@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 from sim.drive.drive import Pull
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
-from sim.restorable import Restorable
 from sim.robot.robot import Robot
+from sim.settings import converted
 from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice over robots."""
@@ -100,7 +101,7 @@ def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
 class FleetGround(Restorable):
     """The ground under each of N robots."""
 
-    STATE = ("grounds", "_surface", "_shear")
+    STATE = ("_surface", "_shear")
 
     def __init__(
         self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None
@@ -128,10 +129,14 @@ class FleetGround(Restorable):
         """Whether any ground depends on place or time."""
         return self._ground.varies
 
+    def get_state(self) -> dict[str, Any]:
+        """Return a copy of the state, see Restorable."""
+        return super().get_state() | {"grounds": self.grounds}
+
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
-        self.put(self.grounds)
+        self.put([converted("ground", ground, Ground) for ground in state["grounds"]])
 
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
         """Assign one of `grounds` to each robot, or to each of `rows` (R,); `lay` and `tilt` write

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -18,11 +18,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sim.array_file import read_arrays, write_arrays
 from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
 from sim.settings import from_options
 from sim.task import Element
+from sim.traverse.config import TraverseConfig
 from trackslip.errors import InvalidValueError, LogError, TrackslipError, require
-from trackslip.files import regular_file
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -94,11 +95,36 @@ class Policy:
     """A trained policy for robots that cross courses."""
 
     FORMAT: ClassVar[str] = "trackslip crossing policy 1"
+    ENVIRONMENT: ClassVar[type[Any]] = TraverseConfig
+    """Options of the environments that such policies are trained in."""
+    DEFINING: ClassVar[tuple[str, ...]] = ("action", "flippers", "period", "noise")
+    """The options that define observations and actions."""
 
     network: Network
     """Network from observations to actions in [-1, 1]."""
     options: dict[str, Any]
-    """Options of the environment that define observations and actions."""
+    """Options of the environment in which the policy was trained."""
+
+    def __post_init__(self) -> None:
+        known = [field.name for field in fields(self.ENVIRONMENT)]
+        for name in self.options:
+            require(name in known, "options", name, f"some of {', '.join(known)}")
+
+    def environment(self) -> Any:
+        """The options that define observations and actions, the others at their defaults.
+
+        A policy's file comes from anywhere, so no function is imported and no file opened that its
+        other options name. Raises InvalidValueError for values that aren't allowed, and for a
+        policy that needs the user's own observations.
+        """
+        own = self.options.get("own_observations")
+        allowed = (
+            "empty: no code is imported that a policy's file names; only your own program or, for "
+            "tracking, your own controller MODULE:CLASS can compute them"
+        )
+        require(not own, "own_observations of the policy", own, allowed)
+        given = {name: self.options[name] for name in self.DEFINING if name in self.options}
+        return from_options(self.ENVIRONMENT, given)
 
     def action(self, observation: ArrayLike) -> Array:
         """Actions (N, A) in [-1, 1] for observations (N, n)."""
@@ -106,41 +132,35 @@ class Policy:
 
     def save(self, path: Path) -> None:
         """Write the policy to a .npz file."""
-        arrays: dict[str, Any] = {
-            f"weight_{k}": weight for k, weight in enumerate(self.network.weights)
-        }
+        arrays = {f"weight_{k}": weight for k, weight in enumerate(self.network.weights)}
         arrays |= {f"bias_{k}": bias for k, bias in enumerate(self.network.biases)}
         about = {"format": self.FORMAT} | {
             name: value for name, value in vars(self).items() if name != "network"
         }
-        with path.open("wb") as file:
-            np.savez(file, about=np.array(json.dumps(about)), **arrays)
+        write_arrays(path, about, arrays)
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a policy file, or policy.npz in a folder, without using pickle; raises LogError for
-        other files.
+        """Read a policy file, or policy.npz in a folder; raises LogError for other files.
+
+        Nothing that the file names is imported or opened.
         """
         file = policy_file(path)
+        what = "a policy.npz of `trackslip train`: docs/controller.md has others"
+        about, arrays = read_arrays(file, what)
+        layers = range(sum(name.startswith("weight_") for name in arrays))
+        names = [f"{part}_{k}" for part in ("weight", "bias") for k in layers]
+        entries = [field.name for field in fields(cls) if field.name != "network"]
         try:
-            with regular_file(file).open("rb") as opened, np.load(opened) as stored:
-                about = json.loads(str(stored["about"]))
-                require(
-                    about["format"] == cls.FORMAT, "format", about.pop("format"), f"{cls.FORMAT!r}"
-                )
-                layers = range(sum(name.startswith("weight_") for name in stored.files))
-                weights, biases = (
-                    tuple(stored[f"{part}_{k}"] for k in layers) for part in ("weight", "bias")
-                )
+            format = about.pop("format", None)
+            require(format == cls.FORMAT, "format", format, f"{cls.FORMAT!r}")
+            require(set(about) == set(entries), "entries", sorted(about), ", ".join(entries))
+            require(set(arrays) == set(names), "arrays", sorted(arrays), ", ".join(names))
+            weights = tuple(arrays[f"weight_{k}"] for k in layers)
+            biases = tuple(arrays[f"bias_{k}"] for k in layers)
             return from_options(cls, {"network": Network(weights, biases)} | about)
         except InvalidValueError as error:
             raise LogError(f"{file}: {error}") from error
-        except OSError as error:
-            raise LogError(f"{file}: {error.strerror or error}") from error
-        except Exception as error:  # any error of NumPy, zipfile and json for a damaged file
-            raise LogError(
-                f"{file}: not a policy.npz of `trackslip train`: docs/controller.md has others"
-            ) from error
 
 
 @dataclass(frozen=True)
@@ -150,11 +170,21 @@ class TrackingPolicy(Policy):
     """
 
     FORMAT: ClassVar[str] = "trackslip policy 1"
+    ENVIRONMENT: ClassVar[type[Any]] = EnvConfig
+    DEFINING: ClassVar[tuple[str, ...]] = (
+        "action",
+        "twist_scale",
+        "previews",
+        "preview_spacing",
+        "loads",
+        "off_path",
+    )
 
     authority: tuple[float, float]
     """Largest correction to (v, w), in units of the environment's `twist_scale` [-]."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         valid = len(self.authority) == 2 and np.isfinite(self.authority).all()
         require(valid, "authority", self.authority, "two finite numbers")
 
@@ -165,8 +195,14 @@ class TrackingPolicy(Policy):
 
 
 def policy_file(path: Path) -> Path:
-    """The file of a policy, from its own path or that of the folder from `trackslip train`."""
-    return path / "policy.npz" if path.is_dir() else path
+    """The file of a policy, from its own path or that of the folder from `trackslip train`.
+
+    Raises LogError for a path that the system refuses, such as one that is too long.
+    """
+    try:
+        return path / "policy.npz" if path.is_dir() else path
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
 
 
 def features(observation: Array) -> Array:
@@ -196,7 +232,8 @@ class PolicyController:
         """Use sprockets with this `top_speed` [rad/s]; raises InvalidValueError for a policy of
         another environment.
         """
-        config = from_options(EnvConfig, policy.options)
+        config = policy.environment()
+        require(config.action == "twist", "action of the policy", config.action, "'twist'")
         require(
             not config.loads,
             "loads of the policy",

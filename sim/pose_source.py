@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.fleet import Fleet
-from sim.restorable import Restorable
 from sim.run_recorder import RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.stopwatch import Stopwatch
@@ -18,6 +17,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.pose_tracker import EVERY, Follower, Tracker
 from trackslip.localization.scan import Cluster, Locator, PoseEstimate, extract_plate
 from trackslip.logs.runlog import RunLog, ScanLog
+from trackslip.restorable import Restorable
 
 Index = NDArray[np.int_]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import gymnasium
@@ -34,10 +34,22 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         )
         self.render_mode = env.render_mode
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self._continues = False
         self._actions: np.ndarray = np.zeros(env.action_space.shape or ())
+
+    def continue_from(self, state: Mapping[str, Any]) -> None:
+        """Return to a state of `env`; the next `reset`, with which every training begins, doesn't
+        begin episodes, but continues those of the state.
+        """
+        self.env.set_state(state)
+        self._continues = True
 
     def reset(self) -> np.ndarray:
         """Begin episodes, with seeds and options if they were set; return observations (N, n)."""
+        if self._continues:
+            self._continues = False
+            self._reset_seeds()
+            return self.env.task.observation()
         names = {name for options in self._options for name in options}
         options = {name: [given.get(name) for given in self._options] for name in names}
         observation, info = self.env.reset(seed=list(self._seeds), options=options)

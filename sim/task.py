@@ -21,9 +21,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.restorable import Restorable
 from trackslip.errors import Checked, InvalidValueError, require, require_positive
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 
 Floats = NDArray[np.float32]
 MAX_WEIGHT = 1e6

@@ -14,10 +14,10 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from sim.renderers import TaskRenderer
-from sim.restorable import Restorable
 from sim.settings import from_options
 from sim.task import Element, Floats
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
+from trackslip.restorable import Restorable
 
 _MOST, _MOST_THREADS = 100_000, 1024
 

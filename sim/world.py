@@ -13,10 +13,10 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
-from sim.restorable import Restorable
 from trackslip import se2
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 
 
 class _Silence:

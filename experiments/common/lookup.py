@@ -65,10 +65,8 @@ def controller(
     Raises InvalidValueError for an unknown name or argument, or a value that is not allowed.
     """
     if name.startswith(_POLICY):
-        return PolicyController(
-            TrackingPolicy.load(Path(name.removeprefix(_POLICY))),
-            top_speed / geometry.sprocket_radius,
-        )
+        policy = TrackingPolicy.load(_policy_place(name))
+        return PolicyController(policy, top_speed / geometry.sprocket_radius)
     values = (geometry, half_gauge or geometry.half_gauge, _MARGIN * top_speed, period)
     known = dict(zip(_OF_THE_ROBOT, values, strict=True))
     with _errors_of(name):
@@ -212,4 +210,13 @@ def user_modules() -> list[str]:
 
 def policy_path(name: str) -> Path | None:
     """The policy file for a controller named ppo:PATH; None for other controllers."""
-    return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None
+    return policy_file(_policy_place(name)) if name.startswith(_POLICY) else None
+
+
+def _policy_place(name: str) -> Path:
+    """The path in ppo:PATH; raises InvalidValueError if arguments follow, as policies have none."""
+    path = name.removeprefix(_POLICY)
+    place, _, given = path.rpartition(":")
+    has_arguments = place and "=" in given and not os.path.exists(path)
+    require(not has_arguments, "controller", name, f"{_POLICY}{place} without arguments")
+    return Path(path)

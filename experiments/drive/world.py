@@ -14,9 +14,8 @@ from sim.policy import Policy
 from sim.robot.named import load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.seeds import generator
-from sim.settings import from_options
 from sim.terrain import Course, load_course
-from sim.traverse.config import CrossingLayout, TraverseConfig
+from sim.traverse.config import CrossingLayout
 from sim.traverse.courses import FTR_COURSES, draw_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
@@ -96,7 +95,7 @@ class PolicyDriver:
 
     def __init__(self, policy: Policy, world: Traverse) -> None:
         """Raises InvalidValueError for a policy that was trained for another robot."""
-        options = from_options(TraverseConfig, policy.options)
+        options = policy.environment()
         self._policy, self._actions = policy, Actions(options, world)
         self._layout, self._every = (
             CrossingLayout(world, options.noise),

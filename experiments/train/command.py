@@ -9,27 +9,41 @@ from experiments.train.tasks import learning_task
 from experiments.train.training import (
     ONNX,
     POLICY,
-    last_checkpoint,
+    UNFINISHED,
     learn,
     learning_curve,
     model_of,
     network_of,
+    resume,
 )
 from sim.policy import write_onnx
+from trackslip.errors import OutputError
 
 
 def run(config: Config) -> None:
     """Train a policy, store it with its learning curve, and print the reward before and after
     training.
     """
+    anew = config.overwrite and not config.resume
+    if (config.out / UNFINISHED).is_file() and not (config.resume or anew):
+        raise OutputError(
+            f"out = {str(config.out)!r}: contains an unfinished training; --resume continues it, "
+            "--overwrite starts again"
+        )
+    curve: list[dict[str, float]] = []
+    changed: list[str] = []
     with Run(replace(config, overwrite=config.overwrite or config.resume)) as run:
         with run.busy("loading PyTorch"):
             task = learning_task(config)
             model = model_of(config, task)
+        if anew:
+            (config.out / UNFINISHED).unlink(missing_ok=True)
+        if config.resume:
+            curve, changed = resume(config, task, model)
         try:
-            curve = learn(model, config, run.folder)
+            learn(model, config, task, curve, run.folder)
         except KeyboardInterrupt:
-            stored = last_checkpoint(config.out).is_file()
+            stored = config.resume or (config.out / UNFINISHED).is_file()
             what = (
                 "--resume continues from the last update"
                 if stored
@@ -43,6 +57,11 @@ def run(config: Config) -> None:
         rates = crossing_rates(policy, *options) if config.env == TRAVERSE else []
         run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
         learning_curve(curve).savefig(run.folder / "curve.png", dpi=160)
+    if changed:
+        print(
+            f"Warning: {', '.join(changed)} changed since the checkpoint: all robots began new "
+            "episodes, with new random numbers."
+        )
     for point in (curve[0], curve[-1]):
         print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}")
     if rates:

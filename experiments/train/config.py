@@ -38,6 +38,22 @@ EXAMPLES = (
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
 TRAVERSE = "traverse"
+ENVIRONMENT = (
+    "env",
+    "robots",
+    "references",
+    "grounds",
+    "compensation",
+    "authority",
+    "robot",
+    "laws",
+    "courses",
+    "difficulty",
+    "seed",
+)
+"""Options that determine the robots and their episodes; with --resume, the robots continue if none
+of them has changed.
+"""
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.restorable import Restorable
 from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 
 MAX_FORCE = 1e5
 """Largest force of a pull [N]."""

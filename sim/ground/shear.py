@@ -20,9 +20,9 @@ import math
 
 import numpy as np
 
-from sim.restorable import Restorable
 from trackslip import se2
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 
 LARGEST = 20.0
 """Largest stored displacement, relative to the shear modulus, at which friction is fully mobilised

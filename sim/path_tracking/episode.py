@@ -15,11 +15,11 @@ from sim.fleet import Setting
 from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import Randomization, uniform
-from sim.restorable import Restorable
 from sim.settings import options_of
 from trackslip import se2
 from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 from trackslip.trajectory.named import load_reference
 
 _OPTIONS = {

@@ -4,6 +4,7 @@ out.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
@@ -13,10 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
-from sim.path_tracking.randomization import MAX_LATENCY
+from sim.path_tracking.randomization import MAX_LATENCY, Randomization
 from sim.pose_source import NoisyPose, ScannedPose, TruePose
 from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
+from sim.settings import converted
 from sim.task import Element, Floats, Task
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
@@ -53,7 +55,6 @@ class PathTracking(Task):
             "_success",
             "_compensation",
             "_load",
-            "config",
             *Task.STATE,
         ),
     )
@@ -96,6 +97,20 @@ class PathTracking(Task):
         # tractions that the robots need per load on the tracks [-]
         self._load: Array = np.zeros((size, 2))
         self._success = np.ones(size, bool)
+
+    def get_state(self) -> dict[str, Any]:
+        """Return a copy of the state, see Restorable, with the randomization, which may have been
+        set later.
+        """
+        return super().get_state() | {"randomization": self.config.randomization}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Restore a state from `get_state`, see Restorable."""
+        super().set_state(state)
+        kinds = Randomization | str | None
+        randomization = converted("randomization", state["randomization"], kinds)
+        if randomization != self.config.randomization:
+            self.config = dataclasses.replace(self.config, randomization=randomization)
 
     def path(self, row: int) -> Array:
         """Poses (T, 3) on the reference of the robot `row`, from start to end."""

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.fleet import Fleet
-from sim.restorable import Restorable
 from sim.robot.robot import SCANNED_GROUP
 from sim.scanner.scanner import LaserScanner, Obstacles
 from sim.seeds import generator
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
+from trackslip.restorable import Restorable
 
 _SLACK = 0.2  # margin around the plate, within which beams are not selected again [m]
 

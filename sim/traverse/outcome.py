@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.restorable import Restorable
 from sim.robot.tracked_model import TrackedModel
 from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
+from trackslip.restorable import Restorable
 
 Outcomes = NDArray[np.int_]
 """Outcomes (N,), as the numbers in `Outcome`."""

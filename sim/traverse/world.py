@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sim.drive.drive import Drive, ServoState
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
+from sim.settings import converted
 from sim.terrain.course import Course, look_up
 from sim.tracks import Reading
 from sim.traverse.ground import Footprint, Slots
@@ -50,7 +51,7 @@ class Traverse(World):
     threads.
     """
 
-    STATE = ("servo", "contact", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
+    STATE = ("servo", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
     def __init__(
         self,
@@ -192,14 +193,19 @@ class Traverse(World):
         """
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
-        return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
+        contact = {name: values.copy() for name, values in vars(self.contact).items()}
+        others = {"courses": courses, "belts": self._belts.get_state(), "contact": contact}
+        return super().get_state() | others
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `get_state`, see Restorable."""
         super().set_state(state)
         self._belts.set_state(state["belts"])
+        self.contact.put(slice(None), Reading(**state["contact"]))
         self.course = [
-            self._courses[course] if isinstance(course, int) else course
+            self._courses[course]
+            if isinstance(course, int)
+            else converted("course", course, Course)
             for course in state["courses"]
         ]
 

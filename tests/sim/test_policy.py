@@ -64,6 +64,18 @@ SHORT = {"format": "trackslip policy 1", "authority": [0.1], "options": OPTIONS}
             "format = 'trackslip policy 2': must be 'trackslip policy 1'",
         ),
         ({"about": np.array(json.dumps(SHORT))}, "authority = .*: must be two finite numbers"),
+        (
+            {"about": np.array(json.dumps(SHORT | {"gain": 2.0}))},
+            r"entries = \['authority', 'gain', 'options'\]: must be options, authority",
+        ),
+        (
+            {"about": np.array(json.dumps(SHORT | {"options": {"acton": "twist"}}))},
+            "options = 'acton': must be some of own_rewards, .*action",
+        ),
+        ({"about": np.array(json.dumps(SHORT | {"options": 3}))}, "options = 3: must be a dict"),
+        ({"about": np.array("[]")}, "not a policy"),
+        ({"about": np.array([{"format": 1}], object)}, "not a policy"),
+        ({"weight_7": np.zeros((2, 2))}, "arrays = .*'weight_7'.*: must be weight_0, weight_1"),
     ],
 )
 def test_files_of_policies_that_make_no_sense_are_refused(tmp_path, change, message):
@@ -78,16 +90,19 @@ def test_files_of_policies_that_make_no_sense_are_refused(tmp_path, change, mess
             TrackingPolicy.load(path)
 
 
-def test_a_policy_of_another_environment_is_refused():
-    for inputs, loads, message in (
-        (7, False, r"= \(7, 2\): must be from 19 inputs to 2"),
-        (21, True, "loads of the policy"),
-    ):
-        policy = TrackingPolicy(
-            network(np.random.default_rng(0), (inputs, 2)), OPTIONS | {"loads": loads}, AUTHORITY
-        )
-        with pytest.raises(InvalidValueError, match=message):
-            PolicyController(policy, 5.0)
+@pytest.mark.parametrize(
+    ("inputs", "options", "message"),
+    [
+        (7, {}, r"= \(7, 2\): must be from 19 inputs to 2"),
+        (21, {"loads": True}, "loads of the policy"),
+        (19, {"action": "sprockets"}, "action of the policy = 'sprockets': must be 'twist'"),
+    ],
+)
+def test_a_policy_of_another_environment_is_refused(inputs, options, message):
+    layers = network(np.random.default_rng(0), (inputs, 2))
+    policy = TrackingPolicy(layers, OPTIONS | options, AUTHORITY)
+    with pytest.raises(InvalidValueError, match=message):
+        PolicyController(policy, 5.0)
 
 
 def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():

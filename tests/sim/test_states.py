@@ -1,4 +1,3 @@
-import pickle
 from functools import partial
 
 import gymnasium as gym
@@ -7,6 +6,7 @@ import pytest
 from results import assert_same
 
 from sim import Drive, LaserScanner, Limits, Pull, Randomization, RobotParameters
+from sim.array_file import read_nested, write_nested
 from sim.ground.ground import Change, Ground
 from trackslip.laws.icr import IcrLoad
 
@@ -32,6 +32,7 @@ WEAK = Drive(lag=0.127, torque_limit=3.0)
 STATES = [
     (BATCH, TRACKING, DRAWN | {"robot": RobotParameters(drive=WEAK)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
+    (BATCH, TRACKING, TWIST | LEARNING | {"compensation": "online"}, {}),
     (
         BATCH,
         TRACKING,
@@ -61,9 +62,10 @@ def continued(env, steps):
 
 
 @pytest.mark.parametrize(("make", "name", "options", "given"), STATES)
-def test_an_environment_continues_from_its_state_and_from_anothers_to_the_bit(
-    make, name, options, given
+def test_an_environment_continues_from_its_state_and_from_a_file(
+    make, name, options, given, tmp_path
 ):
+    """To the bit; the file has neither pickle nor names of code."""
     env, other = (make(name, **options) for _ in range(2))
     env.reset(seed=1, options=given)
     continued(env, 4)
@@ -71,7 +73,9 @@ def test_an_environment_continues_from_its_state_and_from_anothers_to_the_bit(
     expected = continued(env, 6)
     other.reset(seed=2)
     continued(other, 2)
-    for each, stored in ((env, state), (other, pickle.loads(pickle.dumps(state)))):
+    write_nested(tmp_path / "state.npz", state)
+    read = read_nested(tmp_path / "state.npz", "a state")
+    for each, stored in ((env, state), (other, read)):
         each.unwrapped.set_state(stored)
         for before, after in zip(expected, continued(each, 6), strict=True):
             assert_same(before, after)

@@ -17,6 +17,7 @@ from scipy.interpolate import interp1d
 from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
 from trackslip.localization.likelihood import EDGE_ON, viewing_angle
 from trackslip.localization.scan import Locator, PoseEstimate, Scan
+from trackslip.restorable import Restorable
 
 GATE_POSITION: Final = 0.10
 """Maximum distance of a valid pose from its prediction, plus an allowance for driving without poses
@@ -33,13 +34,15 @@ below pi / 2.
 EVERY: Final = 8  # interval between scans that are located independently [scans]
 
 
-class Tracker:
+class Tracker(Restorable):
     """Tracker of N robots from scan to scan.
 
     The heading of a plate is ambiguous by half a turn, so the heading nearest to the prediction is
     used. The prediction propagates the last pose by the encoders without slip, and is off by less
     than a millimetre over one scan.
     """
+
+    STATE = ("_pose", "_blind", "_last")
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """Start from the known poses `start` (N, 3) of the robots in the world frame."""

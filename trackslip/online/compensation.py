@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
 from trackslip.localization.scan import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter
+from trackslip.restorable import Restorable
 
 KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 """The laws with which the paper compensates slip, which need no identification."""
@@ -73,7 +74,7 @@ class SensesLoad(Protocol):
 
 
 @dataclass(frozen=True)
-class FixedLaw(Compensation):
+class FixedLaw(Compensation, Restorable):
     """Compensation by a fixed law for all robots, by default the law without slip, which means no
     compensation.
     """
@@ -85,8 +86,10 @@ class FixedLaw(Compensation):
         return self.known
 
 
-class LoadedLaw(Compensation):
+class LoadedLaw(Compensation, Restorable):
     """Compensation by a fixed law of slip under load, evaluated at the measured load."""
+
+    STATE = ("_load",)
 
     def __init__(self, known: IcrLoad) -> None:
         self._known = known
@@ -123,10 +126,12 @@ def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
     return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
 
 
-class OnlineIcr(Compensation):
+class OnlineIcr(Compensation, Restorable):
     """Compensation by constant ICRs that an `IcrFilter` learns while driving, from `prior` or from
     no knowledge.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_started",)
 
     def __init__(
         self,
@@ -166,6 +171,8 @@ class LoadedOnlineIcr(OnlineIcr):
     """Compensation by constant ICRs and turning centres learnt while driving, plus slip under load
     from a known law.
     """
+
+    STATE = ("_started", "_loaded")
 
     def __init__(
         self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None

@@ -34,6 +34,7 @@ from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.scan import PoseEstimate
+from trackslip.restorable import Restorable
 
 _LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # limits on g [-], epsilon [-] and c [m]
 _KNOWN = 0.15  # factor on the initial spreads if the filter starts from a known law [-]
@@ -63,8 +64,18 @@ class FilterTuning:
     """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
 
 
-class IcrFilter:
+class IcrFilter(Restorable):
     """Extended Kalman filter for the poses, D and epsilon of N independent robots."""
+
+    STATE = (
+        "state",
+        "covariance",
+        "restarts",
+        "_drift",
+        "_drift_variance",
+        "_rejected",
+        "_turning",
+    )
 
     def __init__(
         self,

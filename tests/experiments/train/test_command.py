@@ -1,10 +1,13 @@
 import contextlib
+import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
-from experiments.train.training import UNFINISHED
+from experiments.train.training import CHECKPOINT, UNFINISHED
+from sim.array_file import read_arrays
 from sim.policy import Policy, TrackingPolicy
 from sim.traverse.policy import OPTIONS
 
@@ -70,11 +73,97 @@ def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     longer = trackslip("train", *sized(LEARNS, horizon=32), *resumed)
     assert longer.summary["curve"][:-1] == trained.summary["curve"]
     assert longer.summary["curve"][-1]["steps"] == 62464  # 32 robots, 32 steps each
+    assert "Warning" not in longer.printed
     # nothing is left
     assert trackslip("train", *sized(LEARNS), *resumed).summary["curve"] == longer.summary["curve"]
     with pytest.raises(SystemExit):
         main(["train", *sized(LEARNS, network=16), *resumed])
     assert "network = (16,): must be (32,) with --resume" in capsys.readouterr().err
+
+
+KINDS = {
+    "fixed law": (*sized(TINY), "--steps", "640"),
+    "online": (*sized(TINY), "--steps", "640", "--compensation", "online"),
+    "courses": (
+        *("--env", "traverse", "--robots", "2", "--horizon", "12", "--batch", "24"),
+        *("--epochs", "1", "--network", "8", "--steps", "120", "--trials", "1"),
+        *("--difficulty", "0", "0.4"),
+    ),
+}
+
+
+def interrupted(monkeypatch, arguments, updates=2):
+    """Interrupt a command `train` in the rollout after some updates."""
+
+    class Interrupt(list):
+        def __call__(self, steps):
+            self.append(steps)
+            if len(self) > updates:
+                raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        shown = contextlib.nullcontext(Interrupt())
+        patched.setattr("experiments.train.training.progress", lambda *_: shown)
+        with pytest.raises(SystemExit) as stop:
+            main(["train", *arguments])
+    assert stop.value.code == 130
+
+
+@pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
+def test_a_resumed_training_gives_the_policy_of_an_undisturbed_one(
+    trackslip, tmp_path, monkeypatch, options
+):
+    """To the bit, with all that a later training would depend on."""
+    undisturbed = trackslip("train", *options)
+    out = ("--out", str(tmp_path / "out"))
+    interrupted(monkeypatch, (*options, *out))
+    interrupted(monkeypatch, (*options, *out, "--resume"), updates=1)
+    resumed = trackslip("train", *options, "--resume", *out)
+    assert resumed.summary["curve"] == undisturbed.summary["curve"]
+    assert resumed.summary["rates"] == undisturbed.summary["rates"]
+    for name in ("policy.npz", CHECKPOINT):
+        about, arrays = read_arrays(undisturbed.folder / name, name)
+        again, others = read_arrays(resumed.folder / name, name)
+        assert again == about
+        assert others.keys() == arrays.keys()
+        for array in arrays:
+            np.testing.assert_array_equal(others[array], arrays[array], err_msg=array)
+
+
+class Payload:
+    """An object that makes a file when it is unpickled."""
+
+    def __reduce__(self):
+        return Path.touch, (Path("unpickled"),)
+
+
+PICKLES = {
+    "checkpoint.zip": lambda path: path.write_bytes(pickle.dumps(Payload())),
+    "checkpoint.npz": lambda path: path.write_bytes(pickle.dumps(Payload())),
+    ".runs/checkpoint.npz": lambda path: np.savez(
+        path, about=np.array([Payload()], dtype=object), allow_pickle=True
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PICKLES)
+def test_no_pickle_is_read_from_a_folder(refused, tmp_path, name):
+    file = tmp_path / "out" / name
+    file.parent.mkdir(parents=True)
+    (tmp_path / "out" / "manifest.json").write_text("{}")
+    PICKLES[name](file)
+    line = refused("train", *sized(TINY), "--resume", "--out", "out")
+    assert line.startswith(f"out/{name}: ")
+    assert not (tmp_path / "unpickled").exists()
+
+
+def test_robots_begin_anew_if_their_options_have_changed(trackslip, tmp_path, monkeypatch):
+    out = ("--out", str(tmp_path / "out"))
+    interrupted(monkeypatch, (*sized(TINY), "--steps", "512", *out))
+    other = ("--steps", "512", "--resume", "--grounds", "clay", "--seed", "3", *out)
+    resumed = trackslip("train", *sized(TINY), *other)
+    assert "Warning: grounds, seed changed since the checkpoint" in resumed.printed
+    assert resumed.summary["steps"] == 512
 
 
 def test_an_interrupted_training_has_a_checkpoint_of_its_first_update(
@@ -91,7 +180,11 @@ def test_an_interrupted_training_has_a_checkpoint_of_its_first_update(
         with pytest.raises(SystemExit):
             main(begin)
     assert "--resume continues" in capsys.readouterr().err
-    assert [file.name for file in (tmp_path / "out").iterdir()] == [UNFINISHED]
+    files = [file for file in (tmp_path / "out").rglob("*") if file.is_file()]
+    assert files == [tmp_path / "out" / UNFINISHED]
+    with pytest.raises(SystemExit):
+        main(begin)
+    assert "--resume continues it, --overwrite starts again" in capsys.readouterr().err
     assert (
         trackslip(*begin[:-2], "--resume", "--out", str(tmp_path / "out")).summary["steps"] == 512
     )

@@ -1,0 +1,94 @@
+"""Files of arrays with a JSON text about them (.npz), which name no code: neither pickle nor
+imports are needed to read them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackslip.errors import LogError
+from trackslip.files import reason, regular_file
+
+Arrays = dict[str, NDArray[Any]]
+
+ABOUT = "about"
+"""Name of the JSON text among the arrays."""
+_ARRAY = "array"  # the only key of a table that stands for an array, by name
+
+
+def write_arrays(path: Path, about: Any, arrays: Arrays) -> None:
+    """Write arrays by name, and what JSON can store `about` them."""
+    text = np.array(json.dumps(about))
+    with path.open("wb") as file:
+        np.savez(file, allow_pickle=False, **{ABOUT: text}, **arrays)
+
+
+def read_arrays(file: Path, what: str) -> tuple[dict[str, Any], Arrays]:
+    """The table `about` and the arrays in a file; raises LogError if it can't be read or isn't
+    `what`.
+    """
+    try:
+        with regular_file(file).open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        about = json.loads(str(arrays.pop(ABOUT)))
+    except OSError as error:
+        raise LogError(f"{file}: {error.strerror or error}") from error
+    except Exception as error:  # any error of NumPy, zipfile and json for a damaged file
+        raise LogError(f"{file}: not {what}") from error
+    if not isinstance(about, dict):
+        raise LogError(f"{file}: not {what}")
+    return about, arrays
+
+
+def write_nested(path: Path, content: Mapping[str, Any]) -> None:
+    """Write nested tables and lists of arrays, numbers, texts and dataclasses, which become tables
+    of their fields.
+    """
+    arrays: Arrays = {}
+    write_arrays(path, _told(content, "", arrays), arrays)
+
+
+def read_nested(file: Path, what: str) -> dict[str, Any]:
+    """The content of a file from `write_nested`; raises LogError as `read_arrays` does."""
+    about, arrays = read_arrays(file, what)
+    try:
+        content: dict[str, Any] = _with_arrays(about, arrays)
+    except (KeyError, RecursionError) as error:
+        raise LogError(f"{file}: not {what} ({reason(error)})") from error
+    return content
+
+
+def _told(value: Any, name: str, arrays: Arrays) -> Any:
+    """`value` as JSON stores it; arrays are added to `arrays`, by the path `name` that leads to
+    them.
+    """
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+        return {_ARRAY: name}
+    if isinstance(value, np.generic):
+        return value.item()
+    if dataclasses.is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _told(item, f"{name}/{key}", arrays) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_told(item, f"{name}/{k}", arrays) for k, item in enumerate(value)]
+    return value
+
+
+def _with_arrays(told: Any, arrays: Arrays) -> Any:
+    """The value that `_told` has told, with the arrays in their places."""
+    if isinstance(told, list):
+        return [_with_arrays(item, arrays) for item in told]
+    if not isinstance(told, dict):
+        return told
+    if told.keys() == {_ARRAY}:
+        return arrays[told[_ARRAY]]
+    return {key: _with_arrays(item, arrays) for key, item in told.items()}
