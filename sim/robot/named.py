@@ -17,6 +17,7 @@ import numpy as np
 
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
+from sim.robot.model_check import absolute
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
@@ -202,9 +203,10 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
         TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path)
     )
     folder = path.parent
-    robot = replace(
-        robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages)
-    )
+    model, packages = folder / robot.model, [folder / each for each in robot.packages]
+    if absolute(folder) in absolute(model).parent.parents:
+        packages.append(folder)  # what lies beside a robot file belongs to its robot
+    robot = replace(robot, model=model, packages=tuple(packages))
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
         return robot
     with (

@@ -179,4 +179,4 @@ class TrackedRobot:
 
     def spec(self) -> Any:
         """The model as a `mujoco.MjSpec`; raises what `read_model` raises."""
-        return read_model(self.model, self.wheels)
+        return read_model(self.model, self.wheels, self.packages)
