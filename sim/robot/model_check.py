@@ -45,6 +45,10 @@ MAX_FLEX_FILE: Final = 40_000
 """Largest file of a soft body, which has at most a point in eight bytes [bytes]."""
 MIN_TIMESTEP: Final = 1e-5
 """Shortest physics step of a model, a hundredth of what robots need [s]."""
+MIN_MEMORY: Final = 2**20
+"""Smallest `memory` of a model: without room for the contacts of its tracks, some are left out
+[bytes].
+"""
 MAX_MEMORY: Final = 2**30
 """Largest `memory` of a model, a hundred times what robots need [bytes]."""
 MAX_RANGE_STEPS: Final = 10_000
@@ -323,8 +327,9 @@ class _Model:
                 if any(number < MIN_TIMESTEP for number in _numbers(value)):
                     self._refuse(f"{where}: must be at least {MIN_TIMESTEP:g} s")
             case "size", "memory":
-                if _bytes(value) > MAX_MEMORY:
-                    self._refuse(f"{where}: must be at most 1G")
+                memory = _bytes(value)
+                if memory is not None and not MIN_MEMORY <= memory <= MAX_MEMORY:
+                    self._refuse(f"{where}: must be from 1M to 1G")
             case "lengthrange", "timestep" | "inttotal":
                 step, total = (
                     next(_numbers(element.get(each, default)), 1.0)
@@ -459,10 +464,10 @@ def _numbers(value: str) -> Iterator[float]:
             yield math.inf
 
 
-def _bytes(memory: str) -> int:
-    """The bytes that `memory` asks for, such as 16M; 0 for what MuJoCo can't read."""
+def _bytes(memory: str) -> int | None:
+    """The bytes that `memory` asks for, such as 16M; None for -1 and for what MuJoCo can't read."""
     number = re.fullmatch(r"\s*\+?(\d{1,18})\s*([KMGTPE]?)\s*", memory, re.IGNORECASE)
-    return int(number[1]) * _UNITS.get(number[2].upper(), 1) if number else 0
+    return int(number[1]) * _UNITS.get(number[2].upper(), 1) if number else None
 
 
 def _picture_size(file: Path) -> tuple[int, int]:

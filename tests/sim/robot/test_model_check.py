@@ -95,7 +95,8 @@ SIZES = [
     (mjcf("", "<body/>" * MAX_ELEMENTS), "line 1: must have at most 10,000 elements"),
     (mjcf("", "<body>" * 250 + "</body>" * 250), "at most 200 inside each other"),
     (mjcf('<size nkey="100000"/>'), "<size> nkey = '100000': must be at most 1,000"),
-    (mjcf('<size memory="100G"/>'), "<size> memory = '100G': must be at most 1G"),
+    (mjcf('<size memory="100G"/>'), "<size> memory = '100G': must be from 1M to 1G"),
+    (mjcf('<size memory="20k"/>'), "<size> memory = '20k': must be from 1M to 1G"),
     (mjcf('<size nuser_geom="100000"/>'), "nuser_geom = '100000': must be at most 100"),
     (mjcf('<size njmax="1000000000"/>'), "njmax = '1000000000': must be at most 100,000"),
     (mjcf('<option iterations="1000000000"/>'), "iterations = .* must be at most 10,000"),
@@ -349,3 +350,12 @@ def test_large_meshes_are_refused_unread(build, tmp_path):
         file.truncate(MAX_FILE + 1)
     with pytest.raises(TrackslipError, match=r"a\.obj: 64,000,001 bytes long"):
         build(mjcf(f"<asset>{MESH[0].format('a.obj')}</asset>", MESH[1]))
+
+
+def test_an_engine_out_of_memory_is_one_line_that_names_the_model(build, tmp_path):
+    arms = '<body><joint axis="0 1 0"/><geom size="1" mass="1"/></body>'
+    crowd = f'<replicate count="150" offset="0 0 0.001">{arms}</replicate>'
+    text = mjcf('<size memory="1M"/>', crowd)
+    with pytest.raises(TrackslipError, match=r"m/robot\.xml: .*out of memory") as refused:
+        build(text)
+    assert "\n" not in str(refused.value)
