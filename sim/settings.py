@@ -135,7 +135,10 @@ def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
             else build(kind, value, place)
         )
     if isinstance(value, list | tuple) and tuple in origins:
-        of = typing.get_args(parts[origins.index(tuple)])[0]
+        of, *others = typing.get_args(parts[origins.index(tuple)])
+        if others != [...]:
+            # a decimal comma makes two numbers of one
+            require(len(value) == 1 + len(others), name, value, f"{1 + len(others)} values")
         numbered = dataclasses.is_dataclass(of) or typing.get_origin(of) is tuple
         each = [f"{name}[{k}]" if numbered else name for k in range(len(value))]
         return tuple(converted(own, item, of, where) for own, item in zip(each, value, strict=True))

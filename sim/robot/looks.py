@@ -12,7 +12,9 @@ import numpy as np
 from sim.robot.named import load_tracked
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import BODY_LOOKS, shaped_robot
+from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
+from sim.robot.urdf import engine_errors
 from sim.robot.wheels import start
 from sim.tracks.drawing import TrackLook, draw
 from trackslip.kinematics import Array
@@ -130,6 +132,12 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     the ground.
     """
     robot = load_tracked(source)
+    with engine_errors(robot.model):
+        return _attached_looks(spec, robot)
+
+
+def _attached_looks(spec: Any, robot: TrackedRobot) -> RobotLooks:
+    """The looks of a robot, attached to the field's chassis in `spec`."""
     built, own = build_tracked(robot, looks=True), load_spec(robot, looks=True)
     body = chassis_of(own, robot)
     for joint in list(body.joints):

@@ -17,6 +17,7 @@ import numpy as np
 
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
+from sim.robot.model_check import absolute
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
@@ -115,10 +116,13 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     wheels of each track, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
-    model, data = built.model, _stand(built)
-    mass, (x, y, z), total = composite(model, data, np.flatnonzero(model.body_rootid == built.body))
-    shapes = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body).tolist()
-    top = max(float(outline(model, data, data.body(0), shape)[:, 2].max()) for shape in shapes)
+    model = built.model
+    with engine_errors(robot.model):
+        data = _stand(built)
+        own = np.flatnonzero(model.body_rootid == built.body)
+        mass, (x, y, z), total = composite(model, data, own)
+        shapes = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body).tolist()
+        top = max(float(outline(model, data, data.body(0), shape)[:, 2].max()) for shape in shapes)
     contact: dict[str, Any] = {"contact_length": robot.contact_length}
     if robot.contact == WHEELS:
         axles = tuple(axle - robot.middle for axle in robot.standing)
@@ -202,9 +206,10 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
         TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path)
     )
     folder = path.parent
-    robot = replace(
-        robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages)
-    )
+    model, packages = folder / robot.model, [folder / each for each in robot.packages]
+    if absolute(folder) in absolute(model).parent.parents:
+        packages.append(folder)  # what lies beside a robot file belongs to its robot
+    robot = replace(robot, model=model, packages=tuple(packages))
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
         return robot
     with (
@@ -263,7 +268,9 @@ def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
                 ("links replaced", ", ".join(robot.wheels) or "none"),
             ]
             build_tracked(robot, looks=True, refuse=errors.append)
-            facts += _facts(build_tracked(robot, refuse=lambda _: None))
+            built = build_tracked(robot, refuse=lambda _: None)
+            with engine_errors(robot.model):
+                facts += _facts(built)
         except TrackslipError as error:
             errors.append(str(error))
         if not errors:

@@ -111,6 +111,7 @@ class TrackedRobot:
     def __post_init__(self) -> None:
         require_positive("half_gauge", self.half_gauge)
         require_positive("width", self.width)
+        Hull.from_wheels(self.hull)
         self.track("accurate", (1.0, 1.0))
         bodies = self.flipper_bodies
         require(
@@ -179,4 +180,4 @@ class TrackedRobot:
 
     def spec(self) -> Any:
         """The model as a `mujoco.MjSpec`; raises what `read_model` raises."""
-        return read_model(self.model, self.wheels)
+        return read_model(self.model, self.wheels, self.packages)

@@ -128,16 +128,14 @@ def build_tracked(
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
         connect(spec, names)
         name, model = chassis.name, spec.compile()
-    if (held := float(model.body_mass @ model.body_gravcomp)) > 0:
-        what = (
-            f"{robot.model}: its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
-        )
-        warnings.warn(what, RobotWarning, stacklevel=2)
-    if looks:  # only then are all shapes that show the body's reach in the model
-        warn_of_inertia(model, model.body(name).id, robot.model)
-    elif model.nu == len(robot.flippers):
-        _warn_of_loose_joints(model, robot)
-    return _read(model, robot, name, hinges, refuse)
+        if (held := float(model.body_mass @ model.body_gravcomp)) > 0:
+            what = f"its gravcomp holds up {held:.3g} kg, which don't weigh on the tracks"
+            warnings.warn(f"{robot.model}: {what}", RobotWarning, stacklevel=2)
+        if looks:  # only then are all shapes that show the body's reach in the model
+            warn_of_inertia(model, model.body(name).id, robot.model)
+        elif model.nu == len(robot.flippers):
+            _warn_of_loose_joints(model, robot)
+        return _read(model, robot, name, hinges, refuse)
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:

@@ -8,21 +8,42 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 
+from sim.robot.model_check import (
+    MeshSizes,
+    absolute,
+    check_model,
+    lies_in,
+    model_folders,
+    model_text,
+)
 from trackslip.errors import RobotWarning, TrackslipError, counted
 
 _READABLE = (".stl", ".obj", ".msh")
 _COMPILER = '<compiler strippath="false" discardvisual="false" '
 _MAX_FACES = 200_000  # MuJoCo's limit for an .stl file
+_STL_HEAD, _STL_FACE = 84, 50  # size of a binary .stl's header, and of each face [bytes]
+_HEAD = 1_000_000  # of a package.xml or a .dae, whose unit is at the top [bytes]
 _SHOWN = 3  # most names listed in a message
 _POINTER = b"version https://git-lfs"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
 
+ENGINE_ERRORS: Final = (
+    ValueError,
+    KeyError,
+    AttributeError,
+    OSError,
+    RuntimeError,
+    MemoryError,
+    mujoco.FatalError,
+    mujoco.UnexpectedError,
+)
+"""What MuJoCo raises for a model that it can't build or simulate."""
 Refuse = Callable[[str], None]
 """Handler for a line on what is wrong with a robot and how to mend it."""
 
@@ -32,20 +53,20 @@ def refuse(line: str) -> None:
     raise TrackslipError(line)
 
 
-def read_model(path: Path, locked: Collection[str] = ()) -> Any:
+def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path] = ()) -> Any:
     """Read an MJCF or URDF file as a `mujoco.MjSpec`; the meshes of a URDF keep their folders.
 
     In a URDF, links without <inertial> have no mass if they are fixed or will be `locked`; moving
     ones weigh as much as water, with a RobotWarning. Raises TrackslipError for a missing file, for
-    xacro, and for files of other kinds.
+    xacro, for files of other kinds, and what `check_model` raises.
     """
-    if not os.path.isfile(path):  # Path.is_file fails for long names
+    if not os.path.exists(path):  # Path.exists fails for long names
         raise TrackslipError(
             f"{path}: no such file; `model` must name the robot's MJCF or URDF file"
         )
     if _is_pointer(path):
         raise TrackslipError(f"{path}: is {_UNFETCHED}")
-    text = _text(path)
+    text = model_text(path)
     if "<xacro:" in text:
         raise TrackslipError(
             f"{path}: is xacro; run `xacro {path.name} > robot.urdf`, and name its result as "
@@ -58,13 +79,17 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
         raise TrackslipError(
             f"{path}: {kind}; `model` must be an MJCF (<mujoco>) or URDF (<robot>): convert it"
         )
+    folders = model_folders(path, packages)
     if root == "mujoco":
+        check_model(text, path, folders)
         return mujoco.MjSpec.from_file(str(path))
     if "<link" not in text:
         raise TrackslipError(
             f"{path}: has no links; if it is from xacro, its macros must be called as <xacro:NAME/>"
         )
-    spec = mujoco.MjSpec.from_string(_unstripped(text))
+    text = _unstripped(text)
+    check_model(text, path, folders)
+    spec = mujoco.MjSpec.from_string(text)
     stated, water = any(body.explicitinertial for body in spec.bodies), []
     for geom in list(spec.geoms):
         link = geom.parent
@@ -84,12 +109,11 @@ def read_model(path: Path, locked: Collection[str] = ()) -> Any:
     return spec
 
 
-def _text(path: Path) -> str:
-    """The XML text of a file, with its comments blanked out."""
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
-    return re.sub(
-        r"<!--.*?(?:-->|\Z)", lambda comment: "\n" * comment[0].count("\n"), text, flags=re.DOTALL
-    )
+def _head(path: Path) -> str:
+    """The beginning of an XML file, with its comments blanked out."""
+    with path.open("rb") as file:
+        text = file.read(_HEAD).decode("utf-8-sig", errors="replace")
+    return re.sub(r"<!--.*?(?:-->|\Z)", "", text, flags=re.DOTALL)
 
 
 def _unstripped(text: str) -> str:
@@ -131,11 +155,13 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
                     f"{_UNFETCHED}"
                 )
                 thing.file = ""
+    sizes = MeshSizes()
     left_out: dict[str, str] = {}
     for mesh in [mesh for mesh in spec.meshes if mesh.file]:
         geoms = [geom for geom in spec.geoms if geom.meshname == mesh.name]
         file, wrong = _mesh_file(mesh.file, model, packages, spec.meshdir) if geoms else (None, "")
         if file:
+            sizes.add(file)
             mesh.file = os.path.abspath(file)
             continue
         for geom in geoms:
@@ -169,14 +195,24 @@ def _mesh_file(
         folders = [home for home in homes if name in (home.name, _package_name(home))] + [
             home / name for home in homes
         ]
-        tried = [each / rest for each in folders]
+        if name in ("", ".", ".."):
+            folders = []
+        inside = [each for each in folders if lies_in(each / rest, [absolute(each)])]
+        tried = [each / rest for each in inside]
         there = next((each for each in folders if each.is_dir()), None)
         wrong = f"there is none; `packages` must list the folder of {name}, or the one it lies in"
         if there:
             wrong = f"package {name} in {str(there)[-100:]} has no {rest[-100:]}"
     else:
-        tried = [folder / meshdir / rest, folder / rest, folder / meshdir / Path(rest).name]
-        wrong = f"there is no {str(tried[0])[-100:]}"
+        places = [folder / meshdir / rest, folder / rest, folder / meshdir / Path(rest).name]
+        allowed = model_folders(model, packages)
+        tried = [place for place in places if lies_in(place, allowed)]
+        wrong = f"there is no {str(places[0])[-100:]}"
+        if not lies_in(places[0], allowed):
+            wrong += (
+                " in the model's folder, in its ROS package or in a folder that the robot file "
+                "lists in `packages`"
+            )
     for path in tried:
         beside = [Path(os.path.splitext(path)[0] + suffix) for suffix in _READABLE]
         for each in (path, *beside):
@@ -197,7 +233,7 @@ def _mesh_file(
             if _is_pointer(path):
                 return None, f"{path.name} is {_UNFETCHED}"
             kind = (
-                "such an .stl (ASCII, or over 200,000 faces)"
+                "such an .stl (ASCII, damaged, or over 200,000 faces)"
                 if path.suffix.lower() == ".stl"
                 else path.suffix
             )
@@ -225,7 +261,7 @@ def _unit(path: Path) -> str:
     """
     if path.suffix.lower() != ".dae" or not os.path.isfile(path):
         return "1"
-    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _text(path))
+    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _head(path))
     return unit[1] if unit else "1"
 
 
@@ -236,13 +272,15 @@ def _is_readable(path: Path) -> bool:
     if path.suffix.lower() != ".stl":
         return path.suffix.lower() in _READABLE and not _is_pointer(path)
     with path.open("rb") as file:
-        return 0 < int.from_bytes(file.read(84)[80:], "little") <= _MAX_FACES
+        faces = int.from_bytes(file.read(_STL_HEAD)[80:], "little")
+    is_whole = path.stat().st_size == _STL_HEAD + _STL_FACE * faces
+    return 0 < faces <= _MAX_FACES and is_whole
 
 
 def _package_name(folder: Path) -> str:
     """The package name in a folder's package.xml, or "" if there is none."""
     file = folder / "package.xml"
-    name = re.search(r"<name>\s*([^<\s]+)\s*</name>", _text(file)) if file.is_file() else None
+    name = re.search(r"<name>\s*([^<\s]+)\s*</name>", _head(file)) if file.is_file() else None
     return name[1] if name else ""
 
 
@@ -259,7 +297,7 @@ def engine_errors(path: Path) -> Iterator[None]:
         yield
     except TrackslipError:
         raise
-    except (ValueError, KeyError, AttributeError, OSError) as error:
+    except ENGINE_ERRORS as error:
         raise TrackslipError(
             f"{path}: {' '.join(str(error).split()).removeprefix('Error: ')}"
         ) from error

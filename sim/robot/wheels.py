@@ -227,7 +227,9 @@ def _mirrored(left: Array, right: Array) -> Array:
 
 def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """For each joint, whether it can turn by more than a full turn."""
-    return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
+    # in halves, as limits may be the largest numbers that there are
+    half = model.jnt_range[:, 1] / 2 - model.jnt_range[:, 0] / 2
+    return np.asarray((model.jnt_limited == 0) | (half > np.pi))
 
 
 def colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -88,6 +88,11 @@ class Slots:
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
 
+    def pairs(self, model: mujoco.MjModel) -> NDArray[np.int_]:
+        """Indices of a model's contact pairs with slots."""
+        ids = [model.geom(name).id for name in self._names]
+        return np.flatnonzero(np.isin(model.pair_geom1, ids) | np.isin(model.pair_geom2, ids))
+
     def bind_batch(self, batch: Any) -> None:
         """Let the slots move the geoms in `batch`, a batch of the model."""
         self._ids = np.array([batch.model.geom(name).id for name in self._names])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.robot.tracked_model import TrackedModel
+from sim.robot.urdf import engine_errors
 from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
@@ -108,7 +109,8 @@ class ContactPoints:
         data.qpos[:], data.qvel[:] = qpos, qvel
         data.ctrl[self._world.flipper_motor] = self._world.flipper_control(flippers)
         self._belts.set(belt)
-        mujoco.mj_forward(model, data)
+        with engine_errors(self._world.robot.model):
+            mujoco.mj_forward(model, data)
         contact = data.contact
         # (n, 2), whether each geom belongs to the world
         fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0

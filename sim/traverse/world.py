@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sim.drive.drive import Drive, ServoState
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
+from sim.robot.urdf import engine_errors
 from sim.settings import converted
 from sim.terrain.course import Course, look_up
 from sim.tracks import Reading
@@ -93,7 +94,8 @@ class Traverse(World):
         """The compiled robot."""
         model = self.tracked.model
         belts = self.tracked.belts
-        super().__init__(model, size, threads, self.tracked.free)
+        with engine_errors(robot.model):
+            super().__init__(model, size, threads, self.tracked.free)
         self.period, self.sample = period, sample
         self.limits = limits or Limits()
         self._substeps = steps_in("sample", sample, "the physics step", float(model.opt.timestep))
@@ -105,10 +107,12 @@ class Traverse(World):
         self.top_speed = top_speed or (robot.drive.top_speed if self._limited else _TOP_SPEED)
         """Top speed of the belts [m/s]."""
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
+        self._terrain_pairs = self.slots.pairs(model)
         self.slots.bind_batch(self.batch)
         self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
-        self._clear = clear_angles(self.tracked)
+        with engine_errors(robot.model):
+            self._clear = clear_angles(self.tracked)
         self.servo = ServoState(robot.drive.lag, self.top_speed, size, len(self.flippers.length))
         """Servos of the belts and flippers: current belt speeds and set points."""
         self.contact = Reading.none(size, len(self.track_names))
@@ -179,7 +183,8 @@ class Traverse(World):
         self.servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         self._belts.set(np.ones((len(where), 2)), where)
-        self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
+        with engine_errors(self.tracked.robot.model):
+            self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
@@ -220,13 +225,15 @@ class Traverse(World):
         ):
             valid = np.shape(values) == state.shape and np.isfinite(values).all()
             require(valid, name, np.asarray(values).tolist(), f"finite, of shape {state.shape}")
+        self.work[:] = 0.0  # also of robots whose simulation diverges in this period
         rows = np.flatnonzero(self.outcome == Outcome.DRIVING)
         if not rows.size:
             return
         self.servo.command(command.speed, command.flippers)
         before, readings = self.batch.state.copy(), []
         inertia = self.tracked.robot.drive.motor.inertia
-        with quietly():  # a diverging run ends with the outcome EXPLODED
+        # a diverging run ends with the outcome EXPLODED
+        with quietly(), engine_errors(self.tracked.robot.model):
             for _ in range(self._samples):
                 speed = self.servo.advance(self.sample)
                 self._belts.set(speed, torque_limit=self._torque_limit(speed), inertia=inertia)
@@ -266,7 +273,8 @@ class Traverse(World):
     def _lay(self, row: int, course: Course) -> None:
         self.slots.lay(row, course)
         self.course[row] = course
-        self._friction[row, :, :2] = course.friction
+        # other pairs, such as those in the robot's own model, keep their friction
+        self._friction[row, self._terrain_pairs, :2] = course.friction
         bounds = course.bounds
         self._bottom[row] = bounds[0, 2] - _DROP
         self._side[row] = np.abs(bounds[:, 1]).max()

@@ -86,6 +86,13 @@ MISTAKES = [
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
     (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
+    *(  # a decimal comma makes two numbers of one
+        (load, ROBOT.replace("[-0.2, 0.1, 0.1]", wheel), f"hull[0] = {wheel}: must be 3 values")
+        for load in (load_tracked, load_parameters)
+        for wheel in ("[0, 2, 0.1, 0.1]", "[-0.2, 0.1]", "[]")
+    ),
+    (load_tracked, ROBOT.replace("[[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]", "[]"), "from 2 to 100 whe"),
+    (load_ground, PIECE + "x = [0, 1, 2]", "patches[0]: x = [0, 1, 2]: must be 2 values"),
     # obstacles
     (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls"),
     # courses

@@ -95,8 +95,8 @@ MASKED = """<mujoco><worldbody>
             (URDF, MASKED.format(mask), r"reaches down to -0\.1 m")
             for mask in ("contype", "conaffinity")
         ),
-        ("0 0 0.14", "0 0 nan", r"mine\.urdf: a number in it is nan, inf or too large"),
-        ("</robot>", "", r"mine\.urdf: XML"),
+        ("0 0 0.14", "0 0 nan", r"mine\.urdf: <origin> xyz = '0 0 nan': numbers must be finite"),
+        ("</robot>", "", r"mine\.urdf: not XML \(no element found"),
         ("mine.urdf", "x" * 5000, "no such file"),
         ("mine.urdf", "gone.urdf", r"gone.urdf: no such file; `model` must name"),
         (

@@ -153,7 +153,7 @@ def below(shape):
             mesh("../meshes/a.stl"),
             "",
             {"meshes/a.stl": ASCII_STL},
-            r"such an \.stl \(ASCII, or over 200,000 faces\)",
+            r"such an \.stl \(ASCII, damaged, or over 200,000 faces\)",
         ),
         (
             mesh("../meshes/a.obj"),

@@ -238,6 +238,43 @@ def test_a_state_that_is_not_finite_is_named_and_kept_out(capfd, tmp_path, monke
     assert mujoco.MjLogConfig.get().logto_file  # as before
 
 
+def test_a_period_in_which_a_run_diverges_has_no_work():
+    world = Traverse(load_tracked("box"), [LEVEL], 2, threads=1)
+    command = Command(np.full((2, 2), 0.3), np.zeros((2, 0)))
+    world.step(command)
+    assert (np.abs(world.work) > 0).all()
+    world.batch.expand("opt.gravity")[1, 2] = np.nan
+    world.step(command)
+    assert world.outcome[1] == Outcome.EXPLODED
+    assert np.abs(world.work[0]).min() > 0
+    np.testing.assert_array_equal(world.work[1], 0.0)
+
+
+PAIR = """<mujoco><worldbody><body name="base">
+<geom name="hull" type="box" size=".2 .1 .05" pos="0 0 .1" mass="9"/>
+<body name="arm" pos="0 0 .3"><joint axis="0 1 0" range="-9 9"/><geom name="arm" size=".05" mass="1"/></body>
+</body></worldbody>
+<contact><pair geom1="hull" geom2="arm" friction="0.11 0.12 0 0 0"/></contact></mujoco>"""
+
+
+def test_a_models_own_contact_pair_keeps_its_friction(tmp_path):
+    (tmp_path / "robot.xml").write_text(PAIR)
+    (tmp_path / "robot.toml").write_text(
+        'model = "robot.xml"\nhalf_gauge = 0.3\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n'
+    )
+    slippery = Course((Flat(4.0),), friction=0.4)
+    robot = load_tracked(tmp_path / "robot.toml")
+    for courses in ([LEVEL], [LEVEL, slippery]):
+        world = Traverse(robot, courses, 1, threads=1)
+        world.begin([0], [courses[-1]])
+        model, friction = world.tracked.model, world.batch.expand("pair_friction")[0, :, :2]
+        hull, arm = model.geom("hull").id, model.geom("arm").id
+        own = (model.pair_geom1 == min(hull, arm)) & (model.pair_geom2 == max(hull, arm))
+        assert own.sum() == 1
+        np.testing.assert_array_equal(friction[own], [[0.11, 0.12]])
+        assert (friction[~own] == courses[-1].friction).all()
+
+
 def test_who_waits_turns_or_slips_is_not_stuck():
     watch = StuckWatch(Limits(stuck_time=1.0), 4, period=0.1)
     position = np.zeros((4, 3))
