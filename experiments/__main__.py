@@ -19,6 +19,9 @@ def _run() -> None:
     # these imports stand here, because an interrupt may come during them
     from importlib.util import find_spec
 
+    from experiments.common import streams
+
+    streams.prepare()
     for name in PACKAGES:
         spec = find_spec(name)
         if spec is not None and spec.submodule_search_locations is None:
