@@ -8,7 +8,6 @@ import functools
 import importlib
 import importlib.metadata
 import io
-import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -17,6 +16,7 @@ from typing import Any, NoReturn
 
 import tyro
 
+from experiments.common.streams import flush_or_discard
 from trackslip.errors import InvalidValueError, TrackslipError
 
 EXAMPLES = (
@@ -98,16 +98,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; exits with 2 after an error, and with 130 when interrupted."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        with warnings.catch_warnings():
-            warnings.showwarning = functools.partial(_warn, set())
-            _run(arguments)
-        sys.stdout.flush()
+        try:
+            with warnings.catch_warnings():
+                warnings.showwarning = functools.partial(_warn, set())
+                _run(arguments)
+        finally:
+            sys.stdout.flush()  # here, because Python would end with a traceback if it can't
     except TrackslipError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt as interrupt:
         _fail(str(interrupt) or "interrupted", 130)
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        flush_or_discard(sys.stdout)
         if isinstance(error, BrokenPipeError):  # the reader closed the pipe
             sys.exit(1)
         _fail(f"{error.filename or 'output'}: can't be written ({error.strerror or error})", 2)
@@ -201,5 +203,10 @@ def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> 
 
 def _fail(message: str, code: int) -> NoReturn:
     line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
-    print(f"trackslip: {line}", file=sys.stderr)
+    for stream in (sys.stderr, sys.stdout):
+        try:
+            print(f"trackslip: {line}", file=stream, flush=True)
+            break
+        except OSError:  # a full disk; the line goes to the other stream
+            flush_or_discard(stream)
     sys.exit(code)

@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
+from experiments.common.leftovers import temporary
 from experiments.common.options import Distinct, Excludes, Exclusion, Options, default_is
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
@@ -80,7 +81,7 @@ def run(config: Config) -> None:
         record(config.save, chosen)
         print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")
         return
-    with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
-        file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
+    with temporary(Path(tempfile.mkdtemp(prefix="trackslip-view-"))) as folder:
+        file = folder / file_names([title(chosen)], ".rrd")[0]
         record(file, chosen)
         viewer.show(file, config.web)

@@ -40,7 +40,7 @@ FILES: Final = "files"
 """Key of a manifest with the sizes [bytes] of all other files of the results, by path."""
 
 # a store's files, named by a hash, and the drafts from which they are made
-STORED_FILE: Final = re.compile(r"[0-9a-f]{32}\.(json|parquet)|\.[0-9a-f]{32}\.(json|parquet)-\d+")
+STORED_FILE: Final = re.compile(r"[0-9a-f]{32}\.(json|parquet)|\.draft-\d+-\d+")
 # a reader waits so long for a command that is moving its results, which takes milliseconds [s]
 PATIENCE: Final = 10.0
 

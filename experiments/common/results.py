@@ -4,12 +4,14 @@ import contextlib
 import itertools
 import os
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from experiments.common.leftovers import temporary
 from trackslip.errors import OutputError, first_line
 from trackslip.identification.samples import SlipSamples
 from trackslip.logs.runlog import RunLog
@@ -27,7 +29,8 @@ PICTURES_FOLDER = "pictures"
 DRIVE_RECORDING = "drive.rrd"
 TRAJECTORIES_FOLDER = "trajectories"
 
-_LONGEST_NAME = 120  # characters in a file name; file systems allow 255
+_LONGEST_NAME = 120  # bytes in a file name without its ending; file systems allow 255
+_drafts = itertools.count(1)  # numbers of the drafts of this process
 
 
 @contextlib.contextmanager
@@ -66,13 +69,11 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a draft next to `file`, and move the draft into place; a failure leaves
     nothing behind.
     """
-    draft = file.with_name(f".{file.name}-{os.getpid()}")
-    with new_folders(file.parent):
-        try:
-            write(draft)
-            draft.replace(file)
-        finally:
-            draft.unlink(missing_ok=True)
+    # not named after the file, whose name may be as long as a file system allows
+    draft = file.with_name(f".draft-{os.getpid()}-{next(_drafts)}")
+    with new_folders(file.parent), temporary(draft):
+        write(draft)
+        draft.replace(file)
 
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
@@ -100,13 +101,22 @@ def file_names(names: Sequence[str], ending: str = "") -> list[str]:
     """
     used: dict[str, str] = {}
     for name in names:
-        plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST_NAME] or "run"
+        plain = _shortened(re.sub(r"[^\w.=+-]+", "_", name).strip("._")) or "run"
         candidates = (
             f"{plain}{ending}" if k == 1 else f"{plain}_{k}{ending}" for k in itertools.count(1)
         )
         file = next(file for file in candidates if file.lower() not in used)
         used[file.lower()] = file
     return list(used.values())
+
+
+def _shortened(name: str) -> str:
+    """The beginning of a file name that has at most _LONGEST_NAME bytes, of characters that names
+    of files may have here.
+    """
+    encoding = sys.getfilesystemencoding()
+    known = name.encode(encoding, "ignore")
+    return known[:_LONGEST_NAME].decode(encoding, "ignore")
 
 
 def write_runs(folder: Path, logs: Sequence[RunLog]) -> None:

@@ -239,6 +239,7 @@ def drive_missing(
     watch: Stopwatch,
     jobs: int = 0,
     executor: str = "processes",
+    wait: bool = False,
 ) -> None:
     """Drive the runs that are missing from `store`, and add their results to it.
 
@@ -249,6 +250,7 @@ def drive_missing(
         watch: adds up the computing time of all workers, by stage.
         jobs: number of worker processes, 0 for one per processor.
         executor: name of an executor, as in `workers`.
+        wait: whether to wait for other workers if all have died, as in `workers`.
     """
     missing = [run for run in runs if run.id not in store.rows]
     if not missing:
@@ -260,7 +262,7 @@ def drive_missing(
     inline = executor == "inline" or (executor == "processes" and jobs == 1)
     with (
         progress(counted(len(runs), "run"), sum(durations.values()), done=done) as report,
-        workers("inline" if inline else executor, jobs) as pool,
+        workers("inline" if inline else executor, jobs, wait) as pool,
     ):
         drive = partial(drive_fleet, kind, report=report if inline else None)
         for fleet in pool.each(drive, fleets(missing, pool.count, kind.sizes)):

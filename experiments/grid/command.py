@@ -28,7 +28,13 @@ def run(config: Config) -> None:
         resumed, began, file = len(store.rows), run.wall, run.folder / RUNS_FILE
         simulated = sum(case.duration for case in runs if case.id not in store.rows)
         drive_missing(
-            runs, store, GridRuns(config.threads), run.watch, config.jobs, config.executor
+            runs,
+            store,
+            GridRuns(config.threads),
+            run.watch,
+            config.jobs,
+            config.executor,
+            config.wait,
         )
         timing = {"driving_s": run.wall - began, "driven": len(runs) - resumed, "resumed": resumed}
         rows = [store.rows[case.id] | {"run": case.name, **plain(case.axes)} for case in runs]

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
+import tyro
+
 from experiments.common.choices import GROUNDS
-from experiments.common.options import Distinct, Exclusion, Needs, Whole, default_is
+from experiments.common.options import Distinct, Excludes, Exclusion, Needs, Whole, default_is
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.options import MAX_JOBS
 from trackslip.errors import InvalidValueError
@@ -55,10 +57,15 @@ class Config(GridConfig):
     """Executor for the runs: worker processes, this process (inline), or a Dask cluster."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor."""
+    wait: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """If all workers of a Dask cluster have died, wait for others instead of stopping."""
     bag: bool = False
     """Also write each run as a ROS 2 bag to OUT/bags."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("jobs",), "executor", ("processes",)),)
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("jobs",), "executor", ("processes",)),
+        Excludes(("wait",), "executor", ("processes", "inline")),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -13,7 +13,6 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from experiments.common.results import write_output
-from trackslip.errors import OutputError, first_line
 from trackslip.kinematics import Array
 from trackslip.metrics import TRANSIENT
 
@@ -95,19 +94,17 @@ def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -
     """
 
     def write(draft: Path) -> None:
-        draft.touch()  # fails if the file can't be written
+        draft.touch()  # fails at once if the file can't be written
         with rr.RecordingStream("trackslip", recording_id=uuid4()) as stream:
+            # not to the file: rerun's thread for it hangs when the disk is full
+            memory = rr.binary_stream(recording=stream)
             stream.send_recording_name(title)
-            stream.save(draft)
             send(Recording(stream))
-            stream.flush()
-            stream.disconnect()
+            # once, because each part that is read is a recording of its own
+            content = memory.read()
+        draft.write_bytes(content or b"")
 
-    try:
-        write_output(file, write)
-    # rerun writes in a thread of its own, which ends when the disk is full
-    except RuntimeError as error:
-        raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
+    write_output(file, write)
 
 
 def about_vertical(heading: Array) -> Array:

@@ -2,12 +2,16 @@
 browser.
 """
 
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
+from experiments.common.leftovers import undone
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
@@ -29,9 +33,9 @@ def show(file: Path, web: bool) -> None:
     """Show a recording in a new viewer until that is closed or interrupted; raises TrackslipError
     if it can't start.
     """
-    viewer = Path(sys.executable).with_name("rerun")  # the environment needn't be active
+    program = Path(sys.executable).with_name("rerun")  # the environment needn't be active
     command = [
-        str(viewer) if viewer.exists() else "rerun",
+        str(program) if program.exists() else "rerun",
         "--bind",
         "127.0.0.1",
         "--new",
@@ -41,10 +45,28 @@ def show(file: Path, web: bool) -> None:
         print("showing in the browser until interrupted", flush=True)
         command += ["--web-viewer", "--web-viewer-port", "0"]
     log = "error,re_sdk::web_viewer=info"  # which prints the page's address
+    environment = {"RUST_LOG": log, "RERUN_APP_ONLY": "true", **os.environ}
     try:
-        subprocess.run(
-            command, check=True, env={"RUST_LOG": log, "RERUN_APP_ONLY": "true", **os.environ}
-        )
-    except (OSError, subprocess.CalledProcessError) as error:
-        other = "" if web else "--web, or "
-        raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE") from error
+        with (
+            subprocess.Popen(command, env=environment, process_group=0) as viewer,
+            undone(partial(_end, viewer)),
+        ):
+            code = viewer.wait()
+    except OSError as error:
+        raise _not_started(web) from error
+    if code:
+        raise _not_started(web)
+
+
+def _end(viewer: subprocess.Popen[bytes]) -> None:
+    """End the viewer, which is a child of the process that was started."""
+    if sys.platform == "win32":
+        viewer.kill()
+    else:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(viewer.pid, signal.SIGKILL)
+
+
+def _not_started(web: bool) -> TrackslipError:
+    other = "" if web else "--web, or "
+    return TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE")

@@ -1,6 +1,6 @@
 import contextlib
-import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from experiments.common.pool import workers
@@ -27,51 +28,69 @@ def large(megabytes):
     return np.zeros(megabytes * 125_000)
 
 
-def gone():
-    deadline = time.monotonic() + 10  # on a busy machine; the tasks that are left would take 15 s
-    while multiprocessing.active_children() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    return multiprocessing.active_children() == []
+def children():
+    return psutil.Process().children(recursive=True)
 
 
 @pytest.mark.parametrize(("name", "count"), [("inline", 1), ("processes", 2)])
 def test_every_task_is_done_once_and_an_error_leaves_no_process(name, count):
-    """While workers compute and return results: they end their tasks, and begin no others."""
+    """While workers compute and return results."""
     with contextlib.suppress(KeyError), workers(name, count) as pool:
         assert sorted(pool.each(double, range(20))) == list(range(0, 40, 2))
         assert list(pool.each(double, [])) == []
         for do, tasks in ((large, [2] * 20), (time.sleep, [0, *[1.5] * 20])):
             next(pool.each(do, tasks))
         raise KeyError
-    assert gone()
+    assert not children()
 
 
 def test_a_worker_that_dies_is_reported():
     with pytest.raises(TrackslipError, match="a worker died"), workers("processes", 1) as pool:
         list(pool.each(die, range(2)))
-    assert gone()
+    assert not children()
 
 
 def test_workers_end_with_a_parent_that_is_killed():
     code = """
-import multiprocessing, time
+import time
 from experiments.common.pool import workers
-if __name__ == "__main__":
-    with workers("processes", 2) as pool:
-        pending = pool.each(time.sleep, [0, 0, 60, 60])
-        next(pending), next(pending)
-        print(*(child.pid for child in multiprocessing.active_children()), flush=True)
-        list(pending)
+with workers("processes", 2) as pool:
+    pending = pool.each(time.sleep, [0, 0, 60, 60])
+    next(pending), next(pending)
+    print(flush=True)
+    list(pending)
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
-    ) as process:
-        first = process.stdout.readline().split()
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        started = psutil.Process(process.pid).children()
         process.kill()
-        began = time.monotonic()
-        process.stdout.read()  # until nobody can write there any more
-        assert time.monotonic() - began < 5
-    assert len(first) == 2
+        gone, _ = psutil.wait_procs(started, timeout=5)
+    assert len(gone) == 2
+
+
+def broken(_task):
+    raise ValueError(lambda: "an error that can't be pickled")
+
+
+def test_errors_in_workers_are_raised_here():
+    with workers("processes", 1) as pool:
+        with pytest.raises(TypeError, match="unsupported operand"):
+            list(pool.each(double, [None]))
+        with pytest.raises(RuntimeError, match="ValueError"):
+            list(pool.each(broken, [1]))
+        with pytest.raises((AttributeError, pickle.PicklingError), match="pickle"):
+            list(pool.each(lambda task: task, [1]))
+
+
+def shout(task):
+    print("a task prints")
+    return task
+
+
+def test_what_tasks_print_is_no_result(capfd):
+    with workers("processes", 1) as pool:
+        assert list(pool.each(shout, [1, 2])) == [1, 2]
+    assert capfd.readouterr().err.count("a task prints") == 2
 
 
 GRID = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")

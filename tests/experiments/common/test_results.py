@@ -12,6 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from experiments.cli import main
+from experiments.common.results import file_names, write_output
 from experiments.common.results_folder import results_folder
 from trackslip.files import FORMAT
 from trackslip.laws.file import SHIPPED
@@ -117,3 +118,18 @@ def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_pa
     assert "runs.parquet: written by a newer trackslip in format 2; " in refused(
         "identify", "runs.parquet"
     )
+
+
+@pytest.mark.parametrize("name", ["a", "é", "速", "𠀀"])
+def test_file_names_are_limited_in_bytes(name):
+    names = [100 * name, 100 * name, 300 * name]
+    files = file_names(names, ".rrd")
+    assert len(set(files)) == len(names)
+    assert all(len(os.fsencode(file)) <= 130 for file in files)
+    assert all(file.startswith(10 * name) for file in files)
+
+
+def test_a_file_may_have_the_longest_name(tmp_path):
+    file = tmp_path / (85 * "速")  # 255 bytes
+    write_output(file, lambda draft: draft.write_text("text"))
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]

@@ -1,3 +1,6 @@
+import resource
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +13,7 @@ from experiments import recorder as recording
 from experiments.cli import main
 from experiments.recorder.run import parameters_of
 from sim.robot.parameters import RobotParameters
+from trackslip.errors import OutputError
 from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs, write_csv
@@ -149,3 +153,26 @@ def test_view_refuses(driven, refused, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     assert "doesn't start; try --web, or --save FILE" in refused("view", folder)
+
+
+@pytest.mark.parametrize("size", [0, 20_000, 200_000])
+def test_a_recording_that_does_not_fit_on_the_disk(size, driven, tmp_path, capfd):
+    """As rerun writes to a file in a thread of its own, which hung."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    file = tmp_path / "run.rrd"
+    log = driven[1][0]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        with pytest.raises(OutputError, match=r"run\.rrd: can't be written \(File too large\)"):
+            recording.record(file, [log])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr().err == ""
+
+
+def test_a_recording_is_valid(driven):
+    file = driven[0] / FILES["none"]
+    rerun = Path(sys.executable).with_name("rerun")
+    done = subprocess.run([rerun, "rrd", "verify", file], capture_output=True, text=True)
+    assert "verified without error" in done.stdout + done.stderr
