@@ -2,7 +2,7 @@
 
 import csv
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import degrees
@@ -17,7 +17,7 @@ from experiments.common.options import Exclusion, Needs, Options, default_is
 from experiments.common.results import RUNS_FILE, require_new, write_output
 from experiments.common.table import MISSING, Table, number
 from trackslip.bags.choice import BagChoice
-from trackslip.bags.drives import holds_bags, read_runs_of
+from trackslip.bags.drives import holds_bags, read_runs_of, runs_of
 from trackslip.bags.open import Bag as RosBag
 from trackslip.bags.open import open_bags
 from trackslip.bags.topics import (
@@ -33,8 +33,7 @@ from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.logs.schema import COLUMNS
-from trackslip.logs.table import to_table
-from trackslip.logs.table_reader import ReadRuns
+from trackslip.logs.table import column_names
 
 EXAMPLES = (
     ("a bag's topics, and the log that identify would read", "trackslip log run.mcap"),
@@ -92,16 +91,24 @@ def run(config: Config) -> None:
     damage = [note for bag in bags for note in bag.notes]
     for bag in bags:
         _topics_table(bag, choice).print()
+    columns: dict[str, None] = {}
+    runs: list[Sequence[str]] = []
+    scanners: list[str] = []
     try:
-        read = read_runs_of(config.path, choice)
+        read = runs_of(config.path, choice)
+        for log in read:
+            columns |= dict.fromkeys(column_names(log))
+            runs.append(_cells(log))
+            scanners += _scanner_lines(log, choice)
     except LogError as error:
         if not bags:
             raise
         _print_warnings((*damage, str(error)))  # the printed topics show what options can select
         return
-    _columns_table(read.runs).print()
-    _runs_table(f"Runs in {config.path}", read.runs).print()
-    _print_sources(read, choice)
+    _columns_table(columns).print()
+    Table(f"Runs in {config.path}", _RUNS, runs).print()
+    for line in (*read.taken, *scanners):
+        print(line)
     _print_warnings((*damage, *read.warnings))
 
 
@@ -158,41 +165,34 @@ def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
     return found
 
 
-def _columns_table(logs: Sequence[RunLog]) -> Table:
-    columns = [COLUMNS[name] for name in to_table(logs).column_names]
+def _columns_table(names: Iterable[str]) -> Table:
+    columns = [COLUMNS[name] for name in names]
     rows = [(column.name, column.unit or MISSING, column.description) for column in columns]
     return Table("Columns", ("column", "unit", "description"), rows, "l")
 
 
-def _runs_table(title: str, logs: Sequence[RunLog]) -> Table:
-    rows = []
-    for log in logs:
-        posed = log.time[log.is_valid]
-        gaps = np.diff(posed) if len(posed) > 1 else np.array([np.nan])
-        poses = (
-            str(len(posed)),
-            number(1 / float(np.median(gaps)), 1),
-            number(float(gaps.max()), 2),
-        )
-        duration, step = float(log.time[-1] - log.time[0]), float(np.diff(log.time).max())
-        rows.append((log.run, str(len(log.time)), number(duration, 2), number(step, 2), *poses))
-    return Table(title, _RUNS, rows)
+def _cells(log: RunLog) -> tuple[str, ...]:
+    """The row of a run in the table of runs, with the columns _RUNS."""
+    posed = log.time[log.is_valid]
+    gaps = np.diff(posed) if len(posed) > 1 else np.array([np.nan])
+    return (
+        log.run,
+        str(len(log.time)),
+        number(float(log.time[-1] - log.time[0]), 2),
+        number(float(np.diff(log.time).max()), 2),
+        str(len(posed)),
+        number(1 / float(np.median(gaps)), 1),
+        number(float(gaps.max()), 2),
+    )
 
 
-def _print_sources(read: ReadRuns, choice: BagChoice) -> None:
-    """Print which topics were used and, for a plate in scans, the scanner's estimated pose and
-    noise.
-    """
-    for line in (*read.taken, *(_scanner_lines(read.runs) if choice.plate is not None else ())):
-        print(line)
-
-
-def _scanner_lines(logs: Sequence[RunLog]) -> Iterator[str]:
-    for log in logs:
-        if log.scans is not None:
-            x, y, yaw = log.scans.scan.mount
-            place = f"x = {x:.3f} m, y = {y:.3f} m, yaw = {degrees(yaw):.2f}°"
-            yield f"{log.run}: scanner at {place}, noise {1e3 * log.scans.scan.noise:.1f} mm"
+def _scanner_lines(log: RunLog, choice: BagChoice) -> list[str]:
+    """A line with the estimated pose and noise of the scanner, if a plate was followed in scans."""
+    if choice.plate is None or log.scans is None:
+        return []
+    x, y, yaw = log.scans.scan.mount
+    place = f"x = {x:.3f} m, y = {y:.3f} m, yaw = {degrees(yaw):.2f}°"
+    return [f"{log.run}: scanner at {place}, noise {1e3 * log.scans.scan.noise:.1f} mm"]
 
 
 def _print_warnings(lines: Sequence[str]) -> None:
@@ -214,7 +214,8 @@ def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
         write_output(units, lambda columns: _write_units(draft, columns))
 
     write_output(file, (lambda draft: write_parquet(read.runs, draft)) if parquet else write_both)
-    _print_sources(read, choice)
+    for line in (*read.taken, *(line for log in read.runs for line in _scanner_lines(log, choice))):
+        print(line)
     _print_warnings(read.warnings)
     size = (
         f"{counted(len(read.runs), 'run')}, "

@@ -15,7 +15,7 @@ from experiments.common.options import Distinct, Excludes, Exclusion, Options, d
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
 from trackslip.bags.choice import AUTOMATIC, BagChoice
-from trackslip.bags.drives import holds_bags, read_runs_of
+from trackslip.bags.drives import holds_bags, runs_of
 from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
@@ -66,16 +66,15 @@ def run(config: Config) -> None:
             write_output(config.save, partial(copyfile, recording))
             print(f"{config.save}: {recording}; to open it: rerun {shlex.quote(str(config.save))}")
         return
-    read = read_runs_of(
+    runs = runs_of(
         config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC
     )
-    for line in read.warnings:
+    chosen, count = viewer.choose(runs, config.run, config.path)
+    for line in runs.warnings:
         print(f"warning: {line}")
-    chosen = viewer.choose(read.runs, config.run, config.path)
-    if not config.run and len(read.runs) > 1:
+    if not config.run and count > 1:
         print(
-            f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run NAME chooses one; repeat "
-            "it to compare"
+            f"{count} runs; showing {chosen[0].run!r}. --run NAME chooses one; repeat it to compare"
         )
     if config.save is not None:
         record(config.save, chosen)

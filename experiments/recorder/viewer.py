@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,17 +16,24 @@ from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
 
-def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[RunLog]:
-    """The runs with these names, in that order, by default the first run; raises LogError for an
-    unknown name.
+def choose(logs: Iterable[RunLog], names: Sequence[str], path: Path) -> tuple[list[RunLog], int]:
+    """The runs with these names, in that order, by default the first run, and the number of all
+    runs; raises LogError for an unknown name.
+
+    Only the chosen runs are kept in memory.
     """
-    runs = {log.run: log for log in logs}
+    chosen: dict[str, RunLog] = {}
+    others: list[str] = []
+    for log in logs:
+        if log.run in names or not (names or chosen):
+            chosen[log.run] = log
+        else:
+            others.append(log.run)
     for name in names:
-        if name not in runs:
-            raise LogError(
-                f"{path}: no run {name!r}; there are {', '.join(map(repr, list(runs)[:5]))}"
-            )
-    return [runs[name] for name in names] or [logs[0]]
+        if name not in chosen:
+            there = ", ".join(map(repr, [*chosen, *others][:5]))
+            raise LogError(f"{path}: no run {name!r}; there are {there}")
+    return [chosen[name] for name in names or chosen], len(chosen) + len(others)
 
 
 def show(file: Path, web: bool) -> None:

@@ -18,9 +18,9 @@ from trackslip.bags.stamps import clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source
 from trackslip.errors import InvalidValueError, LogError, LogWarning
 from trackslip.kinematics import Array
-from trackslip.logs.logfile import RUNS, read_log, runs_file
+from trackslip.logs.logfile import RUNS, runs_file, runs_in
 from trackslip.logs.runlog import Refused, RunLog, none_usable
-from trackslip.logs.table_reader import ReadRuns
+from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
 REPEATED = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
 _STRIDE = 1.0  # time step over which the motions of poses and wheels are compared [s]
@@ -50,10 +50,19 @@ def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
     """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no
     run can be read.
     """
+    runs = runs_of(path, bag)
+    return runs if isinstance(runs, ReadRuns) else runs.read()
+
+
+def runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns | RunsInTables:
+    """The runs in a log of any kind, to iterate over: from a table, one run at a time is in memory.
+
+    Raises LogError if no run can be read, for a table at the end of the iteration.
+    """
     if holds_bags(path):
         return read_bags(path, bag)
     refuse_choice(path, bag)
-    return read_log(runs_file(path))
+    return runs_in(runs_file(path))
 
 
 def holds_bags(path: Path) -> bool:

@@ -8,20 +8,22 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError, counted, require_within
 from trackslip.identification.samples import Sampling, SlipSamples, usable_samples
 from trackslip.kinematics import GEARS, Array, RobotGeometry
 from trackslip.logs.columns import Columns
-from trackslip.logs.logfile import read_table, runs_file
+from trackslip.logs.logfile import read_tables, runs_file
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.logs.table import LATERAL, SAMPLE_COLUMNS
-from trackslip.logs.table_reader import ReadRuns, runs_from_table
+from trackslip.logs.table_reader import ReadRuns, RunsInTables
 from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS: Final = (0.1, 10.0)
@@ -162,18 +164,15 @@ def _of_table(
     file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None
 ) -> Source:
     """Read the runs or the steady samples in a file."""
-    table = read_table(file)
-    if "x" not in table.column_names and set(SAMPLE_COLUMNS) <= set(table.column_names):
+    tables = read_tables(file)
+    first = next(tables)
+    if "x" not in first.column_names and set(SAMPLE_COLUMNS) <= set(first.column_names):
         if chosen is not None:
             raise LogError("holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        return Source(
-            str(file),
-            geometry,
-            reading,
-            rows=_sampled(Columns(table, str(file)), reading, geometry),
-        )
-    read = runs_from_table(table, str(file))
+        columns = Columns(pa.concat_tables([first, *tables]), str(file))
+        return Source(str(file), geometry, reading, rows=_sampled(columns, reading, geometry))
+    read = RunsInTables(chain([first], tables), str(file)).read()
     names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
     runs = [log for log in read.runs if log.run in names]
     if not runs:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -28,11 +29,36 @@ class Cells:
     damaged: np.ndarray
 
 
-class Columns:
-    """A table's columns as arrays; errors name the row and the column."""
+@dataclass(frozen=True)
+class Lists:
+    """A column of lists of numbers."""
 
-    def __init__(self, table: pa.Table, source: str) -> None:
-        self._table, self._source = table, source
+    numbers: np.ndarray  # (n,) float32: the numbers in all lists, in order
+    lengths: np.ndarray  # (T,) int: number of numbers in each list, 0 where the cell is empty
+    empty: np.ndarray  # (T,) bool
+
+    def take(self, rows: np.ndarray) -> tuple[Array, np.ndarray]:
+        """The numbers (m,) in the lists in `rows` (R,), in order, and their lengths (R,)."""
+        lengths = self.lengths[rows]
+        # from places in the result to places in `numbers`
+        shift = self._starts[rows] - (np.cumsum(lengths) - lengths)
+        places = np.arange(lengths.sum()) + np.repeat(shift, lengths)
+        return np.asarray(self.numbers[places], float), lengths
+
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        """Place (T,) in `numbers` at which each list begins."""
+        return np.asarray(np.cumsum(self.lengths) - self.lengths)
+
+
+class Columns:
+    """A table's columns as arrays; errors name the row and the column.
+
+    Rows are counted from `first_row`, for a part of a table.
+    """
+
+    def __init__(self, table: pa.Table, source: str, first_row: int = 0) -> None:
+        self._table, self._source, self._first_row = table, source, first_row
 
     def require(self, names: Sequence[str]) -> None:
         """Raise LogError if one of `names` is missing or any column occurs twice."""
@@ -85,9 +111,8 @@ class Columns:
         """An error message about a damaged cell."""
         shown = repr(self._table.column(name)[row].as_py())
         shown = shown if len(shown) <= 40 else shown[:40] + "…"
-        return (
-            f"row {row + 1}, column {name}: {shown} is not {_EXPECTED.get(name, 'a finite number')}"
-        )
+        expected = _EXPECTED.get(name, "a finite number")
+        return f"row {self._first_row + row + 1}, column {name}: {shown} is not {expected}"
 
     def categories(self, name: str) -> tuple[np.ndarray, list[str]]:
         """The index (T,) of each cell's text, and the distinct texts, in a text column; nulls count
@@ -104,6 +129,21 @@ class Columns:
         except pa.ArrowException as error:
             raise LogError(f"{self._source}: column {name}: {first_line(error)}") from error
         return text.indices.to_numpy(), text.dictionary.to_pylist()
+
+    def lists(self, name: str) -> Lists | None:
+        """A column of lists of numbers; None if the column is missing or has another type."""
+        if name not in self._table.column_names:
+            return None
+        column = self._table.column(name)
+        if not pa.types.is_list(column.type) or not pa.types.is_floating(column.type.value_type):
+            return None
+        lengths = [np.asarray(chunk.value_lengths().fill_null(0)) for chunk in column.chunks]
+        numbers = [np.asarray(chunk.flatten().fill_null(np.nan)) for chunk in column.chunks]
+        return Lists(
+            np.concatenate([np.zeros(0), *numbers], dtype=np.float32),
+            np.concatenate([np.zeros(0, int), *lengths]),
+            column.is_null().to_numpy(),
+        )
 
     def boolean(self, name: str) -> Cells:
         """Read a column of true and false as 1 and 0; a missing column has empty cells."""

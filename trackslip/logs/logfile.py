@@ -8,7 +8,7 @@ import contextlib
 import csv
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice, takewhile
 from pathlib import Path
@@ -23,9 +23,11 @@ from trackslip.files import known_manifest, regular_file
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
-from trackslip.logs.table_reader import ReadRuns, runs_from_table
+from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
 RUNS = "runs.parquet"  # name of the file with a results folder's runs
+# least number of rows that are read at once from a file of many runs: tens of megabytes
+_ROWS_AT_ONCE = 20_000
 _LOOKED_AT = 50  # number of lines that decide the separator and the decimal mark
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
 _TIMES = ("s", "sec", "ms", "us", "ns")  # units of the column t that identify a row of units
@@ -72,13 +74,27 @@ def write_csv(logs: Sequence[RunLog], path: Path) -> None:
 
 def read_table(path: Path) -> pa.Table:
     """Read the table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
+    return pa.concat_tables(read_tables(path))
+
+
+def read_tables(path: Path) -> Iterator[pa.Table]:
+    """Read the table in a `.parquet` or `.csv` file in parts, each with all rows of its runs.
+
+    A Parquet file with one run per row group is read in parts of some runs, any other file in one
+    part. Raises LogError if the file cannot be read.
+    """
     kind = path.suffix.lower()
     try:
         regular_file(path)
         if kind == ".csv":
-            return _read_csv(path)
-        if kind == ".parquet":
-            return pa.parquet.read_table(path, page_checksum_verification=True)
+            yield _read_csv(path)
+        elif kind == ".parquet":
+            with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+                parts = _parts_with_whole_runs(file.metadata)
+                for groups in parts:
+                    yield file.read_row_groups(groups)
+        else:
+            raise LogError(f"{path}: must end in .parquet or .csv")
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file") from error
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
@@ -88,7 +104,37 @@ def read_table(path: Path) -> pa.Table:
         if kind == ".parquet":
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
-    raise LogError(f"{path}: must end in .parquet or .csv")
+
+
+def _parts_with_whole_runs(metadata: pa.parquet.FileMetaData) -> list[list[int]]:
+    """Successive row groups in parts of at least _ROWS_AT_ONCE rows, each with whole runs.
+
+    That is known if each row group contains a single run, in the order of the runs; otherwise all
+    row groups are one part.
+    """
+    whole = [list(range(metadata.num_row_groups))]
+    paths = [metadata.schema.column(k).path for k in range(metadata.num_columns)]
+    if "run" not in paths:
+        return whole
+    parts: list[list[int]] = [[]]
+    rows = 0
+    seen: set[str | int] = set()
+    last: str | int | None = None
+    for group in whole[0]:
+        content = metadata.row_group(group)
+        names = content.column(paths.index("run")).statistics
+        if names is None or names.null_count or not isinstance(names.min, str | int):
+            return whole
+        if names.min != names.max or (names.min != last and names.min in seen):
+            return whole
+        if names.min != last and rows >= _ROWS_AT_ONCE:
+            parts.append([])
+            rows = 0
+        parts[-1].append(group)
+        rows += content.num_rows
+        last = names.min
+        seen.add(names.min)
+    return parts
 
 
 def _read_csv(path: Path) -> pa.Table:
@@ -174,7 +220,12 @@ def read_log(path: Path) -> ReadRuns:
     """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be
     read.
     """
-    return runs_from_table(read_table(path), str(path))
+    return runs_in(path).read()
+
+
+def runs_in(path: Path) -> RunsInTables:
+    """The runs in a file, which are read one after another as they are iterated over."""
+    return RunsInTables(read_tables(path), str(path))
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from trackslip.errors import LogError, first_line
 from trackslip.files import FORMAT, reason, require_known_format
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.runlog import RunLog, ScanLog
+from trackslip.logs.columns import Columns, Lists
+from trackslip.logs.runlog import MALFORMED, RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
@@ -73,6 +75,11 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
         for log in logs
     }
     return table.replace_schema_metadata(file_metadata(runs))
+
+
+def column_names(log: RunLog) -> list[str]:
+    """Names of the columns in the table of a run."""
+    return list(_table(log.between(0, 2)).column_names)
 
 
 def file_metadata(runs: Mapping[str, Any]) -> dict[bytes, str]:
@@ -142,18 +149,6 @@ def _lists(values: Array, count: np.ndarray) -> pa.Array:
     return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
 
 
-def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:
-    """Numbers (T, n) from lists of equal length; None if the column is missing, a list is null or
-    lengths differ.
-    """
-    if name not in table.column_names or not pa.types.is_list(table.schema.field(name).type):
-        return None
-    column = table.column(name).take(rows).combine_chunks()
-    if column.null_count or len(np.unique(column.value_lengths())) != 1:
-        return None
-    return np.asarray(column.flatten(), float).reshape(len(rows), -1)
-
-
 def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
     scan = scans.scan
     return {
@@ -168,21 +163,58 @@ def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
     }
 
 
-def scans_from_table(
-    table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]
-) -> ScanLog | None:
-    """A run's scans, or None without scans; raises LogError if the columns differ from those that
-    `to_table` writes.
-    """
-    if SCANNED not in metadata or not {*_OF_SCANS, _RANGES} <= set(table.column_names):
+@dataclass(frozen=True)
+class ScanColumns:
+    """The columns for scans in a table."""
+
+    numbers: Array | None  # (T, 4) OF_SCANS; NaN in cells without a number
+    ranges: Lists | None
+    all_ranges: Lists | None
+
+    @classmethod
+    def of(cls, columns: Columns) -> ScanColumns:
+        """Read the columns; those that are missing are None."""
+        return cls(columns.optional(_OF_SCANS), columns.lists(_RANGES), columns.lists(_ALL_RANGES))
+
+    def scans(self, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
+        """The scans in the `rows` of a run with this `metadata`, or None without scans.
+
+        Raises LogError if the columns or the metadata differ from those that `to_table` writes.
+        """
+        if SCANNED not in metadata or self.numbers is None or self.ranges is None:
+            return None
+        try:
+            scan, plate = _scanner(metadata[SCANNED])
+        except MALFORMED as error:
+            raise LogError(
+                f"its scanner is not as trackslip writes it ({reason(error)})"
+            ) from error
+        numbers = self.numbers[rows]
+        if not np.isfinite(numbers).all() or self.ranges.empty[rows].any():
+            raise LogError(f"its scans have empty cells in {', '.join((*_OF_SCANS, _RANGES))}")
+        first, lost, hidden = numbers[:, 0].astype(int), numbers[:, 1].astype(int), numbers[:, 2:]
+        ranges, width = self.ranges.take(rows)
+        if ((width > 0) & ((first < 0) | (first + width > len(scan.bearings)))).any():
+            raise LogError(f"its scans have beams beyond the scanner's {len(scan.bearings)}")
+        row = np.repeat(np.arange(len(width)), width)
+        beam = first[row] + np.arange(len(row)) - (width.cumsum() - width)[row]
+        hit = np.isfinite(ranges)
+        count = np.bincount(row[hit], minlength=len(width))
+        cluster = Cluster(scan.bearings[beam][hit], ranges[hit], count, lost, hidden)
+        full = None if self.all_ranges is None else equal_lists(self.all_ranges, rows)
+        return ScanLog(scan, plate, cluster, full)
+
+
+def equal_lists(column: Lists, rows: np.ndarray) -> Array | None:
+    """Numbers (R, n) in the lists in `rows` (R,); None if a list is missing or lengths differ."""
+    numbers, lengths = column.take(rows)
+    if column.empty[rows].any() or len(np.unique(lengths)) != 1:
         return None
-    try:
-        return _scans(table, rows, metadata[SCANNED])
-    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise LogError(f"its scans are not as trackslip writes them ({reason(error)})") from error
+    return numbers.reshape(len(rows), -1)
 
 
-def _scans(table: pa.Table, rows: np.ndarray, about: Mapping[str, Any]) -> ScanLog:
+def _scanner(about: Mapping[str, Any]) -> tuple[Scan, Plate]:
+    """The scanner and its plate from a run's metadata."""
     beams, reach = about["beams"], about["max_range"]
     scan = Scan(
         about["first_bearing"] + about["beam_step"] * np.arange(beams),
@@ -192,15 +224,4 @@ def _scans(table: pa.Table, rows: np.ndarray, about: Mapping[str, Any]) -> ScanL
         np.inf if reach is None else reach,
         about["dropout"],
     )
-    first, lost, *hidden = (table.column(name).take(rows).to_numpy() for name in _OF_SCANS)
-    lists = table.column(_RANGES).take(rows).combine_chunks()
-    width, ranges = np.asarray(lists.value_lengths()), np.asarray(lists.flatten(), float)
-    row = np.repeat(np.arange(len(width)), width)
-    bearing = scan.bearings[
-        first[row].astype(int) + np.arange(len(row)) - (width.cumsum() - width)[row]
-    ]
-    hit = np.isfinite(ranges)
-    count = np.bincount(row[hit], minlength=len(width))
-    cluster = Cluster(bearing[hit], ranges[hit], count, lost.astype(int), np.stack(hidden, axis=-1))
-    full = from_list_column(table, _ALL_RANGES, rows)
-    return ScanLog(scan, Plate(**about["plate"]), cluster, full)
+    return scan, Plate(**about["plate"])

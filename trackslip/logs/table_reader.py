@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,8 @@ from trackslip.logs.table import (
     SHEAR,
     SYMMETRIC,
     TRUTH,
-    from_list_column,
-    scans_from_table,
+    ScanColumns,
+    equal_lists,
     stored_metadata,
 )
 
@@ -50,6 +50,9 @@ class ReadRuns:
     taken: tuple[str, ...] = ()
     """The chosen encoders and poses if the log offers several, one line each."""
 
+    def __iter__(self) -> Iterator[RunLog]:
+        return iter(self.runs)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line for each part and for each run that was left out."""
@@ -63,20 +66,73 @@ def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
     without an encoder reading gets the next reading, which is a mean over that row, too. Rows with
     a damaged reading or time are left out.
     """
-    return _Reader(table, source).read()
+    return RunsInTables([table], source).read()
+
+
+class RunsInTables:
+    """The runs in successive parts of a table, each with all rows of its runs.
+
+    An iteration reads a part at a time, as `runs_from_table` does, so that only one part is in
+    memory, and raises LogError at its end if no run could be read. `warnings` are complete after
+    the iteration.
+    """
+
+    taken: tuple[str, ...] = ()  # as in ReadRuns: a table offers no choice
+
+    def __init__(self, tables: Iterable[pa.Table], source: str) -> None:
+        self._tables, self._source = tables, source
+        self._refused: list[Refused] = []
+        self._notes: list[str] = []
+
+    def __iter__(self) -> Iterator[RunLog]:
+        rows, found = 0, False
+        metadata: dict[str, dict[str, Any]] | None = None
+        for table in self._tables:
+            if metadata is None:  # the same in all parts
+                metadata = stored_metadata(table.schema.metadata, self._source)
+            reader = _Reader(table, self._source, metadata, rows)
+            for run in reader.runs():
+                found = True
+                yield run
+            self._refused += reader.refused
+            self._notes += reader.notes
+            rows += len(table)
+        if not rows:
+            raise LogError(f"{self._source}: no rows")
+        if not found:
+            reason = none_usable(self._refused) if self._refused else self._notes[0]
+            raise LogError(f"{self._source}: {reason}")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each part and for each run that was left out."""
+        return (*self._notes, *map(str, self._refused))
+
+    def read(self) -> ReadRuns:
+        """All readable runs, in memory."""
+        return ReadRuns(tuple(self), tuple(self._refused), tuple(self._notes))
 
 
 class _Reader:
-    """Reader of a table's columns that collects notes on the runs and parts left out."""
+    """Reader of a table's columns that collects notes on the runs and parts left out.
 
-    def __init__(self, table: pa.Table, source: str) -> None:
+    Errors count rows from `first_row`, the number of rows in earlier parts of the table.
+    """
+
+    def __init__(
+        self,
+        table: pa.Table,
+        source: str,
+        metadata: Mapping[str, Mapping[str, Any]],
+        first_row: int = 0,
+    ) -> None:
         table = _with_heading(table, source)
-        columns = Columns(table, source)
+        columns = Columns(table, source, first_row)
         given = set(table.column_names)
         turns_alone = given >= set(REQUIRED) and given & {"phi", "gyro"} and not given & {"x", "y"}
         columns.require(REQUIRED if turns_alone else (*REQUIRED, "x", "y"))
         self._table, self._source, self._columns = table, source, columns
-        self._metadata = stored_metadata(table.schema.metadata, source)
+        self._metadata, self._first_row = metadata, first_row
         cells = [*map(columns.cells, _NAMES[:_VALID]), columns.boolean("valid")]
         # (T, 8), ordered as _NAMES; NaN where not read
         self._values = np.column_stack([cell.values for cell in cells])
@@ -89,32 +145,29 @@ class _Reader:
         upper = columns.optional(COVARIANCE)
         self._blocks["covariance"] = None if upper is None else upper[:, SYMMETRIC]
         self._truth = {field: columns.optional(names) for field, names in TRUTH.items()}
-        self._refused: list[Refused] = []
-        self._notes: list[str] = []
+        self._contact, self._shear = columns.lists(CONTACT), columns.lists(SHEAR)
+        self._scans = ScanColumns.of(columns)
+        self.refused: list[Refused] = []
+        self.notes: list[str] = []
 
-    def read(self) -> ReadRuns:
-        """Read all readable runs; raises LogError if there are none."""
+    def runs(self) -> Iterator[RunLog]:
+        """All readable runs, in the order of their first rows."""
         number, names = np.zeros(len(self._table), int), [Path(self._source).stem]
         if "run" in self._table.column_names:
             number, names = self._columns.categories("run")
-        if not len(number):
-            raise LogError(f"{self._source}: no rows")
-        runs: list[RunLog] = []
         order = np.argsort(number, kind="stable")
-        for name, rows in zip(
-            names, np.split(order, np.cumsum(np.bincount(number))[:-1]), strict=True
-        ):
+        ends = np.cumsum(np.bincount(number)).tolist()
+        for name, first, end in zip(names, [0, *ends], ends, strict=False):
+            rows = order[first:end]
             if name.strip():
-                runs += self._runs(name, rows)
+                yield from self._runs(name, rows)
             else:
-                self._notes.append(
-                    f"{counted(len(rows), 'row')} left out: row {rows[0] + 1}, column run: empty"
-                )
-        if not runs:
-            raise LogError(
-                f"{self._source}: {none_usable(self._refused) if self._refused else self._notes[0]}"
-            )
-        return ReadRuns(tuple(runs), tuple(self._refused), tuple(self._notes))
+                reason = f"row {self._place(rows[0])}, column run: empty"
+                self.notes.append(f"{counted(len(rows), 'row')} left out: {reason}")
+
+    def _place(self, row: int) -> int:
+        """The number of a row in messages, counted from 1 in the whole table."""
+        return int(self._first_row + row + 1)
 
     def _runs(self, name: str, rows: np.ndarray) -> list[RunLog]:
         """The readable runs in `rows`: a single run, or several if its clock restarts."""
@@ -127,7 +180,7 @@ class _Reader:
                 starts.size
                 and np.mean([self._has_both(part) for part in np.split(rows, starts)]) < _MOST
             ):
-                self._notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
+                self.notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
                 rows, starts = rows[np.argsort(time, kind="stable")], starts[:0]
             if starts.size:
                 k = starts[0]
@@ -135,16 +188,16 @@ class _Reader:
                     f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s: read as "
                     f"{starts.size + 1} runs"
                 )
-                self._notes.append(f"run {name!r}: row {rows[k] + 1}, column t: {back}")
+                self.notes.append(f"run {name!r}: row {self._place(rows[k])}, column t: {back}")
         except LogError as error:
-            self._refused.append(Refused.of(name, error))
+            self.refused.append(Refused.of(name, error))
             return []
         for number, section in enumerate(np.split(rows, starts), start=1):
             part = f"{name}, part {number}" if starts.size else name
             try:
                 runs.append(self._run(part, section, self._metadata.get(name, {})))
             except LogError as error:
-                self._refused.append(Refused.of(part, error))
+                self.refused.append(Refused.of(part, error))
         return runs
 
     def _has_both(self, rows: np.ndarray) -> bool:
@@ -174,7 +227,7 @@ class _Reader:
             valid=None if all_valid else valid,
             gyro=self._gyro(name, rows, np.where(headed, pose[:, 2], np.nan)),
             truth=self._truth_of(rows),
-            scans=scans_from_table(self._table, rows, metadata),
+            scans=self._scans.scans(rows, metadata),
             beyond=beyond,
             metadata={key: value for key, value in metadata.items() if key != SCANNED},
         )
@@ -207,13 +260,16 @@ class _Reader:
             raise LogError(
                 f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason
             )
-        self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
+        self.notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
 
     def _by_time(self, rows: np.ndarray) -> np.ndarray:
         """Sort rows by time, as poses may be logged late; rows that break their own sensor's order
         stay in place.
         """
-        known, time = np.isfinite(self._values[rows, 1:_VALID]), self._values[rows, 0]
+        time = self._values[rows, 0]
+        if (np.diff(time) > 0).all():
+            return rows
+        known = np.isfinite(self._values[rows, 1:_VALID])
         place = time.copy()
         for sensor in np.unique(known, axis=0):
             own = np.flatnonzero((known == sensor).all(axis=1))
@@ -248,7 +304,7 @@ class _Reader:
         if len(ascending) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
             order = f"{time[k + 1]:.12g} is not after {time[k]:.12g}, the time before it"
-            reason = f"row {rows[k + 1] + 1}, column t: {order}"
+            reason = f"row {self._place(rows[k + 1])}, column t: {order}"
             self._note(name, len(rows) - len(ascending), len(rows), "row", reason)
         return rows[ascending]
 
@@ -265,7 +321,7 @@ class _Reader:
         begin, end = int(np.searchsorted(time, time[read[0]] - _GAP)), int(read[-1]) + 1
         for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
             if count:
-                self._notes.append(
+                self.notes.append(
                     f"run {name!r}: {counted(count, 'row')} {where} encoder reading left out"
                 )
         return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
@@ -312,7 +368,7 @@ class _Reader:
         ahead = time[after] - time
         covered = np.isnan(rate) & self._gyro_empty[rows] & (ahead >= 0) & (ahead <= _GAP)
         plausible, doubt = plausible_gyro(time, np.where(covered, rate[after], rate), heading, name)
-        self._notes += [doubt] if doubt else []
+        self.notes += [doubt] if doubt else []
         return plausible
 
     def _truth_of(self, rows: np.ndarray) -> Truth | None:
@@ -321,9 +377,8 @@ class _Reader:
             return None
         if "lean" in parts:
             parts["lean"] = parts["lean"][:, 0]
-        contact, shear = (
-            from_list_column(self._table, column, rows) for column in (CONTACT, SHEAR)
-        )
+        contact = None if self._contact is None else equal_lists(self._contact, rows)
+        shear = None if self._shear is None else equal_lists(self._shear, rows)
         return Truth(
             **parts,
             contact=None if contact is None else contact.reshape(len(rows), -1, 3),
