@@ -18,7 +18,7 @@ import re
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from filelock import FileLock, Timeout
 
@@ -31,7 +31,7 @@ DRAFT: Final = ".draft"
 MOVING: Final = ".moving"
 """Subfolder with the new files that are complete and have yet to be moved."""
 STORE: Final = ".runs"
-"""Subfolder with the finished runs of an unfinished sweep, as JSON and Parquet files."""
+"""Subfolder with the work of an unfinished command: a sweep's runs, or a training's checkpoint."""
 LOCK: Final = ".lock"
 """File that a command locks while it writes to the folder; always empty."""
 JOURNAL: Final = ".replaced.json"
@@ -39,8 +39,12 @@ JOURNAL: Final = ".replaced.json"
 FILES: Final = "files"
 """Key of a manifest with the sizes [bytes] of all other files of the results, by path."""
 
-# a store's files, named by a hash, and the drafts from which they are made
-STORED_FILE: Final = re.compile(r"[0-9a-f]{32}\.(json|parquet)|\.draft-\d+-\d+")
+SWEEP_FILE: Final = re.compile(r"[0-9a-f]{32}\.(json|parquet)")
+"""Names of a sweep's files in STORE: a hash of their runs."""
+CHECKPOINT_FILE: Final = re.compile(r"checkpoint\.npz")
+"""Name of a training's file in STORE."""
+DRAFT_FILE: Final = re.compile(r"\.draft-\d+-\d+")
+"""Names of the drafts from which files in STORE are made."""
 # a reader waits so long for a command that is moving its results, which takes milliseconds [s]
 PATIENCE: Final = 10.0
 
@@ -181,6 +185,7 @@ def complete_for_reading(folder: Path) -> None:
     try:
         with locked(folder, str(folder), PATIENCE):
             complete(folder)
+            (folder / LOCK).unlink()
     except OutputError:
         raise
     except OSError as error:
@@ -191,6 +196,8 @@ def complete_for_reading(folder: Path) -> None:
 @contextlib.contextmanager
 def locked(folder: Path, what: str, patience: float = 0.0) -> Iterator[None]:
     """Keep other commands out of a folder. However the process ends, its lock is released.
+
+    The file LOCK stays, unless the block deletes it at its end.
 
     Raises OutputError, which calls the folder `what`, if a command holds it for longer than
     `patience` [s], and OSError if nothing can be written there.
@@ -203,8 +210,12 @@ def locked(folder: Path, what: str, patience: float = 0.0) -> Iterator[None]:
     try:
         yield
     finally:
-        (folder / LOCK).unlink(missing_ok=True)
         lock.release()
+
+
+def is_stored_file(name: str) -> bool:
+    """Whether a file in STORE with this name was written by a command."""
+    return any(p.fullmatch(name) for p in (SWEEP_FILE, CHECKPOINT_FILE, DRAFT_FILE))
 
 
 def delete_store(folder: Path) -> None:
@@ -213,7 +224,7 @@ def delete_store(folder: Path) -> None:
     if not store.is_dir() or store.is_symlink():
         return
     for name in sorted(os.listdir(store)):
-        if STORED_FILE.fullmatch(name):
+        if is_stored_file(name):
             os.unlink(store / name)
     with contextlib.suppress(OSError):  # somebody put a file of his own there
         os.rmdir(store)
@@ -239,7 +250,7 @@ def _is_empty_folder(path: Path) -> bool:
     return _is_folder(path) and not os.listdir(path)
 
 
-def _are_sizes(files: Any) -> bool:
+def _are_sizes(files: Any) -> TypeGuard[Mapping[str, int]]:
     return isinstance(files, Mapping) and all(type(size) is int for size in files.values())
 
 

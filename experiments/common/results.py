@@ -6,12 +6,13 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.common.leftovers import temporary
+from experiments.common.leftovers import temporary, undone
 from trackslip.errors import OutputError, first_line
 from trackslip.identification.samples import SlipSamples
 from trackslip.logs.runlog import RunLog
@@ -56,13 +57,15 @@ def new_folders(folder: Path) -> Iterator[None]:
     empty.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
+    with undone(partial(_remove_empty, made)):
         folder.mkdir(parents=True, exist_ok=True)
         yield
-    finally:
-        for path in made:
-            with contextlib.suppress(OSError):
-                path.rmdir()
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def write_whole(file: Path, write: Callable[[Path], object]) -> None:
@@ -81,6 +84,8 @@ def write_output(file: Path, write: Callable[[Path], object]) -> None:
     a regular file.
     """
     with output_errors(str(file)):
+        if file.is_symlink():
+            raise OutputError(f"{file}: can't be replaced (it is a symbolic link)")
         if file.exists() and not file.is_file():
             raise OutputError(f"{file}: can't be replaced (it is not a regular file)")
         write_whole(file, write)

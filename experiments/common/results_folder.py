@@ -3,42 +3,44 @@
 import contextlib
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any
 
+from experiments.common.leftovers import temporary, undone
 from experiments.common.results import new_folders, output_errors
 from trackslip.errors import OutputError
 from trackslip.files import read_manifest
 from trackslip.replacement import (
     DRAFT,
+    DRAFT_FILE,
     LOCK,
     MANIFEST,
     STORE,
-    STORED_FILE,
     begin,
     commit,
     complete,
     discard,
     is_ours,
+    is_stored_file,
     listed_files,
     locked,
 )
 
-UNFINISHED: Final[Mapping[str, re.Pattern[str]]] = {STORE: STORED_FILE}
-"""Subfolders that unfinished commands leave, each with a pattern of its files' names."""
-
 
 @contextlib.contextmanager
-def results_folder(out: Path, overwrite: bool, resumed: Collection[str] = ()) -> Iterator[Path]:
+def results_folder(
+    out: Path, overwrite: bool, resumed: re.Pattern[str] = DRAFT_FILE
+) -> Iterator[Path]:
     """A folder to write results into, which are moved to `out` when the block ends, or deleted if
     it fails.
 
     `out` must be new or empty or, with `overwrite`, contain nothing but a command's results, which
-    are replaced. It may also contain what an unfinished command left, in one of the subfolders
-    UNFINISHED; this is deleted with the old results, but without `overwrite` only if it is named
-    in `resumed`. No other command can write to `out` during the block. If the block writes no
-    manifest, nothing is replaced.
+    are replaced. It may also contain what an unfinished command left in STORE, which is deleted
+    with the old results; without `overwrite`, all its files must have names as in `resumed`, those
+    that this command takes up. No other command can write to `out` during the block. If the block
+    writes no manifest, nothing is replaced.
 
     Raises OutputError before the block starts if `out` can't be used, and later if the disk is
     full. However the process ends, `out` has the whole old results, or the whole new ones, which
@@ -47,25 +49,20 @@ def results_folder(out: Path, overwrite: bool, resumed: Collection[str] = ()) ->
     what = f"out = {str(out)!r}"
     with output_errors(what), new_folders(out):
         _require_lockable(out)
-        with locked(out, what):
+        with locked(out, what), temporary(out / LOCK):
             complete(out)
             replaced = _old_results(out, overwrite, resumed)
-            try:
+            with undone(partial(_tidy, out)):
                 draft = begin(out, replaced)
                 yield draft
                 if (draft / MANIFEST).exists():
-                    _commit(out)
-            finally:
-                discard(out)
+                    commit(out)
 
 
-def _commit(out: Path) -> None:
-    """Replace the old results by the draft; an interrupt is obeyed as soon as that is done."""
-    try:
-        commit(out)
-    except KeyboardInterrupt:
-        complete(out)
-        raise
+def _tidy(out: Path) -> None:
+    """Complete a replacement that an interrupt has stopped, or discard the draft."""
+    complete(out)
+    discard(out)
 
 
 def _require_lockable(out: Path) -> None:
@@ -75,7 +72,7 @@ def _require_lockable(out: Path) -> None:
         raise _no_result(out, LOCK)
 
 
-def _old_results(out: Path, overwrite: bool, resumed: Collection[str]) -> dict[str, int]:
+def _old_results(out: Path, overwrite: bool, resumed: re.Pattern[str]) -> dict[str, int]:
     """Sizes [bytes] of the old results by path, including the manifest.
 
     Raises OutputError if `out` contains anything that no command has written, and if a command may
@@ -88,11 +85,12 @@ def _old_results(out: Path, overwrite: bool, resumed: Collection[str]) -> dict[s
         about = f"contains results of trackslip {version}, whose manifest lists no files"
         raise OutputError(f"out = {str(out)!r}: {about}; move them away")
     old = {} if listed is None else {**listed, MANIFEST: (out / MANIFEST).stat().st_size}
-    unfinished = [name for name in UNFINISHED if os.path.lexists(out / name)]
     _require_listed(out, "", old)
     if old and not overwrite:
         raise OutputError(f"out = {str(out)!r}: contains results; --overwrite replaces them")
-    if not overwrite and not set(unfinished) <= set(resumed):
+    stored = os.listdir(out / STORE) if (out / STORE).is_dir() else []
+    kept = [name for name in stored if not (resumed.fullmatch(name) or DRAFT_FILE.fullmatch(name))]
+    if kept and not overwrite:
         about = "contains work of an unfinished command, which the same command resumes"
         raise OutputError(f"out = {str(out)!r}: {about}; --overwrite deletes it")
     return old
@@ -133,9 +131,8 @@ def _is_own(entry: os.DirEntry[str]) -> bool:
         return True  # checked before it was locked
     if not entry.is_dir(follow_symlinks=False):
         return False
-    if entry.name in UNFINISHED:
-        files = os.listdir(entry.path)
-        return all(UNFINISHED[entry.name].fullmatch(file) for file in files)
+    if entry.name == STORE:
+        return all(is_stored_file(name) for name in os.listdir(entry.path))
     return entry.name == DRAFT and is_ours(Path(entry.path))
 
 

@@ -2,8 +2,9 @@
 fails.
 """
 
+import re
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from experiments.common.results_folder import results_folder
 from sim.stopwatch import Stopwatch
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.logs.runlog import RunLog
+from trackslip.replacement import DRAFT_FILE
 
 
 class Run:
@@ -27,8 +29,8 @@ class Run:
     reason under "error", and TrackslipError is raised. Raises OutputError as `results_folder` does.
     """
 
-    def __init__(self, config: Any, resumed: Collection[str] = ()) -> None:
-        """`resumed`: subfolders of unfinished work that the command takes up."""
+    def __init__(self, config: Any, resumed: re.Pattern[str] = DRAFT_FILE) -> None:
+        """`resumed`: names of the files of unfinished work that the command takes up."""
         self.config = config
         self.resumed = resumed
         self.command = type(config).__module__.split(".")[1]

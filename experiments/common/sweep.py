@@ -27,7 +27,7 @@ from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
-from trackslip.replacement import STORE
+from trackslip.replacement import STORE, SWEEP_FILE
 
 # fewest fleets per worker, so that workers finish together, unless fleets would be too small
 _EACH = 4
@@ -282,7 +282,7 @@ def resumable(
     The error raised when the command is stopped says how much was kept, and that the same command
     resumes.
     """
-    with Run(config, resumed=[STORE]) as run:
+    with Run(config, resumed=SWEEP_FILE) as run:
         store = Store(Path(config.out), ids, config.overwrite)
         try:
             yield run, store

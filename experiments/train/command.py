@@ -18,6 +18,7 @@ from experiments.train.training import (
 )
 from sim.policy import write_onnx
 from trackslip.errors import OutputError
+from trackslip.replacement import CHECKPOINT_FILE
 
 
 def run(config: Config) -> None:
@@ -32,7 +33,8 @@ def run(config: Config) -> None:
         )
     curve: list[dict[str, float]] = []
     changed: list[str] = []
-    with Run(replace(config, overwrite=config.overwrite or config.resume)) as run:
+    taking_up = replace(config, overwrite=config.overwrite or config.resume)
+    with Run(taking_up, resumed=CHECKPOINT_FILE) as run:
         with run.busy("loading PyTorch"):
             task = learning_task(config)
             model = model_of(config, task)

@@ -20,12 +20,12 @@ from experiments.common.plain_json import plain
 from experiments.common.progress import progress
 from experiments.common.results import write_whole
 from experiments.common.style import panel
-from experiments.common.sweep import STORE
 from experiments.train.config import ENVIRONMENT, Config
 from experiments.train.tasks import LearningTask
 from sim.array_file import read_nested, write_nested
 from sim.policy import Network
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.replacement import STORE
 
 POLICY, ONNX, CHECKPOINT = "policy.npz", "policy.onnx", "checkpoint.npz"
 UNFINISHED: Final = Path(STORE) / CHECKPOINT

@@ -10,7 +10,15 @@ import pytest
 from experiments.common.results_folder import results_folder
 from trackslip.errors import OutputError
 from trackslip.files import known_manifest
-from trackslip.replacement import DRAFT, LOCK, MOVING, STORE, sizes
+from trackslip.replacement import (
+    CHECKPOINT_FILE,
+    DRAFT,
+    LOCK,
+    MOVING,
+    STORE,
+    SWEEP_FILE,
+    sizes,
+)
 
 OLD = {"runs.parquet": "old", "report.html": "old page", "figures/a.svg": "a", "figures/b.svg": "b"}
 NEW = {"runs.parquet": "new!", "summary.json": "{}", "figures/a.svg": "A", "pictures/1.png": "1"}
@@ -31,7 +39,7 @@ def write_results(folder, files, command="grid"):
     (folder / "manifest.json").write_text(json.dumps(manifest))
 
 
-def run_command(out, files=NEW, overwrite=True, resumed=(STORE,), meanwhile=None):
+def run_command(out, files=NEW, overwrite=True, resumed=SWEEP_FILE, meanwhile=None):
     with results_folder(out, overwrite, resumed) as draft:
         write_results(draft, files)
         write(out, meanwhile or {})
@@ -141,7 +149,8 @@ def test_own_names_with_files_of_others_are_kept(old, name):
 
 def test_unfinished_work_is_resumed_or_kept(tmp_path):
     write(tmp_path / "out", STORED)
-    assert "work of an unfinished command" in refusal(tmp_path / "out", overwrite=False, resumed=())
+    options = {"overwrite": False, "resumed": CHECKPOINT_FILE}
+    assert "work of an unfinished command" in refusal(tmp_path / "out", **options)
     run_command(tmp_path / "out", overwrite=False)
     assert contents(tmp_path / "out") == NEW
 
@@ -233,7 +242,7 @@ def test_whenever_it_stops_nothing_is_lost(tmp_path, monkeypatch, before, killed
         if reads:
             known_manifest(out)
         else:
-            with results_folder(out, overwrite=True, resumed=[STORE]):
+            with results_folder(out, overwrite=True, resumed=SWEEP_FILE):
                 pass
         outcomes.append(require_one(out, before))
         run_command(out, overwrite=True)
