@@ -93,6 +93,11 @@ MAX_COUNTS_ANYWHERE: Final = {"nsample": 1_000, "actdim": 1_000}
 MAX_USER_VALUES: Final = 100
 """Largest of the attributes nuser_body, nuser_geom, …, of which every element gets as many."""
 
+PLACES: Final = (
+    "in the model's folder, in its ROS package or in a folder that the robot file lists in "
+    "`packages`"
+)
+"""Where the files of a model may lie, for messages."""
 _PICTURE: Final = b"\x89PNG\r\n\x1a\n"
 _UNITS: Final = {unit: 1024 ** (k + 1) for k, unit in enumerate("KMGTPE")}  # of `memory`
 _COMMENT: Final = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
@@ -128,12 +133,19 @@ def _require_small(path: Path, most: int) -> int:
 
 
 def model_folders(model: Path, packages: Sequence[Path]) -> tuple[Path, ...]:
-    """Folders in which the files of a model may lie: its own, that of its ROS package, and
+    """Folders in which the XML files of a model may lie: its own, that of its ROS package, and
     `packages`.
     """
     folder = absolute(model).parent
     holding = [each for each in (folder, *folder.parents) if (each / "package.xml").is_file()]
     return (folder, *holding[:1], *(absolute(each) for each in packages))
+
+
+def asset_folders(model: Path, packages: Sequence[Path]) -> tuple[Path, ...]:
+    """Folders in which meshes and pictures of a model may lie: also the one above the model's, as
+    the folders urdf and meshes lie beside each other.
+    """
+    return (*model_folders(model, packages), absolute(model).parent.parent)
 
 
 def absolute(path: Path) -> Path:
@@ -352,13 +364,12 @@ class _Model:
 
         Raises TrackslipError if it would lie outside of the model's folders.
         """
+        is_text = element.tag in ("include", "model")
+        allowed = self.folders if is_text else asset_folders(self.path, self.folders)
         tried = [absolute(folder / name) for folder in folders]
         for file in tried:
-            if not lies_in(file, self.folders):
-                self._refuse(
-                    f"<{element.tag}> file = {name[-100:]!r}: must lie in the model's folder, in "
-                    "its ROS package or in a folder that the robot file lists in `packages`"
-                )
+            if not lies_in(file, allowed):
+                self._refuse(f"<{element.tag}> file = {name[-100:]!r}: must lie {PLACES}")
         return next((file for file in tried if os.path.lexists(file)), None)
 
     def _files(self, root: Element) -> _Load:

@@ -63,9 +63,12 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
     fields, TrackslipError for a model that doesn't compile.
     """
     robot, ground = _load(source)
-    if isinstance(robot, TrackedRobot):
-        robot = on_flat_ground(robot, "" if robot is source else str(source))
-    return robot, ground
+    if isinstance(robot, RobotParameters):
+        return robot, ground
+    try:
+        return on_flat_ground(robot, "" if robot is source else str(source)), ground
+    except InvalidValueError as error:
+        raise SettingsFileError(f"{robot.model}: {error}") from error
 
 
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:

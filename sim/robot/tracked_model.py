@@ -229,7 +229,9 @@ def _motor_of(spec: Any, robot: TrackedRobot, flipper: Flipper) -> tuple[str, st
     """Names of a flipper's hinge and motor; a hinge without a motor gets one."""
     body = link_of(spec, robot, flipper.body, "flippers: body")
     if [joint.type for joint in body.joints] != [_HINGE]:
-        raise TrackslipError(f"flippers: body = {flipper.body!r}: must have one joint, a hinge")
+        raise TrackslipError(
+            f"{robot.model}: flippers: body = {flipper.body!r}: must have one joint, a hinge"
+        )
     hinge = body.joints[0]
     motors = [each for each in spec.actuators if each.target == hinge.name]
     if not motors:

@@ -13,8 +13,10 @@ from typing import Any, Final
 import mujoco
 
 from sim.robot.model_check import (
+    PLACES,
     MeshSizes,
     absolute,
+    asset_folders,
     check_model,
     lies_in,
     model_folders,
@@ -205,14 +207,11 @@ def _mesh_file(
             wrong = f"package {name} in {str(there)[-100:]} has no {rest[-100:]}"
     else:
         places = [folder / meshdir / rest, folder / rest, folder / meshdir / Path(rest).name]
-        allowed = model_folders(model, packages)
+        allowed = asset_folders(model, packages)
         tried = [place for place in places if lies_in(place, allowed)]
         wrong = f"there is no {str(places[0])[-100:]}"
         if not lies_in(places[0], allowed):
-            wrong += (
-                " in the model's folder, in its ROS package or in a folder that the robot file "
-                "lists in `packages`"
-            )
+            wrong += f" {PLACES}"
     for path in tried:
         beside = [Path(os.path.splitext(path)[0] + suffix) for suffix in _READABLE]
         for each in (path, *beside):

@@ -147,7 +147,7 @@ def test_it_turns_as_theory_says_on_flat_ground_and_on_terrain(source):
 def test_robots_that_cannot_stand_have_fields_of_both_kinds_or_no_tracks_are_refused(tmp_path):
     hull = "[[-0.2, 0.2, 0.1], [0.0, 0.1, 0.1], [0.2, 0.2, 0.1]]"
     text = ROBOT.split("[[flippers]]")[0].replace("[[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]", hull)
-    with pytest.raises(InvalidValueError, match=r"contact_length = 0\.0"):
+    with pytest.raises(SettingsFileError, match=r"mine\.urdf: .*contact_length = 0\.0"):
         load_parameters(write_robot(tmp_path, text))
     (tmp_path / "mixed.toml").write_text(
         "half_gauge = 0.2\nhull = [[0, 0, 1], [1, 0, 1]]\nmass = 3\n"

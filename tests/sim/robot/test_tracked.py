@@ -163,7 +163,8 @@ def test_runs_begin_in_a_keyframe(tmp_path):
         assert build_tracked(plain).model.nkey == 0
     assert not check(tmp_path / "arm.toml").errors
     (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "flat ground" in line)
-    assert line.startswith("not for flat ground: com_x = 0.19")
+    assert line.startswith("not for flat ground: ")
+    assert "arm.xml: com_x = 0.19" in line
     with pytest.raises(
         TrackslipError, match="key = 'hom': must be one of its keyframes, unnamed_key0, home"
     ):

@@ -253,8 +253,7 @@ def test_a_period_in_which_a_run_diverges_has_no_work():
 PAIR = """<mujoco><worldbody><body name="base">
 <geom name="hull" type="box" size=".2 .1 .05" pos="0 0 .1" mass="9"/>
 <body name="arm" pos="0 0 .3"><joint axis="0 1 0" range="-9 9"/>
-<geom name="arm" size=".05" mass="1"/></body>
-</body></worldbody>
+<geom name="arm" size=".05" mass="1"/></body></body></worldbody>
 <contact><pair geom1="hull" geom2="arm" friction="0.11 0.12 0 0 0"/></contact></mujoco>"""
 
 

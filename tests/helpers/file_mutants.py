@@ -1,0 +1,306 @@
+"""Damaged and hostile variants of every kind of file that the commands read, each read by a process
+of its own with limits on time and memory.
+
+`python tests/helpers/file_mutants.py COUNT [SEED] [KIND ...]` prints every failure and the counts.
+"""
+
+import collections
+import contextlib
+import io
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.cli import main
+
+ROOT = Path(__file__).parents[2]
+LOGS = ROOT / "examples" / "logs"
+MODELS = ROOT / "models"
+MOST_SECONDS = 60.0
+MOST_MEMORY = 4e9  # resident [bytes]
+ADDRESSES = 16_000_000_000  # limit on the address space, which includes what isn't used [bytes]
+
+HOSTILE = (
+    *(b"", b"0", b"-1", b"1e308", b"-1e308", b"nan", b"inf", b"1e-320", b"9" * 40, b"2147483648"),
+    *(b"9223372036854775808", b"null", b"None", b"true", b"[]", b"{}", b'""', b"'", b'"', b"\x00"),
+    *(b"%s%n%p", b"../../etc/passwd", b"/dev/zero", b"\x1b[2J", b"\xff\xfe", b"\xf0\x9f\xa4\x96"),
+    *(b"1,5", b"1 2 3", b"x" * 5000, b"[[[[[[[[", b"__import__('os')", b"\r\n\r\n", b"1970-01-01"),
+)
+TOKEN = re.compile(rb"[-+.\w]+|\"[^\"\n]*\"|'[^'\n]*'")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A sound example of a kind of file, and the command lines that read it, with FILE for its
+    path.
+    """
+
+    example: Path
+    commands: tuple[tuple[str, ...], ...]
+    binary: bool = False
+
+
+def mutant(content: bytes, rng: np.random.Generator, binary: bool) -> bytes:
+    """`content` with one to three changes of its bytes, tokens or lines."""
+    for _ in range(rng.integers(1, 4)):
+        change = rng.choice(_BINARY if binary else _TEXT)
+        content = change(content, rng) if content else content
+    return content
+
+
+def _flip(content: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(content)
+    for place in rng.integers(0, len(changed), rng.integers(1, 9)):
+        changed[place] = rng.integers(256)
+    return bytes(changed)
+
+
+def _cut(content: bytes, rng: np.random.Generator) -> bytes:
+    return content[: rng.integers(len(content))]
+
+
+def _repeat(content: bytes, rng: np.random.Generator) -> bytes:
+    a, b = sorted(rng.integers(0, len(content) + 1, 2))
+    return content[:b] + content[a:]
+
+
+def _remove(content: bytes, rng: np.random.Generator) -> bytes:
+    a = int(rng.integers(len(content)))
+    return content[:a] + content[a + int(rng.integers(1, 200)) :]
+
+
+def _insert(content: bytes, rng: np.random.Generator) -> bytes:
+    a = int(rng.integers(len(content) + 1))
+    return content[:a] + HOSTILE[rng.integers(len(HOSTILE))] + content[a:]
+
+
+def _number(content: bytes, rng: np.random.Generator) -> bytes:
+    """A length, count or offset of a binary format is replaced by another."""
+    width = int(rng.choice([1, 2, 4, 8]))
+    a = int(rng.integers(max(1, len(content) - width)))
+    value = int(rng.choice([0, 1, 2**7, 2**15, 2**31 - 1, 2**31, 2**32 - 1, 2**62])) % 256**width
+    return content[:a] + value.to_bytes(width, "little") + content[a + width :]
+
+
+def _token(content: bytes, rng: np.random.Generator) -> bytes:
+    """A token becomes a hostile one or another token of the file."""
+    tokens = list(TOKEN.finditer(content))
+    if not tokens:
+        return _insert(content, rng)
+    old = tokens[rng.integers(len(tokens))]
+    other = tokens[rng.integers(len(tokens))].group()
+    new = other if rng.random() < 0.3 else HOSTILE[rng.integers(len(HOSTILE))]
+    return content[: old.start()] + new + content[old.end() :]
+
+
+def _line(content: bytes, rng: np.random.Generator) -> bytes:
+    """A line is removed, repeated or moved."""
+    lines = content.splitlines(keepends=True)
+    line = lines.pop(rng.integers(len(lines)))
+    for _ in range(rng.integers(3)):
+        lines.insert(int(rng.integers(len(lines) + 1)), line)
+    return b"".join(lines)
+
+
+_BINARY = (_flip, _flip, _number, _number, _cut, _repeat, _remove, _insert)
+_TEXT = (_token, _token, _token, _line, _flip, _cut, _repeat, _insert)
+
+
+def kinds(folder: Path) -> dict[str, Kind]:
+    """All kinds of files, with their examples in a folder."""
+    import pyarrow as pa
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    rows = pa.parquet.read_table(LOGS / "warthog_grass.parquet").slice(0, 700)
+    pa.parquet.write_table(rows, folder / "log.parquet")
+    pa.csv.write_csv(rows, folder / "log.csv")
+    geometry = ("--half-gauge", "0.54", "--sprocket-radius", "0.3")
+    grid = folder / "grid"
+    _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
+    found = folder / "found"
+    _run("identify", grid, "--out", found)
+    short = ("--reference", "circle", "--circle-duration", "2")
+    _run("track", *short, "--bag", "--out", folder / "track")
+    (folder / "path.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n2,1\n")
+    (folder / "ground.toml").write_text("along = 0.7\nacross = 0.6\nshear = 0.01\n")
+    (folder / "posts.toml").write_text("posts = [{x = 1, y = 2.0}]\n")
+    track = ("track", "--localization", "truth")
+    circle = (*track, *short)
+    bags = _bags(folder)
+    return {
+        "csv": Kind(
+            folder / "log.csv", (("log", "FILE"), ("identify", "FILE", *geometry, "--laws", "icr"))
+        ),
+        "parquet": Kind(folder / "log.parquet", (("log", "FILE"),), binary=True),
+        "runs": Kind(grid / "runs.parquet", (("log", "FILE"), ("identify", "FILE")), binary=True),
+        "summary": Kind(
+            found / "summary.json",
+            ((*circle, "--laws", "FILE"), ("deploy", "FILE", "--out", "dd.yaml")),
+        ),
+        "manifest": Kind(
+            grid / "manifest.json", (("log", "FOLDER"), ("predict", "--out", "FOLDER"))
+        ),
+        "path": Kind(folder / "path.csv", ((*track, "--reference", "FILE"),)),
+        "ground": Kind(folder / "ground.toml", ((*circle, "--ground", "FILE"),)),
+        "posts": Kind(folder / "posts.toml", ((*circle, "--obstacles", "FILE"),)),
+        "course": Kind(
+            sorted((MODELS / "courses").glob("*.toml"))[0],
+            (("drive", "--course", "FILE", "--duration", "1"),),
+        ),
+        "robot": Kind(MODELS / "husky.toml", (("drive", "--robot", "FILE", "--check"),)),
+        "tracked": Kind(MODELS / "box_robot.toml", (("drive", "--robot", "FILE", "--check"),)),
+        "mjcf": Kind(MODELS / "box_robot.xml", (("drive", "--robot", "ROBOT", "--check"),)),
+        "sweep": Kind(
+            ROOT / "examples" / "sensitivity.toml",
+            (("grid", "--sweep", "FILE", "--duration", "0.2", "--radii", "1", "--speeds", "0.2"),),
+        ),
+        "dataset": Kind(LOGS / "maxxii.toml", (("evaluate", "FILE"),)),
+        "mcap": Kind(next((folder / "track").rglob("*.mcap")), (("log", "FILE"),), binary=True),
+        **bags,
+    }
+
+
+def _bags(folder: Path) -> dict[str, Kind]:
+    """Bags as ROS 1 and sqlite3 write them, if rosbags is installed."""
+    with contextlib.suppress(ImportError):
+        from bags import JOINT_NAMES, JOINTS, STAMPED, START, write_bag
+
+        messages = []
+        for k in range(40):
+            stamp = START + k * 50_000_000
+            header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "map"}
+            joints = {"header": header, "name": list(JOINT_NAMES), "position": [0.1 * k, 0.12 * k]}
+            pose = {"position": {"x": 0.01 * k}, "orientation": {"w": 1.0}}
+            messages.append(("/joint_states", JOINTS, stamp, joints))
+            messages.append(("/pose", STAMPED, stamp, {"header": header, "pose": pose}))
+        one = write_bag(folder / "one", "ros1", messages, compression="bz2")
+        two = write_bag(folder / "two", "sqlite3", messages)
+        return {
+            "ros1": Kind(one, (("log", "FILE"),), binary=True),
+            "db3": Kind(next(two.glob("*.db3")), (("log", "FILE"),), binary=True),
+            "metadata": Kind(two / "metadata.yaml", (("log", "FOLDER"),)),
+        }
+    return {}
+
+
+def _run(*arguments: object) -> None:
+    with contextlib.redirect_stdout(io.StringIO()):
+        main([str(one) for one in arguments])
+
+
+def outcome(kind: Kind, content: bytes, command: tuple[str, ...], folder: Path) -> str:
+    """What happens when a mutant is read: "" if all is well, otherwise the kind of failure.
+
+    The folder gets the mutant, beside the example's neighbours, and the command's output.
+    """
+    beside = folder / "beside"
+    shutil.copytree(kind.example.parent, beside) if _needs_neighbours(command, kind) else None
+    beside.mkdir(exist_ok=True)
+    file = beside / kind.example.name
+    file.unlink(missing_ok=True)
+    file.write_bytes(content)
+    robot = file.with_suffix(".toml")
+    places = {"FILE": str(file), "FOLDER": str(beside), "ROBOT": str(robot)}
+    arguments = [places.get(word, word) for word in command]
+    child = os.fork()
+    if child == 0:
+        _become(arguments, folder)
+    status, usage = _waited(child)
+    if status is None:
+        return "hang"
+    text = (folder / "stderr").read_text(errors="replace")
+    if os.WIFSIGNALED(status):
+        return f"signal {os.WTERMSIG(status)}"
+    if "Traceback" in text or os.WEXITSTATUS(status) not in (0, 2):
+        last = text.strip().splitlines()[-1:] or [""]
+        return f"exit {os.WEXITSTATUS(status)}: {last[0][:160]}"
+    if usage.ru_maxrss * 1024 > MOST_MEMORY:
+        return f"memory {usage.ru_maxrss / 1e6:.1f} GB"
+    return ""
+
+
+def _needs_neighbours(command: tuple[str, ...], kind: Kind) -> bool:
+    return "FOLDER" in command or "ROBOT" in command or kind.example.suffix in (".toml", ".xml")
+
+
+def _become(arguments: list[str], folder: Path) -> None:
+    """Run a command in this process, which ends with it."""
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    os.chdir(folder)
+    for stream, name in ((1, "stdout"), (2, "stderr")):
+        os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), stream)
+    code = 1
+    try:
+        main(arguments)
+        code = 0
+    except SystemExit as stop:
+        code = stop.code if isinstance(stop.code, int) else 1
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _waited(child: int) -> tuple[int | None, resource.struct_rusage]:
+    deadline = time.monotonic() + MOST_SECONDS
+    while time.monotonic() < deadline:
+        pid, status, usage = os.wait4(child, os.WNOHANG)
+        if pid:
+            return status, usage
+        time.sleep(0.002)
+    os.kill(child, signal.SIGKILL)
+    _, _, usage = os.wait4(child, 0)
+    return None, usage
+
+
+def failures(count: int, seed: int, names: list[str], keep: Path | None = None) -> dict[str, str]:
+    """Failures among `count` mutants of the kinds `names`, or of all: texts by kind and number.
+
+    A mutant depends on the seed, its kind and its number only. Those that fail are copied to
+    `keep`.
+    """
+    found = {}
+    with tempfile.TemporaryDirectory() as place:
+        (Path(place) / "examples").mkdir()
+        all_kinds = kinds(Path(place) / "examples")
+        chosen = names or list(all_kinds)
+        for number in range(count):
+            name = chosen[number % len(chosen)]
+            kind = all_kinds[name]
+            rng = np.random.default_rng([seed, number, *name.encode()])
+            content = mutant(kind.example.read_bytes(), rng, kind.binary)
+            command = kind.commands[rng.integers(len(kind.commands))]
+            with tempfile.TemporaryDirectory(dir=place) as folder:
+                failure = outcome(kind, content, command, Path(folder))
+                if failure and keep:
+                    keep.mkdir(exist_ok=True)
+                    (keep / f"{name}_{number}{kind.example.suffix}").write_bytes(content)
+            if failure:
+                found[f"{name} {number} {' '.join(command)}"] = failure
+                print(f"{name} {number} {' '.join(command)}: {failure}", flush=True)
+    return found
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    given = [int(word) for word in sys.argv[1:3]]
+    began = time.perf_counter()
+    result = failures(given[0], given[1] if len(given) > 1 else 0, sys.argv[3:], Path("mutants"))
+    counts = collections.Counter(key.split()[0] for key in result)
+    print(json.dumps({"mutants": given[0], "failures": counts}))
+    print(f"{time.perf_counter() - began:.0f} s")
