@@ -253,7 +253,8 @@ class _Model:
             (load.vertices, MAX_VERTICES, "vertices of built-in meshes"),
         ):
             if count > most:
-                self._refuse(f"{count:.4g} {what}: must be at most {most:,}")
+                shown = f"{count:,}" if count < 10**15 else "over 1e15"
+                self._refuse(f"{shown} {what}: must be at most {most:,}")
         return load
 
     def _refuse(self, what: str) -> None:

@@ -99,7 +99,8 @@ class TrackedRobot:
     """
     packages: tuple[Path, ...] = ()
     """Folders of the packages in package://NAME/FILE, or their parent folders, searched before the
-    folders above the model; in a robot file, their paths are relative to the robot file.
+    folders above the model; other files of the model may lie in them, too. In a robot file, their
+    paths are relative to the robot file.
     """
     key: str = field(default="", metadata={"stored_unless": ""})
     """MJCF keyframe from which joints and motors start; by default they start at 0."""
