@@ -14,7 +14,7 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from trackslip import se2
-from trackslip.errors import require, require_positive
+from trackslip.errors import require, require_positive, require_whole
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 
@@ -138,8 +138,8 @@ class World(Restorable):
 
         Raises InvalidValueError for fewer than one simulation or a negative number of threads.
         """
-        require(size >= 1, "size", size, "at least 1")
-        require(threads >= 0, "threads", threads, "0 (one per processor) or more")
+        require_whole("size", size, 1)
+        require_whole("threads", threads, 0)
         self.size = size
         self.batch = batch.Batch(model, size, nthread=threads)
         if model.nkey:

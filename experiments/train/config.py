@@ -83,7 +83,9 @@ class Config(ResultsOptions):
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """Slip compensation; online compensations start anew in each episode."""
     authority: Annotated[tuple[float, float], Positive(10.0)] = (0.12, 0.6)
-    """Largest correction of the reference's twist [m/s, rad/s]."""
+    """Largest correction of the reference's speed and yaw rate, as shares of the actions' units,
+    0.3 m/s and 1 rad/s [-].
+    """
     robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None
     """Robot: a name, a parameter file as written by calibrate, or a model file (MJCF, URDF) with
     its tracks.

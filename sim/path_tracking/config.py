@@ -193,7 +193,8 @@ class EnvConfig(OwnTerms):
             rate,
             f"{1 / PERIOD:g} Hz, once in a control period",
         )
-        known = not isinstance(self.randomization, str) or self.randomization == "typical"
+        known = self.randomization is None or isinstance(self.randomization, Randomization)
+        known = known or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance

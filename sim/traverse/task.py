@@ -161,24 +161,27 @@ class Crossing(Task):
         """
         options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
-        config, own, (low, high) = self.config, np.random.default_rng(seed), self.difficulty
+        config, (low, high) = self.config, self.difficulty
         drawn = {
             "course": config.courses[generator.integers(len(config.courses))],
             "difficulty": low + (high - low) * float(generator.random()),
             "start_offset": generator.uniform(-1.0, 1.0) * config.start_offset,
             "start_heading": generator.uniform(-1.0, 1.0) * config.start_heading,
-        } | options
-        difficulty, offset, heading = (
-            drawn[name] for name in ("difficulty", "start_offset", "start_heading")
+        }
+        own = np.random.default_rng(seed)
+        # the mass is drawn after the seed's course, also if another one is given
+        self._course(drawn["course"], drawn["difficulty"], own)
+        drawn["mass"] = own.uniform(*config.mass)
+
+        drawn |= options
+        difficulty, offset, heading, mass = (
+            drawn[name] for name in ("difficulty", "start_offset", "start_heading", "mass")
         )
         require_within("difficulty", difficulty, 0.0, 1.0)
         require_within("start_heading", heading, -np.pi, np.pi, "rad")
-        course = drawn["course"]
-        if course in self._drawn:
-            course = draw_course(
-                course, difficulty, own, self._hull, config.obstacles, config.kinds
-            )
-        else:
+        require_within("mass", mass, *MASSES)
+        course = self._course(drawn["course"], difficulty, np.random.default_rng(seed))
+        if drawn["course"] not in self._drawn:
             difficulty = _NOT_DRAWN
             names = [name for name in (*self._listed, *self._drawn) if isinstance(name, str)]
             valid = isinstance(course, Course) or course in names
@@ -187,10 +190,21 @@ class Crossing(Task):
         _, y, _, ahead = course.start
         require_within("start_offset", offset, -course.width / 2, course.width / 2, "m")
         x = self._footprint.start(course, ahead + heading)
-        mass = options.get("mass", own.uniform(*config.mass))
-        require_within("mass", mass, *MASSES)
         return CourseRun(
             course, float(difficulty), (x, y + offset, ahead + heading), seed, float(mass)
+        )
+
+    def _course(
+        self, course: str | Course, difficulty: float, generator: np.random.Generator
+    ) -> Any:
+        """The course itself or, for a name of courses that are drawn anew, a course drawn by
+        `generator`.
+        """
+        if course not in self._drawn:
+            return course
+        config = self.config
+        return draw_course(
+            str(course), difficulty, generator, self._hull, config.obstacles, config.kinds
         )
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:

@@ -24,7 +24,7 @@ from sim.traverse.ground import Footprint, Slots
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.world import World, quietly, steps_in
 from trackslip import se2
-from trackslip.errors import require
+from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
 _BROKEN = [
@@ -88,6 +88,8 @@ class Traverse(World):
                 `sample`, and `sample` a multiple of the physics step.
         """
         require(len(courses) > 0, "courses", list(courses), "at least one")
+        if top_speed is not None:
+            require_positive("top_speed", top_speed)
         self.slots = Slots(courses, boxes)
         """The terrain in the model."""
         self.tracked = build_tracked(robot, self.slots, preset=preset)
@@ -104,7 +106,8 @@ class Traverse(World):
         """Names of the tracks (T,)."""
         self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
         self._limited = robot.drive != Drive()
-        self.top_speed = top_speed or (robot.drive.top_speed if self._limited else _TOP_SPEED)
+        own = robot.drive.top_speed if self._limited else _TOP_SPEED
+        self.top_speed = own if top_speed is None else top_speed
         """Top speed of the belts [m/s]."""
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
         self._terrain_pairs = self.slots.pairs(model)
@@ -182,6 +185,8 @@ class Traverse(World):
             self._lay(int(row), course)
         self.servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
+        for factor in factors:
+            require_positive("mass", factor)
         self._belts.set(np.ones((len(where), 2)), where)
         with engine_errors(self.tracked.robot.model):
             self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))

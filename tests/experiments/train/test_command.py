@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.train.config import Config
+from experiments.train.tasks import learning_task
 from experiments.train.training import CHECKPOINT, UNFINISHED
 from sim.array_file import read_arrays
-from sim.policy import Policy, TrackingPolicy
+from sim.path_tracking.config import EnvConfig
+from sim.policy import TWIST_NOW, Policy, TrackingPolicy
 from sim.traverse.policy import OPTIONS
+from trackslip.laws.base import NoSlip
 
 pytest.importorskip("stable_baselines3")
 TINY = {"robots": 4, "horizon": 32, "batch": 64, "epochs": 1, "network": 8, "references": "slalom"}
@@ -128,6 +132,27 @@ def test_a_resumed_training_gives_the_policy_of_an_undisturbed_one(
         assert others.keys() == arrays.keys()
         for array in arrays:
             np.testing.assert_array_equal(others[array], arrays[array], err_msg=array)
+
+
+def test_the_help_says_in_which_unit_corrections_are_limited(capsys):
+    """As `sim.policy.corrected` applies them; test_policy.py checks how large they are."""
+    with pytest.raises(SystemExit):
+        main(["train", "--help"])
+    speed, rate = EnvConfig().twist_scale
+    printed = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"as shares of the actions' units, {speed:g} m/s and {rate:g} rad/s [-]" in printed
+
+
+def test_corrections_are_shares_of_the_actions_units():
+    authority = np.array([0.1, 0.4])
+    options = {"robots": 1, "horizon": 8, "batch": 8, "compensation": "none"}
+    task = learning_task(Config(**options, authority=tuple(authority)))
+    reference = task.robots.reset()[0, TWIST_NOW]
+    task.robots.step(np.array([[1.0, -1.0]]))
+    fleet = task.env.task.fleet
+    driven = NoSlip().twist(fleet.drive.set_point, fleet.robot.geometry)[0]
+    expected = np.array(EnvConfig().twist_scale) * (reference + authority * [1.0, -1.0])
+    np.testing.assert_allclose(driven, expected, atol=1e-6)
 
 
 class Payload:

@@ -70,6 +70,29 @@ def test_options_that_make_no_sense_are_refused(options, message):
         env.reset(options=options)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"course": "step10"},
+        {"course": "random"},
+        {"course": "rails"},
+        {"course": Course((Rough(),))},
+        {"difficulty": 0.9},
+        {"start_offset": 0.2},
+        {"start_heading": -0.1},
+    ],
+    ids=str,
+)
+def test_given_values_leave_the_drawn_mass_alone(given):
+    courses = ("random", "rails", "step10")
+    task = Crossing(TraverseConfig(course=courses, mass=(0.5, 2.0)), 1, threads=1)
+    for seed in range(6):
+        drawn = task.draw(np.random.default_rng(seed), {})
+        replaced = task.draw(np.random.default_rng(seed), given)
+        assert replaced.mass == drawn.mass
+        assert replaced.seed == drawn.seed
+
+
 def test_the_reward_is_the_sum_of_its_terms():
     outcome = np.array([Outcome.DRIVING, Outcome.REACHED, Outcome.TIPPED, Outcome.TIME])
     change = np.array([[1.0, -1.0], [0.0, 0.0], [0.0, 2.0], [0.0, 0.0]])

@@ -58,6 +58,20 @@ def test_work_lifts_the_robot_up_a_ramp():
     )
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0, -0.5])
+@pytest.mark.parametrize("name", ["top_speed", "period", "sample", "size"])
+def test_numbers_of_a_world_that_make_no_sense_are_refused(name, value):
+    with pytest.raises(InvalidValueError, match=f"{name} = {value}: must be"):
+        Traverse(load_tracked("box"), [LEVEL], threads=1, **{name: value})
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0, -0.5])
+def test_a_mass_that_makes_no_sense_is_refused(value):
+    world = Traverse(load_tracked("box"), [LEVEL], threads=1)
+    with pytest.raises(InvalidValueError, match=f"mass = {value}: must be"):
+        world.begin([0], mass=value)
+
+
 def test_traction_and_load_are_means_of_the_period():
     """Together their impulses are the momentum that a robot gains: forwards by its belts, none by
     landing.
