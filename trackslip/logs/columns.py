@@ -14,7 +14,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import MAX_YAW_RATE
 from trackslip.logs.schema import COLUMNS
 
-_HUGE = 1e21  # no measurement in SI units and no time in ns is larger
+HUGE = 1e21  # no measurement in SI units and no time in ns is larger
 _BOOLEANS = {"true": 1.0, "1": 1.0, "1.0": 1.0, "false": 0.0, "0": 0.0, "0.0": 0.0, "": np.nan}
 _EXPECTED = {"valid": "true or false", "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s"}
 
@@ -156,7 +156,7 @@ class Columns:
 
 def _cells(values: Array, empty: np.ndarray) -> Cells:
     """Cells from values (T,); infinite and huge values count as damaged."""
-    damaged = np.abs(values) > _HUGE
+    damaged = np.abs(values) > HUGE
     return Cells(np.where(damaged, np.nan, values), empty, damaged)
 
 

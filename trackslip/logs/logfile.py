@@ -20,14 +20,16 @@ import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.files import known_manifest, regular_file
+from trackslip.logs.columns import HUGE
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.schema import COLUMNS
+from trackslip.logs.schema import COLUMNS, NO_UNIT
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
 RUNS = "runs.parquet"  # name of the file with a results folder's runs
 # least number of rows that are read at once from a file of many runs: tens of megabytes
 _ROWS_AT_ONCE = 20_000
+_BLOCK = 8_000_000  # size of the part of a CSV file that is in memory as text [bytes]
 _LOOKED_AT = 50  # number of lines that decide the separator and the decimal mark
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
 _TIMES = ("s", "sec", "ms", "us", "ns")  # units of the column t that identify a row of units
@@ -138,15 +140,13 @@ def _parts_with_whole_runs(metadata: pa.parquet.FileMetaData) -> list[list[int]]
 
 
 def _read_csv(path: Path) -> pa.Table:
-    """Read the table in a CSV file with every column as text, so that errors can name row and
-    column.
+    """Read the table in a CSV file. Columns are numbers or, if a cell isn't a number, text, so that
+    errors can name row and column and show the cell.
 
     The file may have blanks around cells, lines beginning with # before the header, columns
     separated by semicolons or tabs (and then decimal commas), and, below the header, a row with the
     columns' units.
     """
-    import pyarrow.compute as pc  # takes longer to import than pyarrow itself
-
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
     comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
@@ -158,37 +158,72 @@ def _read_csv(path: Path) -> pa.Table:
         comments -= 1  # the last comment is the header, as from numpy.savetxt
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
-    rows = list(csv.reader(lines[comments:], delimiter=separator))
-    table = pa.csv.read_csv(
+    rows = [row for row in csv.reader(lines[comments:], delimiter=separator) if row]
+    decimal_comma = separator != "," and any(_DECIMAL_COMMA.match(c) for row in rows for c in row)
+    names = [name.strip("# ") for name in rows[0]] if rows else []
+    units = _units(names, rows[1] if len(rows) > 1 else [])
+    blocks = pa.csv.open_csv(
         path,
-        read_options=pa.csv.ReadOptions(skip_rows=comments),
+        read_options=pa.csv.ReadOptions(
+            skip_rows=comments, skip_rows_after_names=1 if units else 0, block_size=_BLOCK
+        ),
         parse_options=pa.csv.ParseOptions(delimiter=separator),
         convert_options=pa.csv.ConvertOptions(
             column_types=dict.fromkeys(rows[0] if rows else (), pa.string())
         ),
     )
-    names = [name.strip("# ") for name in table.column_names]
-    columns = [pc.utf8_trim_whitespace(column.cast(pa.string())) for column in table.columns]
-    if separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row):
-        columns = [
-            column if name == "run" else pc.replace_substring(column, ",", ".")
-            for name, column in zip(names, columns, strict=True)
+    names = [name.strip("# ") for name in blocks.schema.names]
+    # the text of one block at a time is in memory
+    parts = [
+        [
+            _trimmed(name, column, decimal_comma)
+            for name, column in zip(names, block.columns, strict=True)
         ]
-    return _with_units(pa.Table.from_arrays(columns, names))
-
-
-def _with_units(table: pa.Table) -> pa.Table:
-    """Move a first row of units, if there is one, to the metadata of the table's columns."""
-    first = [column[0].as_py().strip("[]()") for column in table.columns] if len(table) else []
-    if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
-        return table
-    fields = [
-        field.with_metadata({"unit": unit})
-        if field.name in COLUMNS and unit not in ("", "-", "1")
-        else field
-        for field, unit in zip(table.schema, first, strict=True)
+        for block in blocks
     ]
-    return table.slice(1).cast(pa.schema(fields))
+    columns = [_joined([part[k] for part in parts]) for k in range(len(names))]
+    fields = [
+        pa.field(name, column.type, metadata=units.get(name))
+        for name, column in zip(names, columns, strict=True)
+    ]
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+
+
+def _units(names: Sequence[str], row: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Metadata, by column, from the row below the header; empty unless it is a row of units."""
+    cells = {name: cell.strip().strip("[]()") for name, cell in zip(names, row, strict=False)}
+    if cells.get("t") not in _TIMES:
+        return {}
+    no_unit = ("", "-", "1")
+    return {
+        name: {"unit": unit} if name in COLUMNS and unit not in no_unit else {}
+        for name, unit in cells.items()
+    }
+
+
+def _trimmed(name: str, column: pa.Array, decimal_comma: bool) -> pa.Array:
+    """A part of a column as numbers or, if a cell isn't a plausible number, as text without
+    blanks.
+    """
+    import pyarrow.compute as pc  # takes longer to import than pyarrow itself
+
+    text = pc.utf8_trim_whitespace(column.cast(pa.string()))
+    if decimal_comma and name != "run":
+        text = pc.replace_substring(text, ",", ".")
+    if name in COLUMNS and COLUMNS[name].unit == NO_UNIT:
+        return text
+    try:
+        numbers = pc.if_else(pc.equal(text, ""), None, text).cast(pa.float64())
+    except pa.ArrowInvalid:
+        return text
+    return text if pc.any(pc.greater(pc.abs(numbers), HUGE)).as_py() else numbers
+
+
+def _joined(parts: Sequence[pa.Array]) -> pa.ChunkedArray:
+    """A column from its parts: numbers, or text if any part is text."""
+    if any(pa.types.is_string(part.type) for part in parts):
+        return pa.chunked_array([part.cast(pa.string()) for part in parts], pa.string())
+    return pa.chunked_array(parts, pa.float64())
 
 
 def runs_file(path: Path) -> Path:
@@ -246,22 +281,23 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
                 file: stored_metadata(read.schema_arrow.metadata, str(file))
                 for file, read in files.items()
             }
-            schema = pa.unify_schemas(
-                [files[file].schema_arrow.remove_metadata() for file, *_ in runs]
-            )
-            schema = schema.with_metadata(
+            group = {
+                file: {name: k for k, name in enumerate(descriptions)}
+                for file, descriptions in about.items()
+            }
+            columns = {file: read.schema_arrow.remove_metadata() for file, read in files.items()}
+            unified = pa.unify_schemas([columns[file] for file, *_ in runs])
+            schema = unified.with_metadata(
                 file_metadata({new: about[file][name] for file, name, new in runs})
             )
             with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
                 for file, name, new in runs:
-                    table = (
-                        files[file]
-                        .read_row_group([*about[file]].index(name))
-                        .replace_schema_metadata(None)
-                    )
+                    table = files[file].read_row_group(group[file][name])
+                    table = table.replace_schema_metadata(None)
                     table = table.set_column(0, "run", pa.repeat(new, len(table)))
+                    # without the metadata of all runs, which would be copied for each run
                     table = pa.concat_tables(
-                        [schema.empty_table(), table], promote_options="default"
+                        [unified.empty_table(), table], promote_options="default"
                     )
                     writer.write_table(table, row_group_size=len(table))
         except (pa.ArrowException, OSError) as error:

@@ -133,14 +133,18 @@ class _Reader:
         columns.require(REQUIRED if turns_alone else (*REQUIRED, "x", "y"))
         self._table, self._source, self._columns = table, source, columns
         self._metadata, self._first_row = metadata, first_row
-        cells = [*map(columns.cells, _NAMES[:_VALID]), columns.boolean("valid")]
         # (T, 8), ordered as _NAMES; NaN where not read
-        self._values = np.column_stack([cell.values for cell in cells])
-        self._damaged = np.column_stack([cell.damaged for cell in cells])
+        self._values = np.empty((len(table), len(_NAMES)))
+        self._damaged = np.empty((len(table), len(_NAMES)), bool)
+        for k, name in enumerate(_NAMES):
+            cells = columns.boolean(name) if k == _VALID else columns.cells(name)
+            self._values[:, k] = cells.values
+            self._damaged[:, k] = cells.damaged
+            if k == _GYRO:
+                self._gyro_empty = cells.empty
         self._damaged[:, _GYRO] |= np.abs(self._values[:, _GYRO]) > MAX_YAW_RATE
         self._values[self._damaged] = np.nan
         self._damaged[:, 0] = np.isnan(self._values[:, 0])
-        self._gyro_empty = cells[_GYRO].empty
         self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
         upper = columns.optional(COVARIANCE)
         self._blocks["covariance"] = None if upper is None else upper[:, SYMMETRIC]
@@ -152,18 +156,25 @@ class _Reader:
 
     def runs(self) -> Iterator[RunLog]:
         """All readable runs, in the order of their first rows."""
-        number, names = np.zeros(len(self._table), int), [Path(self._source).stem]
-        if "run" in self._table.column_names:
-            number, names = self._columns.categories("run")
-        order = np.argsort(number, kind="stable")
-        ends = np.cumsum(np.bincount(number)).tolist()
-        for name, first, end in zip(names, [0, *ends], ends, strict=False):
-            rows = order[first:end]
+        for name, rows in self._rows_by_run():
             if name.strip():
                 yield from self._runs(name, rows)
             else:
                 reason = f"row {self._place(rows[0])}, column run: empty"
                 self.notes.append(f"{counted(len(rows), 'row')} left out: {reason}")
+
+    def _rows_by_run(self) -> list[tuple[str, np.ndarray]]:
+        """The name and the rows (n,) of each run."""
+        if "run" not in self._table.column_names:
+            every = np.arange(len(self._table))
+            return [(Path(self._source).stem, every)] if len(every) else []
+        number, names = self._columns.categories("run")
+        order = np.argsort(number, kind="stable")
+        ends = np.cumsum(np.bincount(number, minlength=len(names))).tolist()
+        return [
+            (name, order[first:end])
+            for name, first, end in zip(names, [0, *ends], ends, strict=False)
+        ]
 
     def _place(self, row: int) -> int:
         """The number of a row in messages, counted from 1 in the whole table."""
@@ -314,7 +325,7 @@ class _Reader:
 
         A row without a reading gets the next reading.
         """
-        time, omega = self._values[rows, 0], self._values[rows][:, _OMEGA]
+        time, omega = self._values[rows, 0], self._values[rows[:, None], _OMEGA]
         read = np.flatnonzero(np.isfinite(omega).all(axis=1))
         if not read.size:
             raise LogError("columns omega_l, omega_r: no row has both")
@@ -330,7 +341,7 @@ class _Reader:
         """Times and poses (B, 4) in rows outside the encoder readings, used to align clocks; None
         without poses.
         """
-        poses = self._values[rows][:, [0, *_POSE]]
+        poses = self._values[rows[:, None], [0, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
         poses[headed, 3] = unwrapped(poses[headed, 3])
@@ -339,7 +350,7 @@ class _Reader:
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Poses (n, 3), and a mask (n,) of measured poses."""
         pose, stated, damaged = (
-            self._values[rows][:, _POSE],
+            self._values[rows[:, None], _POSE],
             self._values[rows, _VALID],
             self._damaged[rows],
         )
