@@ -25,8 +25,10 @@ MAX_TEXT: Final = 32_000_000
 """Largest MJCF or URDF file; published ones have up to 1 MB, and saved meshes up to 10 [bytes]."""
 MAX_DEPTH: Final = 200
 """Most elements inside each other; robots have up to 60. MuJoCo allows 500."""
-MAX_ELEMENTS: Final = 10_000
-"""Most elements of a model, repeated and attached ones included, which MuJoCo reads in 4 s."""
+MAX_ELEMENTS: Final = 5_000
+"""Most elements of a model, repeated and attached ones included: published robots have up to 2,000.
+The slowest 10,000, geoms that are only drawn, take 40 s to delete.
+"""
 MAX_NUMBER: Final = 1e18
 """Largest magnitude of a number: its square fits in a 32-bit float, and robots have up to 1e16."""
 MAX_FILE: Final = 64_000_000
@@ -41,7 +43,7 @@ MAX_VERTICES: Final = 200_000
 """Most vertices of all built-in meshes, whose convex hulls take 4 s; an .stl may have as many."""
 FLEX_POINT: Final = 2
 """Elements for which a point of a soft body counts: MuJoCo makes a body of it with a joint."""
-MAX_FLEX_FILE: Final = 40_000
+MAX_FLEX_FILE: Final = 20_000
 """Largest file of a soft body, which has at most a point in eight bytes [bytes]."""
 MIN_TIMESTEP: Final = 1e-5
 """Shortest physics step of a model, a hundredth of what robots need [s]."""
@@ -163,7 +165,7 @@ def lies_in(path: Path, folders: Sequence[Path]) -> bool:
 def check_model(text: str, path: Path, folders: Sequence[Path]) -> None:
     """Check the text of an MJCF or URDF file, with the files that it includes and attaches.
 
-    Mesh files are checked where they are found, see `require_mesh_file`.
+    Mesh files are checked where they are found, see `MeshSizes`.
 
     Raises:
         TrackslipError: for text that isn't XML or has a DOCTYPE, a CDATA section or instructions;

@@ -89,11 +89,11 @@ def flexible(text):
 
 
 SIZES = [
-    (replicated(100_000), "elements, repeated and attached ones included: must be at most 10,000"),
+    (replicated(100_000), "elements, repeated and attached ones included: must be at most 5,000"),
     (replicated(30, 30, 30), "elements, repeated"),
     (replicated(*[10**17] * 25), "over 1e15 elements, repeated"),
     (replicated("1e5"), "<replicate> count = '1e5': must be whole"),
-    (mjcf("", "<body/>" * MAX_ELEMENTS), "line 1: must have at most 10,000 elements"),
+    (mjcf("", "<body/>" * MAX_ELEMENTS), "line 1: must have at most 5,000 elements"),
     (mjcf("", "<body>" * 250 + "</body>" * 250), "at most 200 inside each other"),
     (mjcf('<size nkey="100000"/>'), "<size> nkey = '100000': must be at most 1,000"),
     (mjcf('<size memory="100G"/>'), "<size> memory = '100G': must be from 1M to 1G"),
@@ -124,7 +124,7 @@ SIZES = [
     ),
     (flexible('count="100 100 1"'), "elements, repeated"),
     (flexible('count="0 0 1" cellcount="100 100 100"'), "elements, repeated"),
-    (URDF.format("", "<link/>" * MAX_ELEMENTS), "at most 10,000 elements"),
+    (URDF.format("", "<link/>" * MAX_ELEMENTS), "at most 5,000 elements"),
     (URDF.format("", '<mujoco><size nkey="100000"/></mujoco>'), "nkey = '100000'"),
 ]
 
@@ -328,7 +328,7 @@ def picture(rows, columns):
         (asset('<texture name="t" type="2d" file="a"/>'), picture(20_000, 20_000), "pixels of te"),
         (asset('<hfield name="h" size="1 1 1 1" file="a"/>'), picture(3000, 3000), "samples of h"),
         (asset('<hfield name="h" size="1 1 1 1" file="a"/>'), b"\0" * 20_000_000, "samples of h"),
-        (mjcf("", '<flexcomp name="f" type="mesh" file="a"/>'), b"v 0 0 0\n" * 9000, "72,000 byte"),
+        (mjcf("", '<flexcomp name="f" type="mesh" file="a"/>'), b"v 0 0 0\n" * 3000, "24,000 byte"),
         (asset('<skin name="h" file="a"/>'), b"\0" * (MAX_FILE + 1), "64,000,001 bytes long"),
     ],
 )
