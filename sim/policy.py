@@ -58,7 +58,7 @@ class Network:
         shapes, layers = [weight.shape for weight in self.weights], (*self.weights, *self.biases)
         fit = (
             layers
-            and all(len(shape) == 2 for shape in shapes)
+            and all(len(shape) == 2 and min(shape) > 0 for shape in shapes)
             and all(b[0] == a[1] for a, b in pairwise(shapes))
         )
         fit = fit and [bias.shape for bias in self.biases] == [shape[1:] for shape in shapes]

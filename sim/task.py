@@ -75,7 +75,7 @@ def function(name: str) -> Callable[[Any], Any]:
     module, _, attribute = name.partition(":")
     try:
         chosen = getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # any error from a user's module
+    except (Exception, SystemExit) as error:  # anything from a user's module
         raise InvalidValueError(
             "function", name, f"MODULE:NAME ({type(error).__name__}: {error})"
         ) from error

@@ -129,8 +129,7 @@ def _constructor(
             raise InvalidValueError(
                 "controller", name, f"one of {', '.join(CONTROLLERS)}, ppo:FOLDER or MODULE:CLASS"
             )
-        if os.getcwd() not in sys.path:
-            sys.path.insert(0, os.getcwd())
+        find_own_modules()
         make = getattr(importlib.import_module(base), attribute)
     return make, inspect.signature(make).parameters, given if colon else None
 
@@ -199,6 +198,12 @@ def _value(key: str, text: str, default: Any) -> Any:
 def locator(name: str, robot: Robot) -> Locator:
     """The localization method called `name`, "plate" or "line"."""
     return LineLocator(robot.plate) if name == "line" else PlateLocator(robot.plate)
+
+
+def find_own_modules() -> None:
+    """Let modules in the current folder be imported, for names of code on the command line."""
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
 
 
 def user_modules() -> list[str]:

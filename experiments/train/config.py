@@ -1,6 +1,6 @@
 """The options of `trackslip train`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -49,6 +49,7 @@ ENVIRONMENT = (
     "laws",
     "courses",
     "difficulty",
+    "own_rewards",
     "seed",
 )
 """Options that determine the robots and their episodes; with --resume, the robots continue if none
@@ -104,6 +105,10 @@ class Config(ResultsOptions):
     """Number of unseen courses that test the policy, for each of three difficulties or each of
     several --courses.
     """
+    own_rewards: Annotated[dict[str, float], default_is("none", "MODULE:NAME WEIGHT ...")] = field(
+        default_factory=dict
+    )
+    """Your own reward terms, functions of the task, with weights; policies don't need them."""
     network: Annotated[tuple[int, ...], Whole(1, 4096)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from experiments.benchmark.cases import plant_ranges
+from experiments.common.lookup import find_own_modules
 from experiments.train.config import TRAVERSE, Config
 from sim.path_tracking.config import TrackingReward
 from sim.policy import Network, Policy, TrackingPolicy
@@ -50,6 +51,7 @@ def learning_task(config: Config) -> LearningTask:
     # late, as PyTorch takes seconds
     from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv
 
+    find_own_modules()
     if config.env == TRAVERSE:
         options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
         courses = {
@@ -57,6 +59,7 @@ def learning_task(config: Config) -> LearningTask:
             "kinds": _HARD,
             "obstacles": 1,
             "limits": _LIMITS,
+            "own_rewards": config.own_rewards,
         }
         crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
         return LearningTask(crossing, lambda network: Policy(network, options), crossing.env, -1.0)
@@ -73,6 +76,7 @@ def learning_task(config: Config) -> LearningTask:
         laws=config.laws and str(config.laws),
         pose_source="noisy",
         reward=_REWARD,
+        own_rewards=config.own_rewards,
         randomization=replace(plants, start_distance=_START_DISTANCE, start_heading=_START_HEADING),
     )
     corrected = Corrections(robots, config.authority)

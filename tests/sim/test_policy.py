@@ -56,6 +56,14 @@ SHORT = {"format": "trackslip policy 1", "authority": [0.1], "options": OPTIONS}
             "layers = .*: must be one or more of finite numbers",
         ),
         (
+            {
+                "weight_0": np.zeros((19, 0)),
+                "bias_0": np.zeros(0),
+                "weight_1": np.zeros((0, 2)),
+            },
+            "layers = .*: must be one or more of finite numbers",
+        ),
+        (
             {"bias_1": np.full(2, np.inf, np.float16)},
             "layers = .*: must be one or more of finite numbers",
         ),

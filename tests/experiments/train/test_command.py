@@ -155,6 +155,17 @@ def test_corrections_are_shares_of_the_actions_units():
     np.testing.assert_allclose(driven, expected, atol=1e-6)
 
 
+def test_own_rewards_are_named_on_the_command_line_only(trackslip, tmp_path, monkeypatch):
+    """The reward of every step is larger by the term, and no file keeps the name of its code."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own_terms.py").write_text("def one(task):\n    return 0 * task.reward + 1\n")
+    plain = trackslip("train", *sized(TINY), "--steps", "128")
+    own = trackslip("train", *sized(TINY), "--steps", "128", "--own-rewards", "own_terms:one", "2")
+    rewards = [found.summary["curve"][0]["reward"] for found in (plain, own)]
+    assert rewards[1] == pytest.approx(rewards[0] + 2, abs=1e-6)
+    assert "own_terms" not in repr(read_arrays(own.folder / "policy.npz", "a policy")[0])
+
+
 class Payload:
     """An object that makes a file when it is unpickled."""
 

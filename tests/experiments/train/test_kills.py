@@ -103,13 +103,13 @@ def test_a_kill_while_a_checkpoint_is_stored_leaves_the_one_before(
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGTERM])
 def test_a_training_that_is_stopped_at_any_moment_resumes(tmp_path, undisturbed, stop):
-    """Each of five processes is stopped soon after its first checkpoint, which later ones keep."""
+    """Each of three processes is stopped soon after its first checkpoint, which later ones keep."""
     out, moments = tmp_path / "out", random.Random(int(stop))
-    for _ in range(5):
+    for _ in range(3):
         before = steps_of(out)
         with train(out, COMMAND) as process:
             while process.poll() is None and steps_of(out) == before:
-                time.sleep(0.001)
+                time.sleep(0.01)
             time.sleep(moments.uniform(0.0, 0.15))
             process.send_signal(stop)
             process.communicate()
