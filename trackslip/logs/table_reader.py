@@ -215,9 +215,10 @@ class _Reader:
             rows = self._in_order(name, self._joined(self._by_time(rows)))
             time = self._values[rows, 0]
             starts = gaps(time, name)
-            # poses with a clock of their own don't make a drive
-            if starts.size and not any(self._has_both(part) for part in np.split(rows, starts)):
-                starts = starts[:0]
+            read = np.flatnonzero(np.isfinite(self._values[rows[:, None], _OMEGA]).all(axis=1))
+            # before and after the encoder readings, poses may have a clock of their own
+            ends = read[[0, -1]] if read.size else (0, 0)
+            starts = starts[(starts > ends[0]) & (starts <= ends[1])]
             if starts.size:
                 k = starts[0]
                 ahead = f"goes on from {time[k - 1]:.12g} s to {time[k]:.12g} s"
