@@ -17,6 +17,8 @@ from typing import Any, NoReturn
 import tyro
 
 from experiments.common.streams import flush_or_discard
+from experiments.common.temporary import temporary_files
+from experiments.common.terminal import PrintableOutput, printable
 from trackslip.errors import InvalidValueError, TrackslipError
 
 EXAMPLES = (
@@ -139,7 +141,9 @@ def _run(arguments: Sequence[str]) -> None:
             tyro.extras.subcommand_cli_from_dict(configs, prog="trackslip", args=arguments)
         case [name, *_]:
             config = parse(arguments)
-            run_module(name).run(config)
+            with temporary_files(), contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
+                run_module(name).run(config)
+                sys.stdout.flush()
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -195,14 +199,14 @@ def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> 
     """Print a warning once, in one line, without the code that issued it; see
     `warnings.showwarning`.
     """
-    line = " ".join(str(message).split())
+    line = printable(" ".join(str(message).split()))
     if line not in shown:
         shown.add(line)
         print(f"warning: {line}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    line = printable(" ".join(message.split()))
     for stream in (sys.stderr, sys.stdout):
         try:
             print(f"trackslip: {line}", file=stream, flush=True)

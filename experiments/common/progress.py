@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from experiments.common.terminal import printable
+
 _PAUSE = 60.0  # time between lines in a log [s]
 
 Advance = Callable[[float], None]  # called with the amount done since the last call
@@ -22,6 +24,7 @@ def progress(
     """Show a stage's progress, by default in simulated seconds; `done` is the amount done before
     the block.
     """
+    stage = printable(stage)
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _logged(stage, total, unit, done)

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from experiments.common.terminal import printable
 from trackslip.kinematics import Array
 
 MISSING = "–"
@@ -91,7 +92,7 @@ class Table:
     def print(self) -> None:
         """Print the table on the terminal, as plain text that can be searched and copied."""
         table = RichTable(
-            title=escape(self.title),
+            title=escape(printable(self.title)),
             title_justify="left",
             title_style="bold",
             box=SIMPLE_HEAD,
@@ -111,7 +112,10 @@ class Table:
         """The rows for the terminal."""
         cells = [[_cell(value) for value in row] for row in self.rows]
         return [
-            [(cell.name or cell.text).replace("−", "-").replace(MISSING, "-") for cell in row]
+            [
+                printable(cell.name or cell.text).replace("−", "-").replace(MISSING, "-")
+                for cell in row
+            ]
             for row in cells
         ]
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pyarrow as pa
 import pytest
+
 from experiments.cli import main
 from trackslip.logs.logfile import join_parquet, read_runs, write_parquet
 

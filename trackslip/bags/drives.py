@@ -16,8 +16,9 @@ from trackslip.bags.poses import read_imu, read_poses, with_gyro
 from trackslip.bags.scans import plate_log, read_scans
 from trackslip.bags.stamps import clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source
-from trackslip.errors import InvalidValueError, LogError, LogWarning
+from trackslip.errors import InvalidValueError, LogError, LogWarning, counted
 from trackslip.kinematics import Array
+from trackslip.logs.checks import LONGEST_STEP
 from trackslip.logs.logfile import RUNS, runs_file, runs_in
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
@@ -119,13 +120,20 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
 def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict[str, Bag]:
     """The drives in a bag called `name`: a single drive, unless the clock of the encoders' topic
-    restarts.
+    restarts or has gaps.
     """
     topic = encoder_topics(bag, choice)[0][0].name
-    starts = bag.table(topic, lambda _: (0.0,)).restarts()
+    restarts, after_gaps = bag.table(topic, lambda _: (0.0,)).breaks()
+    starts = np.union1d(restarts, after_gaps)
     if not len(starts):
         return {name: bag}
-    notes.append(f"topic {topic}: time goes back: read as {len(starts) + 1} drives")
+    if len(restarts):
+        notes.append(f"topic {topic}: time goes back: read as {len(restarts) + 1} drives")
+    if len(after_gaps):
+        notes.append(
+            f"topic {topic}: {counted(len(after_gaps), 'gap')} of more than {LONGEST_STEP:g} s "
+            "without a message: the drive is cut there"
+        )
     edges = [0, *starts.tolist(), np.iinfo(np.int64).max]
     return {
         f"{name}, part {k}": bag.between(*ends) for k, ends in enumerate(pairwise(edges), start=1)

@@ -19,7 +19,7 @@ import numpy as np
 
 from trackslip.bags.stamps import Readings
 from trackslip.errors import LogError, TrackslipError, first_line
-from trackslip.files import regular_file
+from trackslip.files import reason, regular_file
 
 K = TypeVar("K", bound=Hashable)
 
@@ -34,6 +34,7 @@ _REPAIRS = {
     ".db3": "sqlite3 {file} .recover | sqlite3 NEW.db3",
     ".zstd": "zstd -d {file}",
 }
+_END_OF_TIME = 2**62  # times from which differences may not fit in 64 bits [ns]
 _MCAP_END = b"\x89MCAP0\r\n"
 _DEPTH = 4  # number of folder levels that are searched for bags
 _SHOWN = 12  # largest number of names in an error message
@@ -57,7 +58,15 @@ class Message(NamedTuple):
 
 
 def _stamp(header: Any) -> int:
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    stamp = int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    return _plausible(stamp, "a header stamp")
+
+
+def _plausible(time: int, what: str) -> int:
+    """Return a time [ns]; raises LogError if differences of such times don't fit in 64 bits."""
+    if abs(time) >= _END_OF_TIME:
+        raise LogError(f"{what} is {time} ns: must be below 2^62 ns, in the year 2116")
+    return time
 
 
 Read = Callable[[Collection[str], bool], Iterator[Message]]
@@ -140,9 +149,15 @@ class Bag:
         times: dict[K, array[int]] = defaultdict(lambda: array("q"))
         numbers: dict[K, array[float]] = defaultdict(lambda: array("d"))
         for message in self.messages(*topics):
-            for key, header, values in parts(message.content):
-                times[key].extend((_stamp(header), message.arrival))
-                numbers[key].extend(values)
+            try:
+                for key, header, values in parts(message.content):
+                    times[key].extend((_stamp(header), message.arrival))
+                    numbers[key].extend(values)
+            except LogError as error:
+                raise LogError(f"topic {message.topic}: {error}") from error
+            except (AttributeError, LookupError, TypeError, ValueError, OverflowError) as error:
+                wrong = f"a message is not as its type defines it ({reason(error)})"
+                raise LogError(f"topic {message.topic}: {wrong}") from error
         found = {}
         for key in times:
             stamp, arrival = np.array(times[key], np.int64).reshape(-1, 2).T
@@ -315,7 +330,11 @@ def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator
         connections = [each for each in reader.connections if each.topic in chosen]
         for connection, arrival, data in reader.messages(connections) if connections else ():
             content = reader.deserialize(data, connection.msgtype) if decode else None
-            yield Message(connection.topic, arrival, content)
+            yield _message(connection.topic, arrival, content)
+
+
+def _message(topic: str, arrival: int, content: Any) -> Message:
+    return Message(topic, _plausible(arrival, f"topic {topic}: a time of recording"), content)
 
 
 def _reader(path: Path) -> Any:
@@ -362,7 +381,7 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
             if decode and schema.name not in types.fielddefs:
                 types.register(get_types_from_msg(schema.data.decode(), schema.name))
             content = types.deserialize_cdr(message.data, schema.name) if decode else None
-            yield Message(channel.topic, message.log_time, content)
+            yield _message(channel.topic, message.log_time, content)
 
 
 def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:

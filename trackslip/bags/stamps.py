@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.logs.checks import in_order, restarts
+from trackslip.logs.checks import gaps, in_order, restarts
 
 _SIMULATED = 10**17  # stamps before this time, in 1973, are from a simulation [ns]
 # difference between delays above which clocks differ: matching a scan takes less time [s]
@@ -77,12 +77,20 @@ class Readings:
         ]
         return self.take(kept)
 
-    def restarts(self) -> np.ndarray:
-        """Times of recording (n,) [ns] at which the clock of the stamps restarts."""
+    def breaks(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of recording [ns] at which the clock of the stamps restarts (n,), and at which it
+        has a gap (m,); another drive begins at each.
+        """
         rows = np.argsort(self.arrival, kind="stable")
         rows = rows[self.stamp[rows] != 0]
         time = seconds(self.stamp[rows], int(self.stamp[rows].min(initial=0)))
-        return np.asarray(self.arrival[rows[restarts(time)]])
+        backwards = restarts(time)
+        ahead = [
+            section[in_order(time[section])]
+            for section in np.split(np.arange(len(rows)), backwards)
+        ]
+        after_gaps = [section[gaps(time[section], self.source)] for section in ahead]
+        return self.arrival[rows[backwards]], self.arrival[rows[np.concatenate(after_gaps)]]
 
 
 def seconds(stamp: np.ndarray, origin: int) -> Array:

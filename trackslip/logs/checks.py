@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from typing import Final
 
 import numpy as np
 import scipy
@@ -10,6 +11,8 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
+# longest time from a row to the next in a drive: longer than in any log of a driving robot [s]
+LONGEST_STEP: Final = 10.0
 _RESTART = 1.0  # least time by which a restarted clock goes back [s]
 # most successive rows that may have wrong stamps; a longer series belongs to another drive
 _GLITCH = 4
@@ -27,6 +30,22 @@ def restarts(time: Array) -> np.ndarray:
     """
     usual = scipy.ndimage.median_filter(time, size=2 * _GLITCH + 1, mode="reflect")
     return np.flatnonzero(np.diff(usual) < -_RESTART) + 1
+
+
+def gaps(time: Array, run: str) -> np.ndarray:
+    """Rows (n,) before which the ascending clock `time` (T,) goes on by more than LONGEST_STEP:
+    another drive begins, or the clock was set.
+
+    Time grids are laid out only within drives, so that the number of rows limits their size. Raises
+    LogError if most steps are that long, as in other units.
+    """
+    step = np.diff(time)
+    if len(step) and np.median(step) > LONGEST_STEP:
+        raise LogError(
+            f"run {run!r}: t rises by {np.median(step):.3g} per row: are these ms or ns? It must "
+            "be in seconds"
+        )
+    return np.flatnonzero(step > LONGEST_STEP) + 1
 
 
 def unwrapped(heading: Array) -> Array:

@@ -99,13 +99,17 @@ class Columns:
             raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
         return _cells(_as_floats(column), column.is_null().to_numpy())
 
-    def optional(self, names: Sequence[str]) -> Array | None:
+    def optional(self, names: Sequence[str], infinite: bool = False) -> Array | None:
         """Values (T, len(names)) of optional columns, NaN in cells without a number; None if any
-        column is missing.
+        column is missing. With `infinite`, infinity is a number.
         """
         if any(name not in self._table.column_names for name in names):
             return None
-        return np.stack([self.cells(name).values for name in names], axis=-1)
+        cells = [self.cells(name) for name in names]
+        return np.stack(
+            [np.where(c.damaged, np.inf, c.values) if infinite else c.values for c in cells],
+            axis=-1,
+        )
 
     def complaint(self, name: str, row: int) -> str:
         """An error message about a damaged cell."""

@@ -16,6 +16,7 @@ import numpy as np
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
+from trackslip.logs.checks import LONGEST_STEP, gaps
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
 """Errors that a run's metadata may cause if trackslip did not write them."""
@@ -83,7 +84,7 @@ class RunLog:
 
     run: str
     """Name of the run, unique within a file."""
-    time: Array  # (T,) [s], ascending
+    time: Array  # (T,) [s], ascending in steps of at most LONGEST_STEP
     omega: Array  # (T, 2) measured sprocket speeds [rad/s]
     # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN where positions or headings weren't
     # measured
@@ -121,6 +122,12 @@ class RunLog:
         for what, where in wrong.items():
             if where.any():
                 raise LogError(f"run {self.run!r}: {what} in row {np.argmax(where) + 1}")
+        for row in gaps(self.time, self.run)[:1]:
+            before, after = self.time[row - 1 : row + 1]
+            raise LogError(
+                f"run {self.run!r}: no row from t = {before:.12g} s to {after:.12g} s: cut it into "
+                f"drives, whose rows are at most {LONGEST_STEP:g} s apart"
+            )
 
     @property
     def is_valid(self) -> np.ndarray:

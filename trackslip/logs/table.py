@@ -174,7 +174,11 @@ class ScanColumns:
     @classmethod
     def of(cls, columns: Columns) -> ScanColumns:
         """Read the columns; those that are missing are None."""
-        return cls(columns.optional(_OF_SCANS), columns.lists(_RANGES), columns.lists(_ALL_RANGES))
+        return cls(
+            columns.optional(_OF_SCANS, infinite=True),
+            columns.lists(_RANGES),
+            columns.lists(_ALL_RANGES),
+        )
 
     def scans(self, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
         """The scans in the `rows` of a run with this `metadata`, or None without scans.
@@ -189,13 +193,17 @@ class ScanColumns:
             raise LogError(
                 f"its scanner is not as trackslip writes it ({reason(error)})"
             ) from error
-        numbers = self.numbers[rows]
-        if not np.isfinite(numbers).all() or self.ranges.empty[rows].any():
-            raise LogError(f"its scans have empty cells in {', '.join((*_OF_SCANS, _RANGES))}")
-        first, lost, hidden = numbers[:, 0].astype(int), numbers[:, 1].astype(int), numbers[:, 2:]
+        numbers, hidden = self.numbers[rows, :2], self.numbers[rows, 2:]
+        # angles may be hidden without limit
+        if not np.isfinite(numbers).all() or np.isnan(hidden).any():
+            raise LogError(f"its scans need numbers in {', '.join(_OF_SCANS)}")
+        if self.ranges.empty[rows].any():
+            raise LogError(f"its scans have empty cells in {_RANGES}")
         ranges, width = self.ranges.take(rows)
-        if ((width > 0) & ((first < 0) | (first + width > len(scan.bearings)))).any():
-            raise LogError(f"its scans have beams beyond the scanner's {len(scan.bearings)}")
+        beams = len(scan.bearings)
+        if ((numbers < 0) | (numbers > beams)).any() or (numbers[:, 0] + width > beams).any():
+            raise LogError(f"its scans have beams beyond the scanner's {beams}")
+        first, lost = numbers.astype(int).T
         row = np.repeat(np.arange(len(width)), width)
         beam = first[row] + np.arange(len(row)) - (width.cumsum() - width)[row]
         hit = np.isfinite(ranges)

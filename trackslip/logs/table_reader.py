@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
-from trackslip.logs.checks import in_order, plausible_gyro, restarts, unwrapped
+from trackslip.logs.checks import gaps, in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.table import (
@@ -205,8 +205,34 @@ class _Reader:
             return []
         for number, section in enumerate(np.split(rows, starts), start=1):
             part = f"{name}, part {number}" if starts.size else name
+            runs += self._drives(part, section, self._metadata.get(name, {}))
+        return runs
+
+    def _drives(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> list[RunLog]:
+        """The readable runs in `rows` whose clock doesn't restart: several if it has gaps."""
+        runs = list[RunLog]()
+        try:
+            rows = self._in_order(name, self._joined(self._by_time(rows)))
+            time = self._values[rows, 0]
+            starts = gaps(time, name)
+            read = np.flatnonzero(np.isfinite(self._values[rows[:, None], _OMEGA]).all(axis=1))
+            # before and after the encoder readings, poses may have a clock of their own
+            ends = read[[0, -1]] if read.size else (0, 0)
+            starts = starts[(starts > ends[0]) & (starts <= ends[1])]
+            if starts.size:
+                k = starts[0]
+                ahead = f"goes on from {time[k - 1]:.12g} s to {time[k]:.12g} s"
+                self.notes.append(
+                    f"run {name!r}: row {self._place(rows[k])}, column t: {ahead}: cut into "
+                    f"{starts.size + 1} runs there"
+                )
+        except LogError as error:
+            self.refused.append(Refused.of(name, error))
+            return []
+        for number, section in enumerate(np.split(rows, starts), start=1):
+            part = f"{name}, part {number}" if starts.size else name
             try:
-                runs.append(self._run(part, section, self._metadata.get(name, {})))
+                runs.append(self._run(part, section, metadata))
             except LogError as error:
                 self.refused.append(Refused.of(part, error))
         return runs
@@ -221,7 +247,6 @@ class _Reader:
         )
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
-        rows = self._in_order(name, self._joined(self._by_time(rows)))
         omega, read = self._encoder(name, rows)
         beyond = self._beyond(np.setdiff1d(rows, read, assume_unique=True))
         rows = read

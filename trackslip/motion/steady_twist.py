@@ -25,6 +25,8 @@ _MIN_STEPS: Final = 20  # minimum number of steps for a mean twist
 _LAGS: Final = 0.5
 # turn per row at which the filter reduces a circle's radius by 8e-5 [rad]
 _MAX_TURN_PER_ROW: Final = 0.15
+# most evenly spaced poses for a row of the log: rows may be missing, but not most of them
+_MAX_RESAMPLING: Final = 10
 _MAX_GAP_TURN: Final = 2.5  # largest turn in a gap that an arc can bridge [rad]
 
 
@@ -160,7 +162,13 @@ def even_poses(log: RunLog) -> tuple[Array, Array]:
             f"at most {_MAX_TURN_PER_ROW:g} rad, log it more often"
         )
     step = float(np.median(np.diff(log.time)))
-    even = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
+    count = int((time[-1] - time[0]) / step + 1e-6) + 1
+    if count > _MAX_RESAMPLING * len(log.time):
+        raise LogError(
+            f"run {log.run!r}: rows are {step:.3g} s apart, but so unevenly that the filter would "
+            f"need {count:,} of them"
+        )
+    even = time[0] + step * np.arange(count)
     k = np.clip(np.searchsorted(time, even, side="right") - 1, 0, len(time) - 2)
     share = (even - time[k]) / (time[k + 1] - time[k])
     return even, se2.compose(pose[k], se2.exp(share[:, None] * se2.log(se2.steps(pose))[k]))

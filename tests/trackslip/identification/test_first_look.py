@@ -110,7 +110,10 @@ def test_stops_and_rare_motion_are_no_missing_readings():
     assert look_at(slow, *measured(drive)).gains.turn.value == pytest.approx(
         HUSKY.turn_gain, rel=0.03
     )
-    rest = np.append(np.arange(1500.0, 3000.0, 0.02), [3000.0])
+    # hardly logged at first, but without a gap
+    rest = np.concatenate(
+        [np.arange(DRIVE.time[-1] + 5, 1500.0, 5.0), np.arange(1500.0, 3000.0, 0.02), [3000.0]]
+    )
     still = Drive(
         np.concatenate([DRIVE.time, rest]),
         np.concatenate([DRIVE.omega, np.random.default_rng(0).normal(0, 1e-3, (len(rest), 2))]),
