@@ -154,18 +154,25 @@ def require_clean(end):
     assert not end.processes, end
 
 
-def interrupt(seed, folder, runs, longest):
-    """Interrupt a command that is drawn, as are the signal and the moment, up to `longest` [s]."""
+def interrupt(seed, folder, runs, working=False):
+    """Interrupt a command that is drawn, as are the signal and the moment, in the first second of
+    the process or, for `working`, in the first four of its work in the results folder.
+    """
     random = np.random.default_rng(seed)
     command = random.choice(sorted(COMMANDS))
     number = random.choice(SIGNALS)
-    delay = longest * random.random()
     group = bool(random.integers(2))
+    delay = random.random()
     if command == "train" and importlib.util.find_spec("torch") is None:
         command = "grid"
     arguments = COMMANDS[command].format(runs=runs).split()
     with started(["-m", "experiments", *arguments], folder) as process:
         awaits_signals(process)
+        if working:
+            delay *= 4
+            out = folder / "work" / "out"
+            while process.poll() is None and "--out out" in COMMANDS[command] and not out.exists():
+                time.sleep(0.005)
         end = interrupted(process, folder, number, delay, group)
     print(command, number, f"{delay:.3f}", group, end)
     if end is not None and end.code != 0:  # else it had ended
@@ -174,7 +181,7 @@ def interrupt(seed, folder, runs, longest):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_an_interrupt_in_the_first_second(seed, tmp_path, runs):
-    interrupt(seed, tmp_path, runs, longest=1.0)
+    interrupt(seed, tmp_path, runs)
 
 
 BEGIN = """
@@ -311,7 +318,7 @@ def test_a_platform_without_some_signals(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("longest", [1.0, 8.0])
+@pytest.mark.parametrize("working", [False, True])
 @pytest.mark.parametrize("seed", range(COUNT // 2))
-def test_interrupts_of_all_commands(seed, longest, tmp_path, runs):
-    interrupt([seed, int(longest)], tmp_path, runs, longest)
+def test_interrupts_of_all_commands(seed, working, tmp_path, runs):
+    interrupt([seed, working], tmp_path, runs, working)
