@@ -134,6 +134,8 @@ class _Interrupts:
             # not by Python's sys.stderr, which the main thread may have locked
             with contextlib.suppress(OSError):
                 os.write(2, b"trackslip: interrupted\n")
+            # the main thread may complain when its files vanish
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         self.end_process()
 
 

@@ -155,7 +155,7 @@ def _cluster(name: str, wait: bool) -> Iterator[Workers]:
         try:
             from distributed import Client
 
-            connected.enter_context(_quiet("distributed", "tornado", "asyncio"))
+            connected.enter_context(_quiet())
             address = name.replace("dask", "tcp", 1)
             client = Client(address, timeout=PATIENCE, set_as_default=False)
             connected.callback(_close, client)
@@ -210,16 +210,13 @@ class _Cluster:
 
 
 @contextlib.contextmanager
-def _quiet(*loggers: str) -> Iterator[None]:
-    """Silence loggers, which would repeat on many lines what an error says on one."""
-    levels = {name: logging.getLogger(name).level for name in loggers}
-    for name in loggers:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+def _quiet() -> Iterator[None]:
+    """Log nothing: Dask would say on 40 lines what an error here says on one."""
+    logging.disable(logging.CRITICAL)
     try:
         yield
     finally:
-        for name, level in levels.items():
-            logging.getLogger(name).setLevel(level)
+        logging.disable(logging.NOTSET)
 
 
 def _close(client: Any) -> None:

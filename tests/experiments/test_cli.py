@@ -33,11 +33,10 @@ def test_python_m_trackslip_lists_the_commands_and_imports_none_of_them():
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert all(name in done.stdout for name in commands())
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    interrupts = {"experiments.common.interrupts", "experiments.common.leftovers"}
+    shared = ("", ".interrupts", ".leftovers", ".streams")
     assert {name for name in imported if name.startswith("experiments.")} == {
         "experiments.cli",
-        "experiments.common",
-        *interrupts,
+        *(f"experiments.common{name}" for name in shared),
     }
 
 

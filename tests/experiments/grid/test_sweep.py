@@ -1,3 +1,5 @@
+import contextlib
+import re
 import subprocess
 import sys
 import time
@@ -184,6 +186,74 @@ def test_a_worker_that_is_killed_loses_nothing(trackslip, tmp_path):
         cluster.workers[0].process.process.kill()
         assert driving.wait(timeout=120) == 0
     same_results(whole, tmp_path / "dask")
+
+
+@contextlib.contextmanager
+def dask(*arguments):
+    """A process of Dask, and the lines that it logs."""
+    command = [sys.executable, "-m", "dask", *arguments]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@contextlib.contextmanager
+def driving_on_dask(out, *options):
+    """A scheduler, its only worker, and a grid that drives there, with runs stored."""
+    pytest.importorskip("distributed")
+    local = ("--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
+    with dask("scheduler", *local) as scheduler:
+        line = next(line for line in scheduler.stderr if "Scheduler at:" in line)
+        address = line.split()[-1]
+        single = ("worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+        with dask(*single) as worker:
+            where = ("--executor", address.replace("tcp", "dask"), "--out", str(out))
+            noises = ",".join(str(0.001 * k) for k in range(1, 60))
+            grid = ("grid", *SHORT[:-2], "--vary", f"scanner.noise={noises}", *where, *options)
+            command = [sys.executable, "-m", "experiments", *grid]
+            with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as driving:
+                while not list((out / STORE).glob("*.json")):
+                    assert driving.poll() is None
+                    time.sleep(0.01)
+                try:
+                    yield driving, worker, scheduler, single
+                finally:
+                    driving.kill()
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_workers_have_all_died(tmp_path):
+    with driving_on_dask(tmp_path / "out") as (driving, worker, _, _):
+        worker.kill()
+        message = driving.communicate(timeout=10)[1]
+    assert driving.returncode == 2
+    assert re.fullmatch(
+        r"trackslip: dask://\S+: all workers have died with \d+ of \d+ runs driven; "
+        "the same command resumes\n",
+        message,
+    )
+
+
+@pytest.mark.slow
+def test_other_workers_are_waited_for_on_request(tmp_path):
+    with driving_on_dask(tmp_path / "out", "--wait") as (driving, worker, _, single):
+        worker.kill()
+        line = driving.stderr.readline()
+        assert line.endswith(": all workers have died; waiting for others\n")
+        with dask(*single):
+            assert driving.wait(timeout=120) == 0
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_scheduler_has_died(tmp_path):
+    with driving_on_dask(tmp_path / "out") as (driving, _, scheduler, _):
+        scheduler.kill()
+        message = driving.communicate(timeout=10)[1]
+    assert driving.returncode == 2
+    assert message.startswith("trackslip: the scheduler has stopped with ")
+    assert message.count("\n") == 1
 
 
 def test_failed_runs_are_rows_and_are_driven_again(trackslip, refused, tmp_path):
