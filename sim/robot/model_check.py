@@ -40,7 +40,7 @@ MAX_PIXELS: Final = 2**28
 MAX_CELLS: Final = 2**22
 """Most samples of all height fields, one of 2048 x 2048."""
 MAX_VERTICES: Final = 200_000
-"""Most vertices of all built-in meshes, whose convex hulls take 4 s; an .stl may have as many."""
+"""Most vertices of all meshes without files: their convex hulls take 4 s, as those of an .stl."""
 FLEX_POINT: Final = 2
 """Elements for which a point of a soft body counts: MuJoCo makes a body of it with a joint."""
 MAX_FLEX_FILE: Final = 20_000
@@ -252,7 +252,7 @@ class _Model:
             (load.elements, MAX_ELEMENTS, "elements, repeated and attached ones included"),
             (load.pixels, MAX_PIXELS, "pixels of textures"),
             (load.cells, MAX_CELLS, "samples of height fields"),
-            (load.vertices, MAX_VERTICES, "vertices of built-in meshes"),
+            (load.vertices, MAX_VERTICES, "vertices of meshes without files"),
         ):
             if count > most:
                 shown = f"{count:,}" if count < 10**15 else "over 1e15"
@@ -449,6 +449,8 @@ class _Model:
                 # all kinds have fewer vertices than the square of one of their first two numbers
                 counts = [abs(number) for number in _numbers(element.get("params", ""))][:2]
                 return load + _Load(vertices=int(max(counts, default=0.0) ** 2))
+            case "mesh":
+                return load + _Load(vertices=len(element.get("vertex", "").split()) // 3)
             case _:
                 return load
 

@@ -120,8 +120,9 @@ SIZES = [
     (asset('<texture builtin="flat" width="8000"/>'), "pixels of textures: must be at most"),
     (
         asset('<mesh name="a" builtin="supersphere" params="2000 1 1"/>'),
-        "4,000,000 vertices of built-in meshes: must be at most 200,000",
+        "4,000,000 vertices of meshes without files: must be at most 200,000",
     ),
+    (asset(f'<mesh name="a" vertex="{"0 " * 600_003}"/>'), "200,001 vertices of meshes"),
     (flexible('count="100 100 1"'), "elements, repeated"),
     (flexible('count="0 0 1" cellcount="100 100 100"'), "elements, repeated"),
     (URDF.format("", "<link/>" * MAX_ELEMENTS), "at most 5,000 elements"),
