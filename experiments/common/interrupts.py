@@ -37,24 +37,22 @@ def run_interruptible(run: Callable[[], None]) -> None:
     Ignored signals, as after `nohup` and in a shell's background, stay ignored.
     """
     interrupts = _Interrupts()
+    told = False
     try:
         try:
             interrupts.begin()
             run()
         finally:
             interrupts.finish()
-    except SystemExit:
+    except BaseException as error:  # an interrupted import may raise any type
         if not interrupts.raised:
             raise
-    except BaseException:  # an interrupted import may raise any type
-        if not interrupts.raised:
-            raise
-        with contextlib.suppress(OSError):  # the terminal may be gone
-            print("trackslip: interrupted", file=sys.stderr)
+        told = isinstance(error, SystemExit)  # the command itself has printed a line
     if interrupts.raised:
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(OSError):
-                stream.flush()
+        with contextlib.suppress(OSError):  # the terminal may be gone
+            print(end="", flush=True)
+        with contextlib.suppress(OSError):
+            print("" if told else "trackslip: interrupted\n", end="", file=sys.stderr, flush=True)
         interrupts.end_process()
 
 

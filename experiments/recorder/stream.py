@@ -99,9 +99,12 @@ def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -
             # not to the file: rerun's thread for it hangs when the disk is full
             memory = rr.binary_stream(recording=stream)
             stream.send_recording_name(title)
-            send(Recording(stream))
-            # once, because each part that is read is a recording of its own
-            content = memory.read()
+            try:
+                send(Recording(stream))
+            finally:
+                # once, because each part that is read is a recording of its own, and also after an
+                # error, because rerun prints a warning about data that nobody has read
+                content = memory.read()
         draft.write_bytes(content or b"")
 
     write_output(file, write)

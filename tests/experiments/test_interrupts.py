@@ -238,6 +238,11 @@ def test_a_swallowed_interrupt_is_raised_again(body, number, tmp_path):
     require_clean(ended(body, tmp_path, number))
 
 
+def test_an_interrupt_swallowed_at_the_end_is_reported(tmp_path):
+    body = CAUGHT.replace("        pass\n    time.sleep(60)\n", "        pass\n")
+    require_clean(ended(body, tmp_path))
+
+
 def test_clean_up_is_not_interrupted(tmp_path):
     body = """
     try:

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
 from rrd import component
 
 from experiments import recorder as recording
 from experiments.cli import main
 from experiments.recorder.run import parameters_of
+from experiments.recorder.stream import write_recording
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import OutputError
 from trackslip.kinematics import RobotGeometry, track_slip
@@ -167,6 +169,17 @@ def test_a_recording_that_does_not_fit_on_the_disk(size, driven, tmp_path, capfd
             recording.record(file, [log])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr().err == ""
+
+
+def test_a_recording_that_is_interrupted_prints_nothing(tmp_path, capfd):
+    def send(stream):
+        stream.rows("a", np.arange(3.0), rr.Scalars.columns(scalars=np.arange(3.0)))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_recording(tmp_path / "run.rrd", "title", send)
     assert not list(tmp_path.iterdir())
     assert capfd.readouterr().err == ""
 
