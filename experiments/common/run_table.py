@@ -62,6 +62,8 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
         rows = [row for row in rows if _is(row[name], value)]
         if not rows:
             raise InvalidValueError("where", text, f"{name}=one of {', '.join(there[:_SHOWN])}")
+    if any(row["run"] is None for row in rows):
+        raise LogError(f"{folder / TABLE_FILE}: column run: empty in a chosen row")
     return {str(row["run"]) for row in rows}
 
 

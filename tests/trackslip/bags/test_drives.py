@@ -236,3 +236,45 @@ def test_a_simulation_that_was_reset_makes_two_drives(tmp_path):
         "topic /joint_states: time goes back: read as 2 drives",
         "run 'run, part 2' left out: topic /slam/pose: no messages",
     )
+
+
+def set_ahead(messages, rise):
+    """The messages with stamps that are `rise` [ns] later, recorded 40 s later."""
+    return later(
+        [
+            (
+                topic,
+                kind,
+                at,
+                fields
+                | {
+                    "header": header(
+                        fields["header"]["stamp"]["sec"] * 10**9
+                        + fields["header"]["stamp"]["nanosec"]
+                        + rise,
+                        fields["header"]["frame_id"],
+                    )
+                },
+            )
+            for topic, kind, at, fields in messages
+        ]
+    )
+
+
+@pytest.mark.parametrize("rise", [40 * 10**9, 4 * 10**17], ids=["a pause", "a clock that is set"])
+def test_a_bag_is_cut_at_gaps_of_its_encoders(tmp_path, rise):
+    once = [*states(), *poses_of(LOG)]
+    read = read_bags(write(tmp_path, once, set_ahead(once, rise)))
+    assert [log.run for log in read.runs] == ["run, part 1", "run, part 2"]
+    assert read.warnings == (
+        "topic /joint_states: 1 gap of more than 10 s without a message: the drive is cut there",
+    )
+    np.testing.assert_allclose(read.runs[0].omega, read.runs[1].omega, atol=1e-6)
+
+
+@pytest.mark.parametrize("arrival", [2**62, 2**63 + 5])
+def test_times_of_recording_beyond_64_bits_are_refused(tmp_path, arrival):
+    *most, (topic, kind, _, fields) = in_order(states(), poses_of(LOG))
+    bag = write_bag(tmp_path / "run", "foxglove", [*most, (topic, kind, arrival, fields)])
+    with pytest.raises(LogError, match=rf"time of recording is {arrival} ns: must be below 2\^62"):
+        read_bags(bag)
