@@ -119,8 +119,8 @@ class Config(ResultsOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         rows = self.robots * self.horizon
-        allowed = f"at most {_MAX_ROWS // self.robots} for {self.robots} robots, to fit in memory"
-        require(rows <= _MAX_ROWS, "horizon", self.horizon, allowed)
+        most = f"at most {_MAX_ROWS // self.robots} for {self.robots} robots, to fit in memory"
+        require(rows <= _MAX_ROWS, "horizon", self.horizon, most)
         require(
             rows % self.batch == 0, "batch", self.batch, f"a factor of robots * horizon = {rows}"
         )
