@@ -8,6 +8,7 @@ import functools
 import importlib
 import importlib.metadata
 import io
+import itertools
 import sys
 import warnings
 from collections.abc import Sequence
@@ -103,11 +104,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = functools.partial(_warn, set())
+                _require_utf8(arguments)
                 _run(arguments)
         finally:
             sys.stdout.flush()  # here, because Python would end with a traceback if it can't
     except TrackslipError as error:
         _fail(str(error), 2)
+    except UnicodeEncodeError as error:  # from the name of a folder or file that is read
+        _fail(f"{error.object[:200]!r}: can't be written as {error.encoding}", 2)
     except KeyboardInterrupt as interrupt:
         _fail(str(interrupt) or "interrupted", 130)
     except OSError as error:
@@ -115,6 +119,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(error, BrokenPipeError):  # the reader closed the pipe
             sys.exit(1)
         _fail(f"{error.filename or 'output'}: can't be written ({error.strerror or error})", 2)
+
+
+def _require_utf8(arguments: Sequence[str]) -> None:
+    """Raise InvalidValueError for an argument that isn't UTF-8, as all results and messages are."""
+    for option, argument in itertools.pairwise(("COMMAND", *arguments)):
+        name, equals, _ = argument.partition("=")
+        named = name if equals and name.startswith("--") else option
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            field = named.lstrip("-") if named.startswith("--") else "argument"
+            raise InvalidValueError(field, argument, "text in UTF-8") from None
 
 
 def _run(arguments: Sequence[str]) -> None:

@@ -88,12 +88,13 @@ OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
 
 @dataclass(frozen=True)
 class MotorOptions:
-    """Properties of the motor that differ from the robot's."""
+    """Properties of the motor that differ from the robot's.
+
+    There is no voltage: speed and torque are stated at full voltage, so that it cancels out.
+    """
 
     gear: OwnNumber = None
     """Gear ratio, motor speed over sprocket speed [-]."""
-    voltage: OwnNumber = None
-    """Battery voltage, the largest voltage at the motor [V]."""
     no_load_speed: OwnNumber = None
     """No-load speed of the motor at full voltage [rad/s]."""
     stall_torque: OwnNumber = None

@@ -38,6 +38,7 @@ EXAMPLES = (
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
 TRAVERSE = "traverse"
+_MAX_ROWS = 4_000_000  # control periods between two updates, of about 300 bytes each
 ENVIRONMENT = (
     "env",
     "robots",
@@ -69,7 +70,7 @@ class Config(ResultsOptions):
 
     env: Literal["path_tracking", "traverse"] = "path_tracking"
     """Environment: following paths, or crossing courses with a tracked robot with flippers."""
-    steps: Annotated[int, Whole(1)] = 2_000_000
+    steps: Annotated[int, Whole(1, 10**10)] = 2_000_000
     """Total number of control periods, summed over all robots."""
     robots: Annotated[int, Whole(1, 4096)] = 64
     """Number of robots in the vector environment."""
@@ -113,11 +114,11 @@ class Config(ResultsOptions):
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4
     """Initial learning rate, which falls linearly to a twentieth [-]."""
-    horizon: Annotated[int, Whole(1)] = 128
+    horizon: Annotated[int, Whole(1, 100_000)] = 128
     """Number of control periods per robot between two updates."""
     batch: Annotated[int, Whole(1)] = 2048
     """Number of control periods in a minibatch."""
-    epochs: Annotated[int, Whole(1)] = 6
+    epochs: Annotated[int, Whole(1, 1000)] = 6
     """Number of passes over the collected data in each update."""
     discount: Annotated[float, Positive(1.0)] = 0.97
     """Discount factor for rewards per control period [-]."""
@@ -141,6 +142,8 @@ class Config(ResultsOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         rows = self.robots * self.horizon
+        most = f"at most {_MAX_ROWS // self.robots} for {self.robots} robots, to fit in memory"
+        require(rows <= _MAX_ROWS, "horizon", self.horizon, most)
         require(
             rows % self.batch == 0, "batch", self.batch, f"a factor of robots * horizon = {rows}"
         )

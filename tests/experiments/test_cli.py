@@ -82,3 +82,19 @@ def test_a_warning_is_one_line_without_code(tmp_path, capsys):
     main(["grid", "--robot", str(tmp_path / "wide.toml"), *short])
     line = "warning: half_gauge = 0.6: turns are verified up to 0.51 m, 1.5 contact lengths"
     assert [one for one in capsys.readouterr().err.splitlines() if "arning" in one] == [line]
+
+
+@pytest.mark.parametrize(
+    ("line", "field"),
+    [
+        (("grid", "--out", "a\udcff"), "out"),
+        (("grid", "--out=a\udcff"), "out"),
+        (("track", "--reference", "\udcfe.csv"), "reference"),
+        (("identify", "\udcff"), "argument"),
+        (("\udcff",), "argument"),
+    ],
+)
+def test_an_argument_that_is_not_utf_8_is_refused(refused, line, field):
+    line = refused(*line)
+    assert line.startswith(f"{field} = ")
+    assert line.endswith("must be text in UTF-8")

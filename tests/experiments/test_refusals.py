@@ -64,6 +64,13 @@ OPTIONS = [
         f"{PLAN} --topic 'cmd vel'",
         "topic = 'cmd vel': must be names of letters, digits and _, joined by /",
     ),
+    # numbers far too large
+    ("train --horizon 1000000000", "horizon = 1000000000: must be an integer from 1 to 100000"),
+    (
+        "train --robots 4096 --horizon 100000 --batch 4096",
+        "horizon = 100000: must be at most 976 for 4096 robots",
+    ),
+    ("train --epochs 1000000000", "epochs = 1000000000: must be an integer from 1 to 1000"),
     # sweeps
     ("grid --vary noise", "vary = 'noise': must be NAME=VALUE,VALUE,..."),
     (
