@@ -46,6 +46,8 @@ class ReadOptions:
     bag: BagChoice = AUTOMATIC  # topics to read from bags
     # wheel_separation_multiplier of odometry that replaces encoders, if known [-]
     multiplier: float | None = None
+    # most memory for the content of the log [bytes]; None for half of the machine's memory
+    max_memory: int | None = None
 
     def __post_init__(self) -> None:
         require_within("gear", self.gear, *GEARS)
@@ -117,7 +119,7 @@ def read_source(
         if chosen is not None:
             raise LogError("holds bags, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, path)  # before a long bag is read
-        read = read_bags(path, replace(reading.bag, wheels=geometry))
+        read = read_bags(path, replace(reading.bag, wheels=geometry), reading.max_memory)
         return source_of_runs(read.runs, reading, str(path), read)
 
 
@@ -162,7 +164,7 @@ def _of_table(
     file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None
 ) -> Source:
     """Read the runs or the steady samples in a file."""
-    table = read_table(file)
+    table = read_table(file, reading.max_memory)
     if "x" not in table.column_names and set(SAMPLE_COLUMNS) <= set(table.column_names):
         if chosen is not None:
             raise LogError("holds steady samples, not runs of a sweep: --where must be left out")
@@ -173,7 +175,7 @@ def _of_table(
             reading,
             rows=_sampled(Columns(table, str(file)), reading, geometry),
         )
-    read = runs_from_table(table, str(file))
+    read = runs_from_table(table, str(file), reading.max_memory)
     names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
     runs = [log for log in read.runs if log.run in names]
     if not runs:

@@ -10,7 +10,7 @@ import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice, takewhile
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,6 +22,7 @@ from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.files import known_manifest, regular_file
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS
+from trackslip.logs.size import first_lines, open_parquet, require_csv_fits
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
@@ -70,15 +71,20 @@ def write_csv(logs: Sequence[RunLog], path: Path) -> None:
     pa.csv.write_csv(to_table(plain), path)
 
 
-def read_table(path: Path) -> pa.Table:
-    """Read the table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
+def read_table(path: Path, max_memory: int | None = None) -> pa.Table:
+    """Read the table in a `.parquet` or `.csv` file.
+
+    Raises LogError if it cannot be read, or if reading it takes more than `max_memory` [bytes], see
+    `require_fits`.
+    """
     kind = path.suffix.lower()
     try:
         regular_file(path)
         if kind == ".csv":
-            return _read_csv(path)
+            return _read_csv(path, max_memory)
         if kind == ".parquet":
-            return pa.parquet.read_table(path, page_checksum_verification=True)
+            with open_parquet(path, max_memory) as file:
+                return file.read()
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file") from error
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
@@ -91,7 +97,7 @@ def read_table(path: Path) -> pa.Table:
     raise LogError(f"{path}: must end in .parquet or .csv")
 
 
-def _read_csv(path: Path) -> pa.Table:
+def _read_csv(path: Path, max_memory: int | None) -> pa.Table:
     """Read the table in a CSV file with every column as text, so that errors can name row and
     column.
 
@@ -101,8 +107,7 @@ def _read_csv(path: Path) -> pa.Table:
     """
     import pyarrow.compute as pc  # takes longer to import than pyarrow itself
 
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = list(islice(file, _LOOKED_AT))
+    lines = first_lines(path, _LOOKED_AT)
     comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
     if (
         comments
@@ -112,6 +117,7 @@ def _read_csv(path: Path) -> pa.Table:
         comments -= 1  # the last comment is the header, as from numpy.savetxt
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
+    require_csv_fits(path, 1 + header.count(separator), max_memory)
     rows = list(csv.reader(lines[comments:], delimiter=separator))
     table = pa.csv.read_csv(
         path,
@@ -160,21 +166,21 @@ def runs_file(path: Path) -> Path:
     return path / RUNS
 
 
-def read_runs(path: Path) -> list[RunLog]:
+def read_runs(path: Path, max_memory: int | None = None) -> list[RunLog]:
     """Read the runs in a file, with a LogWarning for each part left out; raises LogError if no run
-    can be read.
+    can be read, or if reading takes more than `max_memory` [bytes].
     """
-    read = read_log(path)
+    read = read_log(path, max_memory)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
     return list(read.runs)
 
 
-def read_log(path: Path) -> ReadRuns:
+def read_log(path: Path, max_memory: int | None = None) -> ReadRuns:
     """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be
-    read.
+    read, or if reading takes more than `max_memory` [bytes].
     """
-    return runs_from_table(read_table(path), str(path))
+    return runs_from_table(read_table(path, max_memory), str(path), max_memory)
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
@@ -188,9 +194,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
         try:
             files = {}
             for file in {file for file, *_ in runs}:
-                files[file] = stack.enter_context(
-                    pa.parquet.ParquetFile(file, page_checksum_verification=True)
-                )
+                files[file] = stack.enter_context(open_parquet(file))
             about = {
                 file: stored_metadata(read.schema_arrow.metadata, str(file))
                 for file, read in files.items()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import LogError, first_line
+from trackslip.errors import LogError, first_line, require_whole
 from trackslip.files import FORMAT, reason, require_known_format
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
@@ -53,6 +53,7 @@ SHEAR = "shear"
 SCANNED = "scanned"  # key of the scanner in a run's metadata
 _RANGES, _ALL_RANGES = "ranges", "all_ranges"
 _OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
+_MOST_BEAMS = 1_000_000  # most beams of a scanner, a hundred times those of known ones
 _METADATA_KEY = b"trackslip"  # key of the run descriptions in a file's metadata
 
 
@@ -184,6 +185,7 @@ def scans_from_table(
 
 def _scans(table: pa.Table, rows: np.ndarray, about: Mapping[str, Any]) -> ScanLog:
     beams, reach = about["beams"], about["max_range"]
+    require_whole("beams", beams, 1, _MOST_BEAMS)
     scan = Scan(
         about["first_bearing"] + about["beam_step"] * np.arange(beams),
         np.empty((0, beams)),

@@ -16,6 +16,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
+from trackslip.logs.size import require_runs_fit
 from trackslip.logs.table import (
     BLOCKS,
     CONTACT,
@@ -56,14 +57,15 @@ class ReadRuns:
         return (*self.notes, *map(str, self.refused))
 
 
-def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
-    """Read the runs in a table, which errors call `source`; raises LogError if no run can be read.
+def runs_from_table(table: pa.Table, source: str, max_memory: int | None = None) -> ReadRuns:
+    """Read the runs in a table, which errors call `source`; raises LogError if no run can be read,
+    or if reading takes more than `max_memory` [bytes].
 
     A pose is not valid if position and heading are both empty or either is unreadable. A row
     without an encoder reading gets the next reading, which is a mean over that row, too. Rows with
     a damaged reading or time are left out.
     """
-    return _Reader(table, source).read()
+    return _Reader(table, source).read(max_memory)
 
 
 class _Reader:
@@ -92,13 +94,14 @@ class _Reader:
         self._refused: list[Refused] = []
         self._notes: list[str] = []
 
-    def read(self) -> ReadRuns:
-        """Read all readable runs; raises LogError if there are none."""
+    def read(self, max_memory: int | None) -> ReadRuns:
+        """Read all readable runs; raises LogError if there are none, or they take more memory."""
         number, names = np.zeros(len(self._table), int), [Path(self._source).stem]
         if "run" in self._table.column_names:
             number, names = self._columns.categories("run")
         if not len(number):
             raise LogError(f"{self._source}: no rows")
+        require_runs_fit(self._source, self._table, number, max_memory)
         runs: list[RunLog] = []
         order = np.argsort(number, kind="stable")
         for name, rows in zip(
