@@ -22,7 +22,7 @@ from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
 from sim.settings import from_options
 from sim.task import Element
 from trackslip.errors import InvalidValueError, LogError, TrackslipError, require
-from trackslip.files import regular_file
+from trackslip.files import read_arrays
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -123,18 +123,18 @@ class Policy:
         """
         file = policy_file(path)
         try:
-            with regular_file(file).open("rb") as opened, np.load(opened) as stored:
-                about = json.loads(str(stored["about"]))
-                require(
-                    about["format"] == cls.FORMAT, "format", about.pop("format"), f"{cls.FORMAT!r}"
-                )
-                layers = range(sum(name.startswith("weight_") for name in stored.files))
-                weights, biases = (
-                    tuple(stored[f"{part}_{k}"] for k in layers) for part in ("weight", "bias")
-                )
+            stored = read_arrays(file)
+            about = json.loads(str(stored["about"]))
+            require(about["format"] == cls.FORMAT, "format", about.pop("format"), f"{cls.FORMAT!r}")
+            layers = range(sum(name.startswith("weight_") for name in stored))
+            weights, biases = (
+                tuple(stored[f"{part}_{k}"] for k in layers) for part in ("weight", "bias")
+            )
             return from_options(cls, {"network": Network(weights, biases)} | about)
         except InvalidValueError as error:
             raise LogError(f"{file}: {error}") from error
+        except LogError:  # it takes too much memory
+            raise
         except OSError as error:
             raise LogError(f"{file}: {error.strerror or error}") from error
         except Exception as error:  # any error of NumPy, zipfile and json for a damaged file

@@ -24,6 +24,7 @@ from experiments.common.run import Run
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError, counted
+from trackslip.files import read_text
 from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
@@ -99,7 +100,7 @@ class Store:
         self._folder, self._logs = out / STORE, dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
             with contextlib.suppress(ValueError):  # a file cut off by a full disk
-                rows = json.loads(file.read_text(encoding="utf-8"))
+                rows = json.loads(read_text(file))
                 self._add([row for row in rows if row["id"] in ids and row["error"] is None], file)
 
     def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
