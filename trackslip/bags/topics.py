@@ -146,7 +146,12 @@ def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
     messages = (
         message for topic in topics for message in islice(bag.messages(topic.name), _JOINT_MESSAGES)
     )
-    names = (name for message in messages for name in message.content.name)
+    names = (
+        name
+        for message in messages
+        for name in message.content.name
+        if isinstance(name, str)  # a bag may define its messages otherwise
+    )
     return [*dict.fromkeys(islice(names, _MOST_NAMES))]
 
 

@@ -18,6 +18,7 @@ from bombs import (
 from plain_drives import wandered
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from trackslip.bags.drives import load
 from trackslip.bags.open import open_bags
 from trackslip.bags.size import memory_per_byte, require_definitions_fit
 from trackslip.errors import LogError
@@ -72,6 +73,14 @@ def test_a_list_in_a_message_is_counted_before_it_is_decoded(tmp_path):
     message = CDR + struct.pack("<I", 1_000_000) + bytes(1_000_000)
     path = mcap(tmp_path / "run.mcap", message, definition=definition)
     assert "reading it may take 150 MB of memory" in refusal(path)
+
+
+def test_joints_whose_names_are_no_texts_are_no_joints(tmp_path):
+    definition = f"Bool[] name\n{SEPARATOR}MSG: sensor_msgs/Bool\nbool data\n"
+    message = CDR + struct.pack("<I", 4) + bytes(4)
+    path = mcap(tmp_path / "run.mcap", message, definition=definition)
+    with pytest.raises(LogError, match="which of its joints are left and right"):
+        load(path)
 
 
 def test_numbers_are_counted_while_they_are_collected(tmp_path):
