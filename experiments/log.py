@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 import tyro
 
-from experiments.common.log_options import Bag, BagOptions
+from experiments.common.log_options import Bag, BagOptions, MaxMemory, size_in_bytes
 from experiments.common.options import Exclusion, Needs, Options, default_is
 from experiments.common.results import RUNS_FILE, require_new, write_output
 from experiments.common.table import MISSING, Table, number
@@ -62,6 +62,8 @@ class Config(Options):
     """Results folder, .parquet or .csv log, or ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    max_memory: MaxMemory = None
+    """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
     out: Annotated[Path | None, default_is("none", "FILE")] = None
     """Write the runs to this .parquet or .csv file; a .csv comes with NAME.columns.csv, which
     states the units.
@@ -84,10 +86,11 @@ class Config(Options):
 def run(config: Config) -> None:
     """Print what the log contains, or write it as a table."""
     choice = config.bag.choice()
+    max_memory = size_in_bytes("max_memory", config.max_memory)
     if config.out is not None:
-        _write(config.path, choice, config.out, config.overwrite)
+        _write(config.path, choice, max_memory, config.out, config.overwrite)
         return
-    bags = open_bags(config.path) if holds_bags(config.path) else []
+    bags = open_bags(config.path, max_memory) if holds_bags(config.path) else []
     damage = [note for bag in bags for note in bag.notes]
     for bag in bags:
         _topics_table(bag, choice).print()
@@ -95,7 +98,7 @@ def run(config: Config) -> None:
     runs: list[Sequence[str]] = []
     scanners: list[str] = []
     try:
-        read = runs_of(config.path, choice)
+        read = runs_of(config.path, choice, max_memory)
         for log in read:
             columns |= dict.fromkeys(column_names(log))
             runs.append(_cells(log))
@@ -200,14 +203,16 @@ def _print_warnings(lines: Sequence[str]) -> None:
         print(f"warning: {line}")
 
 
-def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
+def _write(
+    path: Path, choice: BagChoice, max_memory: int | None, file: Path, overwrite: bool
+) -> None:
     """Write the runs to `file`, and for CSV also a file with units; raises OutputError for files
     that exist.
     """
     parquet, units = file.suffix.lower() == ".parquet", file.with_suffix(".columns.csv")
     for target in (file,) if parquet else (file, units):
         require_new(target, overwrite)
-    read = read_runs_of(path, choice)
+    read = read_runs_of(path, choice, max_memory)
 
     def write_both(draft: Path) -> None:  # writes both files or neither
         write_csv(read.runs, draft)

@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from experiments.common.leftovers import temporary
+from experiments.common.log_options import MaxMemory, size_in_bytes
 from experiments.common.options import Distinct, Excludes, Exclusion, Options, default_is
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
@@ -41,6 +42,8 @@ class Config(Options):
     """Show the runs in the browser, until interrupted."""
     save: Annotated[Path | None, default_is("none", "FILE")] = None
     """Write an .rrd file instead, for `rerun FILE`."""
+    max_memory: MaxMemory = None
+    """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("web",), "save"),)
 
@@ -56,10 +59,11 @@ def run(config: Config) -> None:
     """Read runs, choose some of them, and show or save them."""
     recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
     if recording.is_file():  # the recording shows the course, which is not in the log
-        if config.run:
-            raise InvalidValueError(
-                "run", config.run, f"left out: {config.path} has one run, with its recording"
-            )
+        for option, value in (("run", config.run), ("max_memory", config.max_memory)):
+            if value:
+                raise InvalidValueError(
+                    option, value, f"left out: {config.path} has one run, with its recording"
+                )
         if config.save is None:
             viewer.show(recording, config.web)
         else:
@@ -67,7 +71,9 @@ def run(config: Config) -> None:
             print(f"{config.save}: {recording}; to open it: rerun {shlex.quote(str(config.save))}")
         return
     runs = runs_of(
-        config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC
+        config.path,
+        BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC,
+        size_in_bytes("max_memory", config.max_memory),
     )
     chosen, count = viewer.choose(runs, config.run, config.path)
     for line in runs.warnings:

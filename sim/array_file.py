@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackslip.errors import LogError
-from trackslip.files import reason, regular_file
+from trackslip.files import MOST_ARRAYS, read_npz, reason
+from trackslip.memory import half_of_memory
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -30,14 +31,15 @@ def write_arrays(path: Path, about: Any, arrays: Arrays) -> None:
         np.savez(file, allow_pickle=False, **{ABOUT: text}, **arrays)
 
 
-def read_arrays(file: Path, what: str) -> tuple[dict[str, Any], Arrays]:
-    """The table `about` and the arrays in a file; raises LogError if it can't be read or isn't
-    `what`.
+def read_arrays(file: Path, what: str, most: int = MOST_ARRAYS) -> tuple[dict[str, Any], Arrays]:
+    """The table `about` and the arrays in a file; raises LogError if it can't be read, takes more
+    than `most` bytes of memory, or isn't `what`.
     """
     try:
-        with regular_file(file).open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        arrays = read_npz(file, most)
         about = json.loads(str(arrays.pop(ABOUT)))
+    except LogError:  # it takes too much memory
+        raise
     except OSError as error:
         raise LogError(f"{file}: {error.strerror or error}") from error
     except Exception as error:  # any error of NumPy, zipfile and json for a damaged file
@@ -56,8 +58,10 @@ def write_nested(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_nested(file: Path, what: str) -> dict[str, Any]:
-    """The content of a file from `write_nested`; raises LogError as `read_arrays` does."""
-    about, arrays = read_arrays(file, what)
+    """The content of a file from `write_nested`, which may take half of the machine's memory;
+    raises LogError as `read_arrays` does.
+    """
+    about, arrays = read_arrays(file, what, half_of_memory())
     try:
         content: dict[str, Any] = _with_arrays(about, arrays)
     except (KeyError, RecursionError) as error:

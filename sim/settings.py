@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os.path
+import re
 import reprlib
 import sys
 import tomllib
@@ -15,14 +16,19 @@ from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import Path, PurePath
 from types import NoneType, UnionType
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from trackslip.errors import InvalidValueError, SettingsFileError, require
 from trackslip.files import read_text, reason
 
 T = TypeVar("T")
 
-_MOST = 1_000_000  # largest settings file [bytes]
+_MOST: Final = 1_000_000  # largest settings file [bytes]
+# Largest number of dots that are not in a number, such as those between parts of a key. The memory
+# for one key a.a.a... grows with the square of its parts, and the time for keys below it with their
+# product.
+_MOST_DOTS: Final = 500
+_NUMBER: Final = re.compile(r"(?<![\w.])\d+\.\d+(?![.\d])")
 _KINDS: dict[Any, tuple[Any, str]] = {  # by type hint: class of the values, and name in messages
     str: (str, "a text"),
     bool: (bool, "true or false"),
@@ -38,9 +44,17 @@ _type_hints = functools.cache(typing.get_type_hints)
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
-        table = tomllib.loads(read_text(path, _MOST))
+        text = read_text(path, _MOST)
+        dots = text.count(".") - len(_NUMBER.findall(text))
+        if dots > _MOST_DOTS:
+            raise SettingsFileError(
+                f"{path}: {dots} dots outside of numbers, must be at most {_MOST_DOTS}"
+            )
+        table = tomllib.loads(text)
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
+    except SettingsFileError:
+        raise
     except (ValueError, RecursionError) as error:  # errors from decoding text or TOML
         raise SettingsFileError(f"{path}: not TOML ({reason(error)})") from error
     if not table:

@@ -1,5 +1,5 @@
-"""Reading of regular files and JSON, and the format of stored results, by which newer formats are
-refused.
+"""Reading of regular files, JSON and NumPy archives, and the format of stored results, by which
+newer formats are refused.
 """
 
 from __future__ import annotations
@@ -7,17 +7,24 @@ from __future__ import annotations
 import errno
 import importlib.metadata
 import json
+import math
 import os
 import stat
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Final
+
+import numpy as np
 
 from trackslip.errors import LogError, first_line
+from trackslip.memory import size_text
 from trackslip.replacement import MANIFEST, complete_for_reading
 
-# largest text file, which takes several gigabytes of memory if it is JSON [bytes]
-_MOST = 256_000_000
+# largest text file, which takes 3 GB of memory if it is JSON made of empty lists [bytes]
+_MOST: Final = 100_000_000
+MOST_ARRAYS: Final = 100_000_000
+"""Most memory for the arrays in a file, a hundred times those of a trained policy [bytes]."""
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _DIGITS = 18  # largest number of digits with which every integer fits in 64 bits
 
@@ -62,6 +69,40 @@ def read_json(path: Path) -> Any:
         raise LogError(f"{path}: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
         raise LogError(f"{path}: not JSON ({reason(error)})") from error
+
+
+def read_npz(path: Path, most: int = MOST_ARRAYS) -> dict[str, np.ndarray]:
+    """Read the arrays in a .npz file by name, without pickle.
+
+    Raises LogError if they take more than `most` bytes, OSError if `path` is not a regular file,
+    and any error of zipfile and NumPy for a damaged file.
+    """
+    with zipfile.ZipFile(regular_file(path)) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > most:
+            raise LogError(
+                f"{path}: unpacks to {size_text(size)}, must be at most {size_text(most)}"
+            )
+        arrays = {}
+        for member in members:
+            with archive.open(member) as file:
+                if _array_size(file) > member.file_size:
+                    raise ValueError(f"{member.filename} states more numbers than it holds")
+            with archive.open(member) as file:
+                name = member.filename.removesuffix(".npy")
+                arrays[name] = np.lib.format.read_array(file, allow_pickle=False)
+    return arrays
+
+
+def _array_size(file: IO[bytes]) -> int:
+    """Size of the array in a .npy file, as its header states it [bytes]."""
+    read_header = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }[np.lib.format.read_magic(file)]
+    shape, _, dtype = read_header(file)
+    return math.prod(shape) * dtype.itemsize
 
 
 def reason(error: Exception) -> str:

@@ -1,6 +1,5 @@
 """Controller gains from `trackslip tune`, by controller and compensation."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import NamedTuple, Self
 
 from experiments.common.lookup import has_arguments
 from trackslip.errors import InvalidValueError
+from trackslip.files import read_json
 
 GAINS_FILE = "gains.json"
 """Name of the file with gains, in the results of `tune` and, for the shipped gains, beside this
@@ -82,9 +82,7 @@ class Gains:
 
 
 def _arguments(path: Path) -> Arguments:
-    rows = json.loads((path / GAINS_FILE if path.is_dir() else path).read_text(encoding="utf-8"))[
-        "gains"
-    ]
+    rows = read_json(path / GAINS_FILE if path.is_dir() else path)["gains"]
     return {
         (row["controller"], row["compensation"]): {
             name: float(value) for name, value in row["arguments"].items()

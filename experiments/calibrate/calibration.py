@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments.calibrate.config import Config
 from experiments.common.laws import printed_unit, with_interval
+from experiments.common.log_options import size_in_bytes
 from experiments.common.table import Table, number
 from experiments.simulate.options import GroundOptions
 from sim.calibration.calibration import Calibration, Estimate, calibrate
@@ -70,7 +71,11 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
     """
     if name == "published":
         return PublishedTurns(config.threads)
-    reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
+    reading = ReadOptions(
+        gear=config.gear,
+        bag=config.bag.choice(),
+        max_memory=size_in_bytes("max_memory", config.max_memory),
+    )
     source = read_log_of(Path(name), reading, base.geometry)
     simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     if not source.logs or (simulated and _steady(source)):

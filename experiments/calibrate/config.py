@@ -5,7 +5,13 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal, get_args
 
 from experiments.common.choices import SHIPPED
-from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
+from experiments.common.log_options import (
+    MAX_CLOCK_OFFSET,
+    Bag,
+    BagOptions,
+    MaxMemory,
+    check_sensor,
+)
 from experiments.common.options import (
     Distinct,
     Excludes,
@@ -95,6 +101,8 @@ class Config(ResultsOptions):
     """Initial encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    max_memory: MaxMemory = None
+    """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
     folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
     """Number of parts of the log, each predicted by a fit to the other parts."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None

@@ -8,10 +8,11 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.common.options import Within, default_is
+from experiments.common.options import Bound, Within, default_is
 from trackslip.bags.choice import BagChoice
 from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
+from trackslip.memory import parse_size
 
 MAX_CLOCK_OFFSET = 0.5
 """Largest difference allowed between encoder clock and pose clock [s]."""
@@ -63,6 +64,23 @@ class BagOptions:
 
 Bag = Annotated[BagOptions, tyro.conf.arg(name="")]
 """BagOptions without a prefix on the command line."""
+
+
+class Size(Bound):
+    """Sizes such as 8GB."""
+
+    def check(self, name: str, value: str | None) -> None:
+        """Raise InvalidValueError for a text that isn't a size; None is allowed."""
+        size_in_bytes(name, value)
+
+
+MaxMemory = Annotated[str | None, Size(), default_is("half of the machine's", "SIZE")]
+"""Most memory for the content of a log, such as 8GB."""
+
+
+def size_in_bytes(option: str, text: str | None) -> int | None:
+    """The number of bytes in a size such as 8GB; None if none is given."""
+    return None if text is None else parse_size(option, text)
 
 
 def _names(option: str, text: str | None) -> tuple[str, ...] | None:

@@ -25,6 +25,7 @@ from experiments.common.run import Run
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError, counted
+from trackslip.files import read_text
 from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 from trackslip.replacement import STORE, SWEEP_FILE
@@ -143,7 +144,7 @@ def _stored_rows(file: Path) -> list[Row]:
     from another program, so that its runs are driven again.
     """
     try:
-        stored = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
+        stored = json.loads(read_text(file)) if file.is_file() else None
         if not isinstance(stored, dict) or stored.keys() != {"rows", "logs", "digest"}:
             return []
         rows: list[Row] = stored["rows"]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from experiments.calibrate.calibration import read_log_of
+from experiments.common.log_options import size_in_bytes
 from experiments.evaluate.config import Config
 from trackslip import se2
 from trackslip.errors import LogError, counted
@@ -26,7 +27,13 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     state one.
     """
     size, bag = (config.half_gauge, config.sprocket_radius), config.bag.choice()
-    reading = ReadOptions(*size, config.gear, bag=bag, multiplier=config.multiplier)
+    reading = ReadOptions(
+        *size,
+        config.gear,
+        bag=bag,
+        multiplier=config.multiplier,
+        max_memory=size_in_bytes("max_memory", config.max_memory),
+    )
     source = read_log_of(config.path, reading, known)
     drives: Sequence[RunLog] = source.logs or _windows(source.sampling.samples)
     notes = [*source.notes, *map(str, source.refused)]

@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from experiments.common.log_options import size_in_bytes
 from experiments.common.manifest import command_line, origin
 from experiments.common.results import REPORT_FILE, write_samples
 from experiments.common.run import Run
@@ -52,6 +53,7 @@ def source_of(config: Config) -> Source:
         config.motion,
         config.bag.choice(),
         config.multiplier,
+        size_in_bytes("max_memory", config.max_memory),
     )
     return read_source(
         config.path, reading, partial(chosen, where=config.where) if config.where else None

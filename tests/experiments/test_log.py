@@ -1,4 +1,5 @@
 import csv
+import re
 
 import numpy as np
 import pyarrow.parquet
@@ -13,6 +14,7 @@ from bags import (
     write_session,
 )
 from beside import drive, room, teleoperated
+from bombs import repeated_numbers
 from plain_drives import wandered
 
 import trackslip as package
@@ -194,3 +196,24 @@ def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     places = [run.pose[run.is_valid, :2] for run in (log, again)]
     first = places[0][0] if source == "gnss" else 0.0  # fixes have the first one as origin
     np.testing.assert_allclose(places[1], places[0] - first, atol=1e-6)
+
+
+@pytest.mark.parametrize("command", ["log", "identify", "evaluate", "view"])
+def test_commands_that_read_logs_take_the_memory_they_may(tmp_path, monkeypatch, capsys, command):
+    monkeypatch.chdir(tmp_path)
+    path = repeated_numbers(tmp_path / "log.parquet")
+    arguments = [command, str(path), "--max-memory", "100MB"]
+    if command in ("identify", "evaluate"):
+        arguments += ROBOT.split()
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    allowed = r"must be at most 100 MB \(max_memory\)\n$"
+    assert re.search(rf"^trackslip: .*log\.parquet: reading .*{allowed}", capsys.readouterr().err)
+    assert [file.name for file in tmp_path.iterdir()] == ["log.parquet"]
+
+
+def test_a_limit_that_is_no_size_is_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["log", str(tmp_path), "--max-memory", "8"])
+    assert "max_memory = '8': must be a size of at least 1 MB" in capsys.readouterr().err

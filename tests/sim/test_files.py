@@ -147,3 +147,28 @@ def test_names_that_are_neither_known_nor_files_and_files_that_cannot_be_read(
     ):
         with pytest.raises(SettingsFileError, match=message):
             load(str(tmp_path / name))
+
+
+@pytest.mark.parametrize(
+    ("text", "dots"),
+    [
+        (400_000 * "a." + "a = 1", 400_000),
+        (400_000 * "1." + "1 = 1", 400_000),
+        ("[" + 501 * "a . " + "a]", 501),
+        ("x = {" + 501 * "'='." + "a = 1}", 501),
+        (501 * "1.1 ." + "1 = 1", 1001),
+    ],
+)
+def test_keys_with_too_many_parts_are_refused_at_once(tmp_path, text, dots):
+    path = tmp_path / "any.toml"
+    path.write_text(text)
+    with pytest.raises(SettingsFileError) as refused:
+        load_obstacles(str(path))
+    assert str(refused.value) == f"{path}: {dots} dots outside of numbers, must be at most 500"
+
+
+def test_a_file_may_hold_any_number_of_numbers(tmp_path):
+    path = tmp_path / "any.toml"
+    posts = ", ".join("{x = -1.25, y = 2.5e0}" for _ in range(600))
+    path.write_text(f"posts = [{posts}]\n")
+    assert len(load_obstacles(str(path)).posts) == 600

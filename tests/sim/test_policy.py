@@ -98,6 +98,16 @@ def test_files_of_policies_that_make_no_sense_are_refused(tmp_path, change, mess
             TrackingPolicy.load(path)
 
 
+def test_a_policy_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    path = tmp_path / "policy.npz"
+    np.savez_compressed(path, about=np.array("{}"), weight_0=np.zeros(13_000_000))
+    assert path.stat().st_size < 200_000
+    message = r"policy\.npz: unpacks to 104 MB, must be at most 100 MB$"
+    for kind in (Policy, TrackingPolicy):
+        with pytest.raises(LogError, match=message):
+            kind.load(path)
+
+
 @pytest.mark.parametrize(
     ("inputs", "options", "message"),
     [

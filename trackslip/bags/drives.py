@@ -31,39 +31,46 @@ _EXACT = 5e-3
 _PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
-def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
+def load(
+    path: str | Path, bag: BagChoice | None = None, max_memory: int | None = None
+) -> list[RunLog]:
     """Load the runs in a results folder, in a `.parquet` or `.csv` file, or in ROS 1 or ROS 2 bags.
 
     Unreadable rows and runs are left out, each with a LogWarning that states the reason. `bag`
-    chooses topics and joints if these are ambiguous in a bag.
+    chooses topics and joints if these are ambiguous in a bag. Reading takes at most `max_memory`
+    [bytes], by default half of the machine's memory, whatever a file unpacks to.
 
     Raises:
-        LogError: if no run can be read, or the file is damaged; the message is one line.
+        LogError: if no run can be read, the file is damaged or takes more memory; the message is
+            one line.
         TrackslipError: for a bag, if the package rosbags is not installed.
     """
-    read = read_runs_of(Path(path), bag or AUTOMATIC)
+    read = read_runs_of(Path(path), bag or AUTOMATIC, max_memory)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=2)
     return list(read.runs)
 
 
-def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
+def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC, max_memory: int | None = None) -> ReadRuns:
     """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no
-    run can be read.
+    run can be read, or if reading takes more than `max_memory` [bytes].
     """
-    runs = runs_of(path, bag)
+    runs = runs_of(path, bag, max_memory)
     return runs if isinstance(runs, ReadRuns) else runs.read()
 
 
-def runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns | RunsInTables:
+def runs_of(
+    path: Path, bag: BagChoice = AUTOMATIC, max_memory: int | None = None
+) -> ReadRuns | RunsInTables:
     """The runs in a log of any kind, to iterate over: from a table, one run at a time is in memory.
 
-    Raises LogError if no run can be read, for a table at the end of the iteration.
+    Raises LogError if no run can be read, for a table at the end of the iteration, or if reading
+    takes more than `max_memory` [bytes].
     """
     if holds_bags(path):
-        return read_bags(path, bag)
+        return read_bags(path, bag, max_memory)
     refuse_choice(path, bag)
-    return runs_in(runs_file(path))
+    return runs_in(runs_file(path), max_memory)
 
 
 def holds_bags(path: Path) -> bool:
@@ -83,12 +90,13 @@ def refuse_choice(path: Path, bag: BagChoice) -> None:
             raise InvalidValueError(name, value, f"left out: {path} is no bag")
 
 
-def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
+def read_bags(path: Path, choice: BagChoice = AUTOMATIC, max_memory: int | None = None) -> ReadRuns:
     """Read the drives in a bag, or in all bags in a folder, each as a run with the bag's name.
 
-    Raises LogError if no drive can be read, TrackslipError if the package rosbags is not installed.
+    Raises LogError if no drive can be read, or if reading takes more than `max_memory` [bytes];
+    TrackslipError if the package rosbags is not installed.
     """
-    bags = open_bags(path)
+    bags = open_bags(path, max_memory)
     runs: list[RunLog] = []
     refused: list[Refused] = []
     notes: list[str] = []

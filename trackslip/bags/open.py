@@ -17,13 +17,22 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from trackslip.bags.size import (
+    MCAP_MAGIC,
+    METADATA,
+    memory_per_byte,
+    require_bag_fits,
+    require_chunk_fits,
+    require_definitions_fit,
+    require_few_topics,
+)
 from trackslip.bags.stamps import Readings
 from trackslip.errors import LogError, TrackslipError, first_line
 from trackslip.files import reason, regular_file
+from trackslip.memory import require_fits
 
 K = TypeVar("K", bound=Hashable)
 
-_METADATA = "metadata.yaml"
 _STORAGES = (".bag", ".mcap", ".db3")
 # suffixes of files that are compressed as a whole, or were not closed
 _WRAPPINGS = (".zstd", ".active")
@@ -35,9 +44,10 @@ _REPAIRS = {
     ".zstd": "zstd -d {file}",
 }
 _END_OF_TIME = 2**62  # times from which differences may not fit in 64 bits [ns]
-_MCAP_END = b"\x89MCAP0\r\n"
 _DEPTH = 4  # number of folder levels that are searched for bags
 _SHOWN = 12  # largest number of names in an error message
+_NUMBER = 24  # memory for a number that is kept, and for copies of it [bytes]
+_KEY = 1000  # memory for a topic or a pair of frames with its lists [bytes]
 
 
 class Message(NamedTuple):
@@ -93,6 +103,7 @@ class Bag:
     topics: dict[str, Topic]  # topics by name, in alphabetical order
     read: Read = field(repr=False)
     notes: tuple[str, ...] = ()  # missing parts of the recording, one line each
+    max_memory: int | None = None  # limit on the memory for what is read [bytes], see require_fits
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
         """Look up a topic by name; raises LogError if it doesn't exist or its messages are not of
@@ -145,19 +156,25 @@ class Bag:
     ) -> dict[K, Readings]:
         """Collect numbers (N, k) by key; `parts` returns (key, header, numbers) for each part of a
         message.
+
+        Raises LogError if they don't fit into the memory.
         """
         times: dict[K, array[int]] = defaultdict(lambda: array("q"))
         numbers: dict[K, array[float]] = defaultdict(lambda: array("d"))
+        kept = 0
         for message in self.messages(*topics):
             try:
                 for key, header, values in parts(message.content):
+                    known = len(numbers[key])
                     times[key].extend((_stamp(header), message.arrival))
                     numbers[key].extend(values)
+                    kept += 2 + len(numbers[key]) - known
             except LogError as error:
                 raise LogError(f"topic {message.topic}: {error}") from error
             except (AttributeError, LookupError, TypeError, ValueError, OverflowError) as error:
                 wrong = f"a message is not as its type defines it ({reason(error)})"
                 raise LogError(f"topic {message.topic}: {wrong}") from error
+            require_fits(self.path, _NUMBER * kept + _KEY * len(times), self.max_memory)
         found = {}
         for key in times:
             stamp, arrival = np.array(times[key], np.int64).reshape(-1, 2).T
@@ -182,7 +199,8 @@ class Bag:
     def arrivals(self) -> dict[str, np.ndarray]:
         """Ascending times of recording (n,) [ns] of each topic's messages; reads the whole bag."""
         times = {name: array("q") for name in self.topics}
-        for message in self.read(self.topics, False):
+        for number, message in enumerate(self.read(self.topics, False)):
+            require_fits(self.path, _NUMBER * number, self.max_memory)
             times[message.topic].append(message.arrival)
         return {name: np.sort(np.array(some, np.int64)) for name, some in times.items()}
 
@@ -213,13 +231,16 @@ def require_rosbags() -> None:
         raise TrackslipError('bags need the package rosbags: pip install -e ".[ros]"')
 
 
-def open_bags(path: str | Path) -> list[Bag]:
+def open_bags(path: str | Path, max_memory: int | None = None) -> list[Bag]:
     """Open the bag in a file, or all bags in a folder: subfolders with a metadata.yaml, and single
     files elsewhere.
 
     Files are `.bag` for ROS 1, `.mcap` or `.db3` for ROS 2. An MCAP file whose end is missing is
     read as far as it goes, see `Bag.notes`. Unreadable bags in a folder are left out, with a note,
     if another bag can be read.
+
+    Reading takes at most `max_memory` [bytes], by default half of the machine's memory, whatever
+    a bag unpacks to.
 
     Raises:
         LogError: if there is no bag, or no bag can be read: the message names a command that may
@@ -241,7 +262,7 @@ def open_bags(path: str | Path) -> list[Bag]:
     bags, notes = [], []
     for place in places:
         try:
-            bags.append(_open(place))
+            bags.append(_open(place, max_memory))
         except LogError as error:
             notes.append(str(error))
     if not bags:
@@ -259,9 +280,7 @@ def bags_in(path: Path) -> list[Path]:
     entries = (entry for pattern in patterns for entry in sorted(path.glob(pattern)))
     files = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
     return list(
-        dict.fromkeys(
-            file.parent if (file.parent / _METADATA).is_file() else file for file in files
-        )
+        dict.fromkeys(file.parent if (file.parent / METADATA).is_file() else file for file in files)
     )
 
 
@@ -289,16 +308,22 @@ def _refusing(path: Path) -> Iterator[None]:
         raise LogError(f"{path}: can't be read ({reason}); this may repair it: {repair}") from error
 
 
-def _open(path: Path) -> Bag:
+def _open(path: Path, max_memory: int | None) -> Bag:
     try:
-        return _indexed(path)
+        return _indexed(path, max_memory)
     except LogError:
         if path.suffix != ".mcap":
             raise
-        return _streamed(path)
+        return _streamed(path, max_memory)
 
 
-def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...] = ()) -> Bag:
+def _bag(
+    path: Path,
+    topics: Iterable[Topic],
+    read: Read,
+    notes: tuple[str, ...],
+    max_memory: int | None,
+) -> Bag:
     """Make a bag with all topics that have messages; raises LogError if there are none."""
     by_name = {
         topic.name: topic for topic in sorted(topics, key=lambda topic: topic.name) if topic.count
@@ -309,27 +334,43 @@ def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...]
     if path.is_file():
         for suffix in _STORAGES:
             name = name.removesuffix(suffix)
-    return Bag(name, path, by_name, read, notes)
+    return Bag(name, path, by_name, read, notes, max_memory)
 
 
-def _indexed(path: Path) -> Bag:
+def _indexed(path: Path, max_memory: int | None) -> Bag:
     with _refusing(path):
-        if not path.is_dir():
-            regular_file(path)
-        with _reader(path) as reader:
+        require_bag_fits(path, max_memory)
+        reader = _reader(path)
+        for storage in reader.readers:
+            with storage:
+                require_few_topics(path, len(storage.connections))
+                require_definitions_fit(
+                    path, [str(each.msgdef.data) for each in storage.connections]
+                )
+        with reader:
             topics = [
                 Topic(name, topic.msgtype, topic.msgcount)
                 for name, topic in reader.topics.items()
                 if topic.msgtype is not None  # None if messages have several types
             ]
-        return _bag(path, topics, partial(_read_indexed, path))
+        read = partial(_read_indexed, path, max_memory)
+        return _bag(path, topics, read, (), max_memory)
 
 
-def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator[Message]:
+def _read_indexed(
+    path: Path, max_memory: int | None, chosen: Collection[str], decode: bool
+) -> Iterator[Message]:
     with _refusing(path), _reader(path) as reader:
         connections = [each for each in reader.connections if each.topic in chosen]
+        if decode:
+            types = reader.typestore.fielddefs
+            kinds = {connection.msgtype for connection in connections}
+            factors = {kind: memory_per_byte(path, types, kind) for kind in kinds}
         for connection, arrival, data in reader.messages(connections) if connections else ():
-            content = reader.deserialize(data, connection.msgtype) if decode else None
+            content = None
+            if decode:
+                require_fits(path, factors[connection.msgtype] * len(data), max_memory)
+                content = reader.deserialize(data, connection.msgtype)
             yield _message(connection.topic, arrival, content)
 
 
@@ -347,7 +388,7 @@ def _reader(path: Path) -> Any:
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
 
-def _streamed(path: Path) -> Bag:
+def _streamed(path: Path, max_memory: int | None) -> Bag:
     """Open the bag in an MCAP file without an index, such as from a recorder with a flat
     battery.
     """
@@ -355,10 +396,11 @@ def _streamed(path: Path) -> Bag:
     with _refusing(path):
         size = regular_file(path).stat().st_size
         with path.open("rb") as file:
-            file.seek(-min(size, len(_MCAP_END)), os.SEEK_END)
-            is_complete = file.read() == _MCAP_END
-        for schema, channel, _ in _records(path):
+            file.seek(-min(size, len(MCAP_MAGIC)), os.SEEK_END)
+            is_complete = file.read() == MCAP_MAGIC
+        for schema, channel, _ in _records(path, max_memory):
             counts[channel.topic, schema.name] += 1
+            require_few_topics(path, len(counts))
         if not counts:
             raise ValueError("it has no whole message")
     topics = [Topic(name, kind, count) for (name, kind), count in counts.items()]
@@ -367,41 +409,63 @@ def _streamed(path: Path) -> Bag:
         if is_complete
         else (f"{path}: its end is missing, as after a power cut: read as far as it goes",)
     )
-    return _bag(path, topics, partial(_read_streamed, path), notes)
+    return _bag(path, topics, partial(_read_streamed, path, max_memory), notes, max_memory)
 
 
-def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterator[Message]:
+def _read_streamed(
+    path: Path, max_memory: int | None, chosen: Collection[str], decode: bool
+) -> Iterator[Message]:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     types = get_typestore(Stores.EMPTY)
+    factors: dict[str, int] = {}
     with _refusing(path):
-        for schema, channel, message in _records(path):
+        for schema, channel, message in _records(path, max_memory):
             if channel.topic not in chosen:
                 continue
-            if decode and schema.name not in types.fielddefs:
-                types.register(get_types_from_msg(schema.data.decode(), schema.name))
-            content = types.deserialize_cdr(message.data, schema.name) if decode else None
+            content = None
+            if decode:
+                if schema.name not in types.fielddefs:
+                    require_definitions_fit(path, [schema.data.decode()])
+                    types.register(get_types_from_msg(schema.data.decode(), schema.name))
+                    factors[schema.name] = memory_per_byte(path, types.fielddefs, schema.name)
+                require_fits(path, factors[schema.name] * len(message.data), max_memory)
+                content = types.deserialize_cdr(message.data, schema.name)
             yield _message(channel.topic, message.log_time, content)
 
 
-def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
+def _records(path: Path, max_memory: int | None) -> Iterator[tuple[Any, Any, Any]]:
     """Yield schema, channel and message of each complete record in an MCAP file."""
+    from mcap import records
     from mcap.exceptions import RecordLengthLimitExceeded
-    from mcap.reader import NonSeekingReader
+    from mcap.stream_reader import StreamReader, breakup_chunk
 
     size = path.stat().st_size
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Any] = {}
     with path.open("rb") as file:
-        messages = NonSeekingReader(file, record_size_limit=size).iter_messages(
-            log_time_order=False
-        )
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=size)
         try:
-            for schema, channel, message in messages:
-                if file.tell() == size:
-                    return  # the record that ends with the file may be cut off
-                if schema is not None:
-                    yield schema, channel, message
+            for record in reader.records:
+                parts = [record]
+                if isinstance(record, records.Chunk):
+                    require_chunk_fits(path, record.data, record.compression, max_memory)
+                    parts = breakup_chunk(record)
+                for part in parts:
+                    if isinstance(part, records.Schema):
+                        schemas[part.id] = part
+                    elif isinstance(part, records.Channel):
+                        channels[part.id] = part
+                    elif isinstance(part, records.Message):
+                        if file.tell() == size:
+                            return  # the record that ends with the file may be cut off
+                        channel = channels[part.channel_id]
+                        if channel.schema_id in schemas:
+                            yield schemas[channel.schema_id], channel, part
         except RecordLengthLimitExceeded:
             return  # the last record is longer than the file
+        except LogError:
+            raise
         except Exception:  # a record that is cut off may raise exceptions of any type
             if file.tell() < size:
                 raise

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import islice
 
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.open import Bag, Topic, listed
@@ -45,6 +46,7 @@ _FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu",
 _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
 # number of messages that are searched for names, from the start
 _JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000
+_MOST_NAMES = 100_000  # number of names in which joints are searched, from the start
 
 
 class PoseOrigin(Enum):
@@ -141,8 +143,16 @@ def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | Non
 
 
 def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
-    messages = (message for topic in topics for message in bag.first(topic.name, _JOINT_MESSAGES))
-    return [*dict.fromkeys(name for message in messages for name in message.content.name)]
+    messages = (
+        message for topic in topics for message in islice(bag.messages(topic.name), _JOINT_MESSAGES)
+    )
+    names = (
+        name
+        for message in messages
+        for name in message.content.name
+        if isinstance(name, str)  # a bag may define its messages otherwise
+    )
+    return [*dict.fromkeys(islice(names, _MOST_NAMES))]
 
 
 def sides(names: Sequence[str]) -> Sides | None:

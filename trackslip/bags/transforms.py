@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ doubtful [rad].
 # largest deviation of a quaternion's norm from 1: single precision and rounded text stay below
 _TOLERANCE = 0.02
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
+_MOST_LINKS = 500_000  # number of links in which frames are searched, from the start
 # longest time in usual intervals of the transform; the longer of both limits applies [-]
 _USUAL_GAPS = 5.0
 
@@ -37,11 +39,12 @@ child in a chain.
 def frames_of(bag: Bag, most: int) -> list[Pair]:
     """Pairs of frames that the first `most` transform messages of each topic link."""
     messages = (
-        message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most)
+        message
+        for topic in bag.of_type(*TRANSFORMS)
+        for message in islice(bag.messages(topic.name), most)
     )
-    return [
-        *dict.fromkeys(_pair(link) for message in messages for link in message.content.transforms)
-    ]
+    pairs = (_pair(link) for message in messages for link in message.content.transforms)
+    return [*dict.fromkeys(islice(pairs, _MOST_LINKS))]
 
 
 def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:

@@ -34,6 +34,7 @@ def identify(
     bag: BagChoice | None = None,
     multiplier: float | None = None,
     lag: bool = False,
+    max_memory: int | None = None,
 ) -> Identification:
     """Identify slip laws from steady runs or from any driving.
 
@@ -47,7 +48,7 @@ def identify(
             known.
         lag: whether to estimate the time by which the motion lags behind the belts; only from whole
             drives.
-        gear, settle, motion, bag, multiplier: see `ReadOptions`.
+        gear, settle, motion, bag, multiplier, max_memory: see `ReadOptions`.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
@@ -55,7 +56,7 @@ def identify(
             geometry.
     """
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
-    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, multiplier)
+    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, multiplier, max_memory)
     if isinstance(source, str | Path):
         logs = read_source(Path(source), reading)
     else:

@@ -48,6 +48,8 @@ class ReadOptions:
     bag: BagChoice = AUTOMATIC  # topics to read from bags
     # wheel_separation_multiplier of odometry that replaces encoders, if known [-]
     multiplier: float | None = None
+    # most memory for the content of the log [bytes]; None for half of the machine's memory
+    max_memory: int | None = None
 
     def __post_init__(self) -> None:
         require_within("gear", self.gear, *GEARS)
@@ -119,7 +121,7 @@ def read_source(
         if chosen is not None:
             raise LogError("holds bags, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, path)  # before a long bag is read
-        read = read_bags(path, replace(reading.bag, wheels=geometry))
+        read = read_bags(path, replace(reading.bag, wheels=geometry), reading.max_memory)
         return source_of_runs(read.runs, reading, str(path), read)
 
 
@@ -164,7 +166,7 @@ def _of_table(
     file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None
 ) -> Source:
     """Read the runs or the steady samples in a file."""
-    tables = read_tables(file)
+    tables = read_tables(file, reading.max_memory)
     first = next(tables)
     if "x" not in first.column_names and set(SAMPLE_COLUMNS) <= set(first.column_names):
         if chosen is not None:
@@ -172,7 +174,7 @@ def _of_table(
         geometry = _geometry(reading, None, file)
         columns = Columns(pa.concat_tables([first, *tables]), str(file))
         return Source(str(file), geometry, reading, rows=_sampled(columns, reading, geometry))
-    read = RunsInTables(chain([first], tables), str(file)).read()
+    read = RunsInTables(chain([first], tables), str(file), reading.max_memory).read()
     names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
     runs = [log for log in read.runs if log.run in names]
     if not runs:

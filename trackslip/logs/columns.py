@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -68,11 +69,9 @@ class Columns:
                 f"{self._source}: has no column {', '.join(missing)}; found "
                 f"{', '.join(present)[:200]!r}"
             )
-        for name in present:
-            if present.count(name) > 1:
-                raise LogError(
-                    f"{self._source}: column {name} is there {present.count(name)} times"
-                )
+        for name, count in Counter(present).items():
+            if count > 1:
+                raise LogError(f"{self._source}: column {name} is there {count} times")
 
     def cells(self, name: str) -> Cells:
         """Read a column of numbers; a missing column has empty cells. Raises LogError for a wrong

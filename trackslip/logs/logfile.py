@@ -10,7 +10,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice, takewhile
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +23,7 @@ from trackslip.files import known_manifest, regular_file
 from trackslip.logs.columns import HUGE
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS, NO_UNIT
+from trackslip.logs.size import first_lines, open_parquet, require_csv_fits
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
@@ -74,24 +75,29 @@ def write_csv(logs: Sequence[RunLog], path: Path) -> None:
     pa.csv.write_csv(to_table(plain), path)
 
 
-def read_table(path: Path) -> pa.Table:
-    """Read the table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
-    return pa.concat_tables(read_tables(path))
+def read_table(path: Path, max_memory: int | None = None) -> pa.Table:
+    """Read the table in a `.parquet` or `.csv` file.
+
+    Raises LogError if it cannot be read, or if reading it takes more than `max_memory` [bytes], see
+    `require_fits`.
+    """
+    return pa.concat_tables(read_tables(path, max_memory))
 
 
-def read_tables(path: Path) -> Iterator[pa.Table]:
+def read_tables(path: Path, max_memory: int | None = None) -> Iterator[pa.Table]:
     """Read the table in a `.parquet` or `.csv` file in parts, each with all rows of its runs.
 
     A Parquet file with one run per row group is read in parts of some runs, any other file in one
-    part. Raises LogError if the file cannot be read.
+    part. Raises LogError if the file cannot be read, or if reading it takes more than `max_memory`
+    [bytes], see `require_fits`.
     """
     kind = path.suffix.lower()
     try:
         regular_file(path)
         if kind == ".csv":
-            yield _read_csv(path)
+            yield _read_csv(path, max_memory)
         elif kind == ".parquet":
-            with pa.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+            with open_parquet(path, max_memory) as file:
                 parts = _parts_with_whole_runs(file.metadata)
                 for groups in parts:
                     yield file.read_row_groups(groups)
@@ -139,7 +145,7 @@ def _parts_with_whole_runs(metadata: pa.parquet.FileMetaData) -> list[list[int]]
     return parts
 
 
-def _read_csv(path: Path) -> pa.Table:
+def _read_csv(path: Path, max_memory: int | None) -> pa.Table:
     """Read the table in a CSV file. Columns are numbers or, if a cell isn't a number, text, so that
     errors can name row and column and show the cell.
 
@@ -147,8 +153,7 @@ def _read_csv(path: Path) -> pa.Table:
     separated by semicolons or tabs (and then decimal commas), and, below the header, a row with the
     columns' units.
     """
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = list(islice(file, _LOOKED_AT))
+    lines = first_lines(path, _LOOKED_AT)
     comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
     if (
         comments
@@ -158,6 +163,7 @@ def _read_csv(path: Path) -> pa.Table:
         comments -= 1  # the last comment is the header, as from numpy.savetxt
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
+    require_csv_fits(path, 1 + header.count(separator), max_memory)
     rows = [row for row in csv.reader(lines[comments:], delimiter=separator) if row]
     decimal_comma = separator != "," and any(_DECIMAL_COMMA.match(c) for row in rows for c in row)
     names = [name.strip("# ") for name in rows[0]] if rows else []
@@ -241,26 +247,28 @@ def runs_file(path: Path) -> Path:
     return path / RUNS
 
 
-def read_runs(path: Path) -> list[RunLog]:
+def read_runs(path: Path, max_memory: int | None = None) -> list[RunLog]:
     """Read the runs in a file, with a LogWarning for each part left out; raises LogError if no run
-    can be read.
+    can be read, or if reading takes more than `max_memory` [bytes].
     """
-    read = read_log(path)
+    read = read_log(path, max_memory)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
     return list(read.runs)
 
 
-def read_log(path: Path) -> ReadRuns:
+def read_log(path: Path, max_memory: int | None = None) -> ReadRuns:
     """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be
-    read.
+    read, or if reading takes more than `max_memory` [bytes].
     """
-    return runs_in(path).read()
+    return runs_in(path, max_memory).read()
 
 
-def runs_in(path: Path) -> RunsInTables:
-    """The runs in a file, which are read one after another as they are iterated over."""
-    return RunsInTables(read_tables(path), str(path))
+def runs_in(path: Path, max_memory: int | None = None) -> RunsInTables:
+    """The runs in a file, which are read one after another as they are iterated over; see
+    `read_log`.
+    """
+    return RunsInTables(read_tables(path, max_memory), str(path), max_memory)
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
@@ -274,9 +282,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
         try:
             files = {}
             for file in {file for file, *_ in runs}:
-                files[file] = stack.enter_context(
-                    pa.parquet.ParquetFile(file, page_checksum_verification=True)
-                )
+                files[file] = stack.enter_context(open_parquet(file))
             about = {
                 file: stored_metadata(read.schema_arrow.metadata, str(file))
                 for file, read in files.items()

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import LogError, first_line
+from trackslip.errors import LogError, first_line, require_whole
 from trackslip.files import FORMAT, reason, require_known_format
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
@@ -55,6 +55,7 @@ SHEAR = "shear"
 SCANNED = "scanned"  # key of the scanner in a run's metadata
 _RANGES, _ALL_RANGES = "ranges", "all_ranges"
 _OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
+_MOST_BEAMS = 1_000_000  # most beams of a scanner, a hundred times those of known ones
 _METADATA_KEY = b"trackslip"  # key of the run descriptions in a file's metadata
 
 
@@ -224,6 +225,7 @@ def equal_lists(column: Lists, rows: np.ndarray) -> Array | None:
 def _scanner(about: Mapping[str, Any]) -> tuple[Scan, Plate]:
     """The scanner and its plate from a run's metadata."""
     beams, reach = about["beams"], about["max_range"]
+    require_whole("beams", beams, 1, _MOST_BEAMS)
     scan = Scan(
         about["first_bearing"] + about["beam_step"] * np.arange(beams),
         np.empty((0, beams)),

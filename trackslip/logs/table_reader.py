@@ -16,6 +16,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import gaps, in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
+from trackslip.logs.size import require_runs_fit
 from trackslip.logs.table import (
     BLOCKS,
     CONTACT,
@@ -59,28 +60,33 @@ class ReadRuns:
         return (*self.notes, *map(str, self.refused))
 
 
-def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
-    """Read the runs in a table, which errors call `source`; raises LogError if no run can be read.
+def runs_from_table(table: pa.Table, source: str, max_memory: int | None = None) -> ReadRuns:
+    """Read the runs in a table, which errors call `source`; raises LogError if no run can be read,
+    or if reading takes more than `max_memory` [bytes].
 
     A pose is not valid if position and heading are both empty or either is unreadable. A row
     without an encoder reading gets the next reading, which is a mean over that row, too. Rows with
     a damaged reading or time are left out.
     """
-    return RunsInTables([table], source).read()
+    return RunsInTables([table], source, max_memory).read()
 
 
 class RunsInTables:
     """The runs in successive parts of a table, each with all rows of its runs.
 
     An iteration reads a part at a time, as `runs_from_table` does, so that only one part is in
-    memory, and raises LogError at its end if no run could be read. `warnings` are complete after
-    the iteration.
+    memory. It raises LogError at its end if no run could be read, and if the runs take more than
+    `max_memory` [bytes]. `warnings` are complete after the iteration.
     """
 
     taken: tuple[str, ...] = ()  # as in ReadRuns: a table offers no choice
 
-    def __init__(self, tables: Iterable[pa.Table], source: str) -> None:
-        self._tables, self._source = tables, source
+    def __init__(
+        self, tables: Iterable[pa.Table], source: str, max_memory: int | None = None
+    ) -> None:
+        self._tables = tables
+        self._source = source
+        self._max_memory = max_memory
         self._refused: list[Refused] = []
         self._notes: list[str] = []
 
@@ -91,7 +97,7 @@ class RunsInTables:
             if metadata is None:  # the same in all parts
                 metadata = stored_metadata(table.schema.metadata, self._source)
             reader = _Reader(table, self._source, metadata, rows)
-            for run in reader.runs():
+            for run in reader.runs(self._max_memory):
                 found = True
                 yield run
             self._refused += reader.refused
@@ -154,21 +160,24 @@ class _Reader:
         self.refused: list[Refused] = []
         self.notes: list[str] = []
 
-    def runs(self) -> Iterator[RunLog]:
-        """All readable runs, in the order of their first rows."""
-        for name, rows in self._rows_by_run():
+    def runs(self, max_memory: int | None) -> Iterator[RunLog]:
+        """All readable runs, in the order of their first rows; raises LogError if they take more
+        than `max_memory` [bytes].
+        """
+        for name, rows in self._rows_by_run(max_memory):
             if name.strip():
                 yield from self._runs(name, rows)
             else:
                 reason = f"row {self._place(rows[0])}, column run: empty"
                 self.notes.append(f"{counted(len(rows), 'row')} left out: {reason}")
 
-    def _rows_by_run(self) -> list[tuple[str, np.ndarray]]:
+    def _rows_by_run(self, max_memory: int | None) -> list[tuple[str, np.ndarray]]:
         """The name and the rows (n,) of each run."""
         if "run" not in self._table.column_names:
             every = np.arange(len(self._table))
             return [(Path(self._source).stem, every)] if len(every) else []
         number, names = self._columns.categories("run")
+        require_runs_fit(self._source, self._table, number, max_memory)
         order = np.argsort(number, kind="stable")
         ends = np.cumsum(np.bincount(number, minlength=len(names))).tolist()
         return [
