@@ -17,9 +17,8 @@ from typing import Any, NoReturn
 
 import tyro
 
-from experiments.common.streams import flush_or_discard
+from experiments.common.streams import PrintableOutput, flush_or_discard, printable
 from experiments.common.temporary import temporary_files
-from experiments.common.terminal import PrintableOutput, printable
 from trackslip.errors import InvalidValueError, TrackslipError
 
 EXAMPLES = (

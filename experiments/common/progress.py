@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from experiments.common.terminal import printable
+from experiments.common.streams import printable
 
 _PAUSE = 60.0  # time between lines in a log [s]
 

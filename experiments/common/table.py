@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from experiments.common.terminal import printable
+from experiments.common.streams import printable
 from trackslip.kinematics import Array
 
 MISSING = "–"

@@ -33,11 +33,9 @@ def test_python_m_trackslip_lists_the_commands_and_imports_none_of_them():
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert all(name in done.stdout for name in commands())
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    shared = ("", ".interrupts", ".leftovers", ".streams")
-    assert {name for name in imported if name.startswith("experiments.")} == {
-        "experiments.cli",
-        *(f"experiments.common{name}" for name in shared),
-    }
+    shared = ("common.interrupts", "common.leftovers", "common.streams", "common.temporary")
+    ours = {name for name in imported if name.startswith("experiments.")}
+    assert ours == {f"experiments.{name}" for name in ("cli", "common", *shared)}
 
 
 def test_an_interrupt_prints_one_line_while_modules_are_imported():
