@@ -1,5 +1,5 @@
-"""Standard output and standard error, which may be closed, full, or unable to write a character, and
-which names from files must not control.
+"""Standard output and standard error: they may be closed, full, or unable to write a character, and
+names from files must not control them.
 """
 
 import codecs
