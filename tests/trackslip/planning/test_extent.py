@@ -9,7 +9,7 @@ from law_motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.route import RATE, TURNING, Maneuvers, extent, longest_spin, path
+from trackslip.planning.route import RATE, YAW_RATE_SHARE, Maneuvers, extent, longest_spin, path
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
@@ -23,7 +23,7 @@ def test_a_path_is_that_of_the_law():
     law = ConstantIcr(0.05, 0.168, 0.01)
     pose = np.array([0.0, 0.0, 0.3])
     ends = [pose]
-    for way in MANEUVERS.way:
+    for way in MANEUVERS.distance:
         pose = advance(pose, law.twist(way / 0.06, GEOMETRY), 1.0)
         ends.append(pose)
     x, y = path(MANEUVERS, 0.3, np.array([[0.218, 1.01, 1.01]]))
@@ -59,7 +59,7 @@ def test_every_law_that_the_robot_may_have_stays_inside(index):
     known = replace(first_knowledge(GEOMETRY), pull=0.01, slip=(1e-9, 1e-9, 1e-9))
     reach, *scale = known.extremes[index]
     pose, reached = np.zeros(3), []
-    for way in MANEUVERS.way:
+    for way in MANEUVERS.distance:
         left, right = way * scale / 20
         for _ in range(20):
             pose = advance(pose, np.array([(left + right) / 2, (right - left) / (2 * reach)]), 1.0)
@@ -82,13 +82,13 @@ WAYS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=1, max_s
 def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, acceleration):
     limits = DriveLimits(speed, acceleration, (3.0, 3.0), 60.0)
     maneuvers = Maneuvers.of(np.array(ways), limits)
-    if not len(maneuvers.way):
+    if not len(maneuvers.distance):
         return
     speeds = maneuvers.speeds(maneuvers.duration.sum() + 1.0)
     assert np.abs(speeds).max() <= speed * (1 + 1e-9)
     change = np.diff(speeds, axis=0, prepend=np.zeros((1, 2)), append=np.zeros((1, 2)))
     assert np.abs(change).max() * RATE <= acceleration * (1 + 1e-6)
-    np.testing.assert_allclose(speeds.sum(axis=0) / RATE, maneuvers.way.sum(axis=0), atol=1e-9)
+    np.testing.assert_allclose(speeds.sum(axis=0) / RATE, maneuvers.distance.sum(axis=0), atol=1e-9)
     np.testing.assert_array_equal(speeds[-1], 0.0)
 
 
@@ -99,7 +99,7 @@ def test_times_are_those_of_trapezoids_and_triangles_and_yaw_rates_are_limited()
     )
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
     spin = Maneuvers.of(np.array([[-3.0, 3.0]]), LIMITS).speeds(60.0)
-    assert np.abs(spin).max() == pytest.approx(TURNING * 0.3, rel=1e-3)
+    assert np.abs(spin).max() == pytest.approx(YAW_RATE_SHARE * 0.3, rel=1e-3)
     bend = Maneuvers.of(np.array([[2.0, 3.0]]), LIMITS).speeds(60.0)
     assert bend.max() == pytest.approx(0.3, rel=1e-2)
 
