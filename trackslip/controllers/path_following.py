@@ -109,12 +109,12 @@ class PathFollowing(ControlLaw):
         slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2
 
         # Steering: w = theta' + w_d tau'.
-        off = theta - delta
+        deviation = theta - delta
         middle = (theta + delta) / 2
         delta_rate = slope * (v * np.sin(theta) - w_d * rate * s)
-        quotient = np.sinc(off / (2 * np.pi))  # sin(h) / h
+        quotient = np.sinc(deviation / (2 * np.pi))  # sin(h) / h
         steering = delta_rate - self.across * y * v * np.cos(middle) * quotient
-        w = w_d * rate + steering - self.heading * np.abs(v) * off
+        w = w_d * rate + steering - self.heading * np.abs(v) * deviation
         return np.stack([v, w], axis=-1)
 
     def _target_time(self, time: float, robots: tuple[int, ...]) -> Array:

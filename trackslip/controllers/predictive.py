@@ -143,32 +143,32 @@ class _LeastSquares(Horizon, ABC):
     speed_scale: float = 0.12
     """Deviation of a track speed from the reference that costs 1 [m/s]."""
 
-    def _driven(self, start: Array, plans: Array) -> tuple[Array, Array]:
+    def _predicted(self, start: Array, plans: Array) -> tuple[Array, Array]:
         """Poses (R, K, 3) from `start` (R, 3) by `plans` (R, K, 2), and Jacobians (R, 3 K, 2 K).
 
         Positions are sums of the chords of all intervals so far. A track speed in interval j thus
-        moves the end of interval k >= j like the end of interval j, and its turn rotates the way
-        between the two, (x, y), by (-y, x) per rad.
+        moves the end of interval k >= j like the end of interval j, and its turn rotates the
+        vector (x, y) from the latter to the former by (-y, x) per rad.
         """
         motion = np.zeros((*plans.shape[:-1], 3))  # forwards, to the left, turn
         motion[..., ::2] = self.interval * twist_of_tracks(plans, self.half_gauge)
         turn = motion[..., 2]
         heading = start[:, None, 2] + np.cumsum(turn, axis=1)
 
-        # each interval alone, from the origin
+        # each interval alone, from the origin with the heading at its start
         origins = np.zeros_like(motion)
         origins[..., 2] = heading - turn
         reached, _, by_motion = se2.drive(origins, motion)
         motion_by_speeds = self.interval * twist_of_tracks(np.eye(2), self.half_gauge).T
         by_speeds = by_motion[..., ::2] @ motion_by_speeds  # (R, K, 3, 2)
 
-        # in sequence
+        # all intervals in sequence
         reached[..., :2] = start[:, None, :2] + np.cumsum(reached[..., :2], axis=1)
-        way = reached[:, :, None] - reached[:, None]  # (R, k, j, 3)
+        from_j_to_k = reached[:, :, None] - reached[:, None]  # (R, k, j, 3)
         turn_by_speeds = by_speeds[:, None, :, 2]  # (R, 1, j, 2)
         effect = np.repeat(by_speeds[:, None], self.intervals, axis=1)  # (R, k, j, 3, 2)
-        effect[..., 0, :] -= way[..., 1, None] * turn_by_speeds
-        effect[..., 1, :] += way[..., 0, None] * turn_by_speeds
+        effect[..., 0, :] -= from_j_to_k[..., 1, None] * turn_by_speeds
+        effect[..., 1, :] += from_j_to_k[..., 0, None] * turn_by_speeds
         # no effect on the ends of earlier intervals
         effect *= np.tri(self.intervals)[:, :, None, None]
         rows = 3 * self.intervals
@@ -186,11 +186,11 @@ class _LeastSquares(Horizon, ABC):
         weighted_errors = root * errors.reshape(count, -1, 1)
         transposed = weighted_effect.swapaxes(1, 2)
         speeds = plans.reshape(count, -1, 1)
-        speed_weight = self.speed_scale**2
+        scale_squared = self.speed_scale**2
 
-        hessian = transposed @ weighted_effect + np.eye(wanted.size) / speed_weight
+        hessian = transposed @ weighted_effect + np.eye(wanted.size) / scale_squared
         residual = weighted_effect @ speeds - weighted_errors
-        right = transposed @ residual + wanted.reshape(-1, 1) / speed_weight
+        right = transposed @ residual + wanted.reshape(-1, 1) / scale_squared
         return bounded_optimum(hessian, right[..., 0], self.track_speed).reshape(plans.shape)
 
 
@@ -205,14 +205,13 @@ class LinearPredictive(_LeastSquares):
         self, time: float, plans: Array, poses: Array, desired: Array, twists: Array
     ) -> Array:
         wanted = track_speeds(twists, self.half_gauge)
-        # the reference's way, and errors, in the frame of its first pose
-        way, effect = self._driven(np.zeros((1, 3)), wanted[None])
-        first_errors = -body_errors(poses, desired[0])[:, None]  # (R, 1, 3)
+        # poses in the frame of the reference's first pose, which to first order is also the robots'
+        path, effect = self._predicted(np.zeros((1, 3)), wanted[None])
+        first_errors = -body_errors(poses, desired[0])[:, None]  # (R, 1, 3) of the robots
         x, y, turn = np.moveaxis(first_errors, -1, 0)
-        # a robot with the reference's track speeds keeps its first error, and its turn rotates the
-        # way driven since
-        later_x = x - turn * way[..., 1]
-        later_y = y + turn * way[..., 0]
+        # a robot with the reference's track speeds keeps its first error, which turns its path
+        later_x = x - turn * path[..., 1]
+        later_y = y + turn * path[..., 0]
         later_turn = np.broadcast_to(turn, later_x.shape)
         errors = np.stack([later_x, later_y, later_turn], axis=-1)
         return self._optimum(np.broadcast_to(wanted, plans.shape), errors, effect, wanted)
@@ -241,7 +240,7 @@ class ModelPredictive(_LeastSquares):
         # within half a turn of the reference's heading, which is unwrapped
         start[:, 2] = desired[0, 2] + wrap_angle(start[:, 2] - desired[0, 2])
         for _ in range(self.iterations):
-            reached, effect = self._driven(start, plans)
+            reached, effect = self._predicted(start, plans)
             plans = self._optimum(plans, reached - desired[1:], effect, wanted)
         return plans
 

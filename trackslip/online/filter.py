@@ -210,8 +210,8 @@ class IcrFilter(Restorable):
         innovation = pose - self.state[rows, :3]
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         noise = noise + _POSE_FLOOR**2 * np.eye(3)
-        spread = self.covariance[rows, :3, :3] + noise
-        root = np.linalg.cholesky((spread + spread.swapaxes(1, 2)) / 2)
+        covariance = self.covariance[rows, :3, :3] + noise  # S
+        root = np.linalg.cholesky((covariance + covariance.swapaxes(1, 2)) / 2)  # L
         white = np.linalg.solve(root, innovation[..., None])[..., 0]
 
         # poses too far away for scan noise are not used
@@ -221,8 +221,8 @@ class IcrFilter(Restorable):
         self._learn(rows[used], white[used], root[used])
 
         # after changed ground or many outliers, the filter starts again
-        expected = np.maximum(self._bias_variance[rows], 1.0)
-        has_changed = _squared(self._bias[rows]) > _CHANGE_GATE * expected
+        bias_variance = np.maximum(self._bias_variance[rows], 1.0)  # 0 before the first pose
+        has_changed = _squared(self._bias[rows]) > _CHANGE_GATE * bias_variance
         is_lost = self._rejections[rows] >= _MAX_REJECTIONS
         again = has_changed | is_lost
         self.restarts[rows[again]] += 1
@@ -244,11 +244,12 @@ class IcrFilter(Restorable):
         self.state[rows] += np.einsum("nij,nj->ni", gain, white)
         self.state[rows, 3:] = np.clip(self.state[rows, 3:], _MIN_CONSTANTS, _MAX_CONSTANTS)
 
-        crossed = np.einsum("nik,njk->nij", gain, optimal)
-        covariance = self.covariance[rows] - crossed - crossed.swapaxes(1, 2)
+        cross = np.einsum("nik,njk->nij", gain, optimal)  # K G'
+        covariance = self.covariance[rows] - cross - cross.swapaxes(1, 2)
         covariance += np.einsum("nik,njk->nij", gain, gain)
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
 
+        # older innovations count less: by 1 / e after the time constant
         fade = 1 - 1 / _TIME_CONSTANT
         self._bias[rows] = fade * self._bias[rows] + white
         self._bias_variance[rows] = fade**2 * self._bias_variance[rows] + 1

@@ -24,7 +24,9 @@ from trackslip.planning.information import (
 from trackslip.planning.limits import CORNER_DISTANCE, DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path, placed
 
-PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
+PLANNED_LAWS: Final = tuple(
+    name for name in drive_laws() if family(name).names and not family(name).fast
+)
 """Laws for which a drive can be planned."""
 PAPER_DURATION: Final = 30.0
 """Duration of each of the paper's runs [s]."""

@@ -202,6 +202,7 @@ def durations(distance: Array, limits: DriveLimits) -> Array:
     """
     length = np.abs(distance).max(axis=1)
     difference = np.abs(distance[:, 1] - distance[:, 0])
+    # not 0, as the difference is on a straight line; shorter maneuvers are not driven
     safe_length = np.maximum(length, _MIN_LENGTH)
     safe_difference = np.maximum(difference, _MIN_LENGTH)
     by_yaw_rate = 2 * YAW_RATE_SHARE * safe_length / safe_difference
@@ -300,7 +301,8 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), time_for_legs + _TIME_ROUNDING))
 
-    # the remaining time is shared among the pairs; a spin takes half of its pair's time
+    # the remaining time is shared among the pairs, one more than `pairs`, as the first and last
+    # serve only one leg; a spin takes half of its pair's time
     share = np.ones(route.pairs + 1)
     share[[0, -1]] = route.ends if route.pairs > 1 else 1.0
     share /= share.sum()

@@ -80,7 +80,7 @@ class PiecewiseReference(ABC):
         """Curvatures (...) [1/m] in cells k (...), at distances (...) [m] from their starts."""
 
 
-def cell(knots: Array, at: Array) -> NDArray[np.intp]:
-    """Indices (...) of the cells between knots (K,) that contain `at` (...), from 0 to K - 2."""
-    k = np.searchsorted(knots, at, side="right") - 1
+def cell(knots: Array, places: Array) -> NDArray[np.intp]:
+    """Indices (...) of the cells between knots (K,) that contain places (...), from 0 to K - 2."""
+    k = np.searchsorted(knots, places, side="right") - 1
     return np.minimum(np.maximum(k, 0), len(knots) - 2)
