@@ -341,23 +341,28 @@ class PathIntegral(Horizon):
             S = errors' cost / temperature + sum((plan - speeds) deviation) / noise^2
 
         of the errors from the `desired` poses (K, 3), and of the deviation from the reference's
-        track `speeds` (K, 2). Arcs are replaced by chords of length arc (1 - turn^2 / 24), which
-        are parallel to the heading in the middle of the arc.
+        track `speeds` (K, 2).
         """
         sampled = np.clip(plan + deviations, -self.track_speed, self.track_speed)  # (M, K, 2)
-        v, w = np.moveaxis(twist_of_tracks(sampled, self.half_gauge), -1, 0)  # (M, K)
-
-        # errors of the poses after each interval
-        heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
-        middle = heading - w * (self.interval / 2)
-        chord = v * self.interval * (1 - (w * self.interval) ** 2 / 24)
-        e_x = pose[0] - desired[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
-        e_y = pose[1] - desired[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)
-        e_phi = wrap_angle(heading - desired[:, 2])
-        squares = np.stack([e_x**2, e_y**2, e_phi**2], axis=-1)
-
+        squares = self._errors(pose, sampled, desired) ** 2
         cost = (squares * self.weights).sum(axis=(1, 2)) / self.temperature
         cost += ((plan - speeds) * deviations).sum(axis=(1, 2)) / self.noise**2
         weight = np.exp(cost.min() - cost)
         weighted = weight[:, None, None] * sampled
         return np.asarray(weighted.sum(axis=0) / weight.sum())
+
+    def _errors(self, pose: Array, plans: Array, desired: Array) -> Array:
+        """Errors (M, K, 3) of the poses after each interval of `plans` (M, K, 2) from `pose` (3,).
+
+        Arcs are replaced by chords of length arc (1 - turn^2 / 24), which are parallel to the
+        heading in the middle of the arc.
+        """
+        v, w = np.moveaxis(twist_of_tracks(plans, self.half_gauge), -1, 0)  # (M, K)
+        heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
+        middle = heading - w * (self.interval / 2)
+        turn = w * self.interval
+        chord = v * self.interval * (1 - turn**2 / 24)
+        e_x = pose[0] - desired[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
+        e_y = pose[1] - desired[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)
+        e_phi = wrap_angle(heading - desired[:, 2])
+        return np.stack([e_x, e_y, e_phi], axis=-1)

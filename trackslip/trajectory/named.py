@@ -56,17 +56,17 @@ class ClothoidPath(PlanarPath):
         x, y, phi = np.asarray(start, float)
 
         # the cells of each piece: lengths, sharpness, and curvatures at the starts
-        cells = []
+        cell_lengths = []
         sharpness = []
         curvature = []
         for piece in pieces:
             count = max(math.ceil(piece.length / KNOT_SPACING), 2)
             step = piece.length / count
             starts = np.arange(count) * step
-            cells.append(np.full(count, step))
+            cell_lengths.append(np.full(count, step))
             sharpness.append(np.full(count, piece.sharpness))
             curvature.append(piece.start_curvature + piece.sharpness * starts)
-        lengths = np.concatenate(cells)
+        lengths = np.concatenate(cell_lengths)
         self._s = np.concatenate([[0.0], np.cumsum(lengths)])  # (K,)
         self._sharpness = np.concatenate(sharpness)  # (K - 1,)
         self._curvature = np.concatenate(curvature)  # (K - 1,)
