@@ -151,7 +151,8 @@ def _covariance(
     scatter does not follow from the slopes alone. It is the sum over all independent noises: the
     errors of each pose in x, y and heading, and the slip in each step forwards, sideways and in
     yaw. A noise e of a pose or step adds var(e) g g', where g is the derivative of S' W r by e, in
-    all windows in which it appears.
+    all windows in which it appears. The prior counts as one more measurement and is added to both
+    N and M.
 
     Vectors in the plane are complex: Re(conj(a) b) is the scalar product of a and b, and i b is b
     turned to the left.
@@ -197,7 +198,7 @@ def _covariance(
         (by_sideways, slip_variance[1] * step),
         (by_yaw, slip_variance[2] * step),
     ]:
-        # windows overlap: sums (f, K) over all rows of a pose
+        # windows overlap, so a pose has several rows: sums (f, K) over them
         total = np.stack([np.bincount(rows, row, len(data.time)) for row in derivative])
         scatter += (total * noise) @ total.T
     inverse = np.linalg.inv(normal)

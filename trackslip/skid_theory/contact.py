@@ -286,7 +286,7 @@ def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> 
         return np.einsum("mk,ki,kj->mij", weight, left, right)
 
     def newton_step(a: Array, c: Array, size: Array) -> tuple[Array, Array]:
-        """The step (M, 3), and the decrease (M,) of the power that it would be at its slope."""
+        """The step (M, 3), and the decrease (M,) of the power by it at the present slope."""
         n = load / size
         gradient = (n * a) @ along + (n * c) @ across + required
         both_along = times(n * (1 - (a / size) ** 2), along, along)

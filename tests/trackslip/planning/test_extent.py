@@ -9,7 +9,16 @@ from law_motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.route import RATE, YAW_RATE_SHARE, Maneuvers, extent, longest_spin, path
+from trackslip.planning.route import (
+    GENES,
+    RATE,
+    YAW_RATE_SHARE,
+    Maneuvers,
+    Route,
+    extent,
+    longest_spin,
+    path,
+)
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
@@ -110,3 +119,14 @@ def test_the_longest_spin_fits_and_none_longer_does(duration):
     assert Maneuvers.of(np.array([[-way, way]]), LIMITS).duration.sum() <= duration + 1e-9
     longer = way + 0.3 / RATE
     assert Maneuvers.of(np.array([[-longer, longer]]), LIMITS).duration.sum() > duration
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_route_and_its_genes_are_the_same(seed):
+    rng = np.random.default_rng(seed)
+    genes = np.array([rng.uniform(gene.low, gene.high) for gene in GENES])
+    whole = np.array([gene.whole for gene in GENES])
+    genes = np.where(whole, np.round(genes), genes)
+    route = Route.of(genes)
+    np.testing.assert_array_equal(route.genes, genes)
+    assert Route.of(route.genes) == route
