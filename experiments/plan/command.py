@@ -93,5 +93,5 @@ def _to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
         "paper_stderr": None if paper is None else paper.stderr,
         "start": plan.start,
         "places": {"low": plan.places[0], "high": plan.places[1]},
-        "strokes": {"way": plan.maneuvers.way, "duration": plan.maneuvers.duration},
+        "strokes": {"way": plan.maneuvers.distance, "duration": plan.maneuvers.duration},
     }

@@ -19,7 +19,7 @@ from experiments.common.options import (
 from sim.bags.writer import require_topic
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
-from trackslip.planning.limits import TURNING, DriveLimits
+from trackslip.planning.limits import CORNER_DISTANCE, DriveLimits
 
 EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
@@ -119,7 +119,7 @@ class Config(ResultsOptions):
             ) from None
         clearance = self.clearance
         if clearance is None:
-            clearance = 0.0 if robot is None else TURNING * robot.half_gauge
+            clearance = 0.0 if robot is None else CORNER_DISTANCE * robot.half_gauge
         return DriveLimits(
             self.max_speed, self.acceleration, (length, width), self.duration, clearance
         )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+from dataclasses import dataclass, fields
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,7 @@ T = TypeVar("T")
 
 
 class Controller(Protocol):
-    """A controller converts poses into body twists to drive. Slip is handled by `SlipLaw` and
-    `compensation`.
+    """Converts poses into body twists to drive; slip is left to `SlipLaw` and `compensation`.
 
     A call may be for any number of robots, so a controller with state stores the state of each
     robot separately.
@@ -28,9 +27,7 @@ class Controller(Protocol):
         """Discard the controller's state before a new run."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Compute the twists (..., 2) to drive at `time` [s] for robots measured at poses (...,
-        3).
-        """
+        """Compute the twists (..., 2) to drive at `time` [s] for measured poses (..., 3)."""
 
 
 @runtime_checkable
@@ -38,9 +35,7 @@ class SensesSprockets(Protocol):
     """A controller that also uses the measured sprocket speeds."""
 
     def sense(self, omega: Array) -> None:
-        """Pass the sprocket speeds (N, 2) [rad/s] measured over the last period to the controller,
-        before `twist`.
-        """
+        """Receive the sprocket speeds (N, 2) [rad/s] of the last period, before `twist`."""
 
 
 @dataclass(frozen=True)
@@ -56,49 +51,52 @@ class ControlLaw:
         """Do nothing: a law without state needs no reset."""
 
 
-@dataclass(frozen=True)
-class Remembering(ControlLaw):
-    """Base class of control laws with state. The first call after `reset` fixes the number of
-    robots.
-    """
+class Memory(Generic[T]):
+    """State that a control law carries from one call to the next, for a fixed number of robots."""
 
-    _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    def __init__(self) -> None:
+        self._last_call: tuple[float, tuple[int, ...], T] | None = None
 
     def reset(self) -> None:
         """Discard the state; the next call may be for a different number of robots."""
-        self._kept.clear()
+        self._last_call = None
 
-    def _elapsed(self, time: float, robots: tuple[int, ...]) -> float | None:
-        """Time since the last call [s], None in the first call. Raises InvalidValueError if
-        `robots` has changed.
+    def recall(self, time: float, robots: tuple[int, ...]) -> tuple[float, T] | None:
+        """Time from the last call to `time` [s] and the state stored then; None in the first call.
+
+        `robots` is the shape of the poses without their last axis. Raises InvalidValueError if it
+        has changed since the last call.
         """
-        before, last = self._kept.setdefault("robots", robots), self._kept.get("time")
-        require(robots == before, "pose", (*robots, 3), f"of shape {(*before, 3)} until reset")
-        self._kept["time"] = time
-        return None if last is None else max(time - last, 0.0)
+        if self._last_call is None:
+            return None
+        last_time, expected, state = self._last_call
+        require(robots == expected, "pose", (*robots, 3), f"of shape {(*expected, 3)} until reset")
+        return max(time - last_time, 0.0), state
+
+    def store(self, time: float, robots: tuple[int, ...], state: T) -> None:
+        """Store the state after a call at `time` [s] for `robots`."""
+        self._last_call = (time, robots, state)
 
 
 class OncePerReference(Generic[T]):
     """Cache for a value computed from the latest reference. References are compared by identity."""
 
-    _kept: tuple[Reference, T] | None = None
+    def __init__(self) -> None:
+        self._latest: tuple[Reference, T] | None = None
 
     def __call__(self, build: Callable[[Reference], T], reference: Reference) -> T:
-        """Return `build(reference)`, computed anew only if `reference` differs from that of the
-        last call.
-        """
-        if self._kept is None or self._kept[0] is not reference:
-            self._kept = (reference, build(reference))
-        return self._kept[1]
+        """Return `build(reference)`, computed anew only if `reference` has changed."""
+        if self._latest is None or self._latest[0] is not reference:
+            self._latest = (reference, build(reference))
+        return self._latest[1]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scheduled(ControlLaw):
-    """Base class of laws with the gain 2 xi a, where a = sqrt(w_d^2 + g v_d^2) for the reference
-    twist (Eqs. 28-30).
+    """Base class of laws with the gain 2 xi a, a = sqrt(w_d^2 + g v_d^2) (Eqs. 28-30).
 
-    With feedback gains proportional to 2 xi a, errors decay over a distance, not a time. The gain
-    is 0 at standstill.
+    (v_d, w_d) is the reference twist. With feedback gains proportional to 2 xi a, errors decay over
+    a distance, not a time. The gain is 0 at standstill.
     """
 
     damping: float = 0.7
@@ -109,4 +107,5 @@ class Scheduled(ControlLaw):
     def speed_gain(self, twist: ArrayLike) -> Array:
         """Gains 2 xi a (...) [1/s] at reference twists (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-        return np.asarray(2 * self.damping * np.sqrt(w**2 + self.stiffness * v**2))
+        a = np.sqrt(w**2 + self.stiffness * v**2)
+        return np.asarray(2 * self.damping * a)

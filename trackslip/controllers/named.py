@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trackslip.controllers.base import Controller
 from trackslip.controllers.feedback import (
     DynamicFeedback,
@@ -16,7 +18,7 @@ from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.predictive import LinearPredictive, ModelPredictive, PathIntegral
 from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit, Stanley
 
-CONTROLLERS: dict[str, type[Controller]] = {
+CONTROLLERS: Final[dict[str, type[Controller]]] = {
     "feedforward": Feedforward,
     "linear": LinearTimeVarying,
     "samson": Samson,

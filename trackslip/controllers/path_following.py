@@ -1,5 +1,4 @@
-"""Path following with a virtual target, which moves along the path with the robot and only loosely
-with time.
+"""Path following with a virtual target, which moves with the robot and only loosely with time.
 
 D. Soetanto, L. Lapierre and A. Pascoal, "Adaptive, non-singular path-following control of dynamic
 wheeled robots", CDC 2003; the return to the reference's timing as in P. Encarnação and A. Pascoal,
@@ -9,12 +8,12 @@ autonomous marine craft", CDC 2001.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import Remembering
+from trackslip.controllers.base import ControlLaw, Memory
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.se2 import between
@@ -22,18 +21,30 @@ from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)
-class PathFollowing(Remembering):
-    """Law that steers onto the path beside the robot instead of towards the reference's present
-    pose.
+class _Target:
+    """Virtual targets, one for each robot, each (...)."""
+
+    time: Array  # tau, time at which the reference is at the target [s]
+    rate: Array  # tau' [-]
+
+
+@dataclass(frozen=True)
+class PathFollowing(ControlLaw):
+    """Law that steers onto the path beside the robot, not to the reference's present pose.
 
     Each robot has its own virtual target: the reference pose at a time tau. In the target's frame
     the robot is s ahead, y to the left and turned by theta. The target stays beside the robot
     through v_d tau' = v cos(theta) + k_s s; where the reference stands still, tau advances like
     time. The robot approaches the path at the angle delta = -sign(v) theta_a tanh(k_delta y) by
-    turning at theta' = delta' - k |v| (theta - delta)
-    - gamma y v (sin(theta) - sin(delta)) / (theta - delta). Near a straight line, errors decay with
-    the distance x like exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a
-    k_delta.
+    turning at
+
+        theta' = delta' - k |v| (theta - delta)
+                 - gamma y v (sin(theta) - sin(delta)) / (theta - delta)
+
+    Here delta' = d delta / dy y' with y' = v sin(theta) - w_d tau' s, the robot's yaw rate is w =
+    theta' + w_d tau', and the quotient is cos(m) sin(h) / h of the mean m and of half the
+    difference h of theta and delta. Near a straight line, errors decay with the distance x like
+    exp(lambda x) with lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
 
     The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited to 1 +- `catch_up`, so a
     late robot speeds up but doesn't cut corners. Where the reference almost stands still, the law
@@ -45,9 +56,7 @@ class PathFollowing(Remembering):
     approach_angle: float = 0.8
     """theta_a, angle to the path at which a distant robot approaches [rad]."""
     approach: float = 4.0
-    """k_delta, inverse of the distance from the path below which the approach angle decreases
-    [1/m].
-    """
+    """k_delta, inverse of the distance from the path where the approach angle decreases [1/m]."""
     across: float = 5.0
     """gamma, gain on the distance from the path [1/m^2]."""
     heading: float = 5.0
@@ -58,6 +67,7 @@ class PathFollowing(Remembering):
     """Largest |rho - 1|, less than 1 [-]."""
     least_speed: float = 0.03
     """Reference speed at which the standstill law has a weight of one half [m/s]."""
+    _memory: Memory[_Target] = field(default_factory=Memory, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,32 +79,48 @@ class PathFollowing(Remembering):
         )
         require(self.catch_up < 1, "catch_up", self.catch_up, "less than 1")
 
+    def reset(self) -> None:
+        """Discard the targets; the next call may be for a different number of robots."""
+        self._memory.reset()
+
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call
-        since `reset`.
-        """
+        """Twists (..., 2) for measured poses (..., 3) of as many robots as since `reset`."""
         pose = np.asarray(pose, float)
-        elapsed = self._elapsed(time, pose.shape[:-1])
-        if elapsed is None:
-            target = np.full(pose.shape[:-1], float(time))
-        else:
-            target = self._kept["target"] + elapsed * self._kept["rate"]
-        s, y, theta = np.moveaxis(between(reference.pose(target), pose), -1, 0)
+        robots = pose.shape[:-1]
+        tau = self._target_time(time, robots)
+        s, y, theta = np.moveaxis(between(reference.pose(tau), pose), -1, 0)
         theta = wrap_angle(theta)
-        v_d, w_d = np.moveaxis(reference.twist(target), -1, 0)
-        hurry = 1 + np.clip(self.timing * (time - target), -self.catch_up, self.catch_up)
-        # weight of the standstill law
-        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)
-        v = hurry * v_d - standing * self.timing * s
-        moving = (v * np.cos(theta) + self.along * s) / np.where(v_d == 0, 1.0, v_d)
-        rate = standing * hurry + (1 - standing) * moving
-        rate = np.fmax(rate, 0.0)  # the target waits while the pose is lost
-        self._kept.update(target=target, rate=rate)
+        v_d, w_d = np.moveaxis(reference.twist(tau), -1, 0)
+
+        # Speed: v = rho v_d, and -k_t s where the reference stands still.
+        rho = 1 + np.clip(self.timing * (time - tau), -self.catch_up, self.catch_up)
+        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)  # the latter law's weight
+        v = rho * v_d - standing * self.timing * s
+
+        # Target: v_d tau' = v cos(theta) + k_s s. It waits while the pose is lost.
+        safe_v_d = np.where(v_d == 0, 1.0, v_d)
+        moving = (v * np.cos(theta) + self.along * s) / safe_v_d
+        rate = np.fmax(standing * rho + (1 - standing) * moving, 0.0)
+        self._memory.store(time, robots, _Target(tau, rate))
+
+        # Approach angle, and its derivative by y.
         steepest = np.sign(v) * self.approach_angle
         delta = -steepest * np.tanh(self.approach * y)
-        # derivative of delta with respect to y
         slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2
-        off, middle = theta - delta, (theta + delta) / 2
-        steering = slope * (v * np.sin(theta) - w_d * rate * s)
-        steering -= self.across * y * v * np.cos(middle) * np.sinc(off / (2 * np.pi))
-        return np.stack([v, w_d * rate + steering - self.heading * np.abs(v) * off], axis=-1)
+
+        # Steering: w = theta' + w_d tau'.
+        deviation = theta - delta
+        middle = (theta + delta) / 2
+        delta_rate = slope * (v * np.sin(theta) - w_d * rate * s)
+        quotient = np.sinc(deviation / (2 * np.pi))  # sin(h) / h
+        steering = delta_rate - self.across * y * v * np.cos(middle) * quotient
+        w = w_d * rate + steering - self.heading * np.abs(v) * deviation
+        return np.stack([v, w], axis=-1)
+
+    def _target_time(self, time: float, robots: tuple[int, ...]) -> Array:
+        """tau (...) [s] at `time` [s] for robots (...); `time` itself in the first call."""
+        recalled = self._memory.recall(time, robots)
+        if recalled is None:
+            return np.full(robots, float(time))
+        elapsed, target = recalled
+        return target.time + elapsed * target.rate

@@ -1,5 +1,4 @@
-"""Predictive control within the tracks' limits: linear time-varying, nonlinear, and by path
-integrals.
+"""Predictive control within the tracks' limits: linear, nonlinear, and by path integrals.
 
 F. Kühne, J. M. Gomes da Silva Jr. and W. F. Lages, "Mobile robot trajectory tracking using model
 predictive control", II IEEE Latin-American Robotics Symposium 2005; M. Diehl, H. G. Bock and J. P.
@@ -12,26 +11,33 @@ Dynamics 40(2), 2017, in the information-theoretic form of IEEE Trans. Robotics 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
-from trackslip.controllers.base import Remembering
+from trackslip.controllers.base import ControlLaw, Memory
 from trackslip.errors import require_whole
 from trackslip.kinematics import Array, track_speeds, twist_of_tracks, wrap_angle
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
+_NEWTON_SHARES: Final = np.append(0.5 ** np.arange(20), 0.0)
+"""Step lengths tried, as fractions of a Newton step [-]."""
+_CONVERGED: Final = 1e-10  # change of each unknown in a step below which it has converged
+# further steps would only move rounding errors in ill-conditioned problems
+_MAX_NEWTON_STEPS: Final = 100
+
 
 @dataclass(frozen=True)
-class Horizon(Remembering, ABC):
-    """Base class of laws that minimise predicted errors over plans, which are limited track speeds
-    for K intervals.
+class Horizon(ControlLaw, ABC):
+    """Base class of laws that minimise errors predicted for plans.
 
-    Each call shifts the plan from the previous call in time, improves the plan, and drives its
-    first twist. If a robot's pose is not finite, its plan is only shifted.
+    A plan is the limited speeds of both tracks in each of K intervals. Each call shifts the plan
+    from the previous call in time, improves the plan, and drives its first twist. If a robot's pose
+    is not finite, its plan is only shifted.
     """
 
     intervals: int = 15
@@ -48,133 +54,167 @@ class Horizon(Remembering, ABC):
     """Speed limit of each track, slightly below the 0.3 m/s of the sprockets [m/s]."""
     half_gauge: float = 0.213
     """With slip compensation the effective half gauge b + D, without it half the gauge [m]."""
+    _memory: Memory[Array] = field(default_factory=Memory, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_whole("intervals", self.intervals, 1, 100)
 
+    def reset(self) -> None:
+        """Discard the plans; the next call may be for a different number of robots."""
+        self._memory.reset()
+
     @property
     def weights(self) -> Array:
-        """Weights (K, 3) of the squared errors (x, y, phi) after each interval [1/m^2, 1/m^2,
-        1/rad^2].
+        """Weights (K, 3) of the squared errors (x, y, phi) after each interval.
+
+        Their units are 1/m^2, 1/m^2 and 1/rad^2.
         """
-        weights = np.tile(
-            [self.position_scale**-2, self.position_scale**-2, self.heading_scale**-2],
-            (self.intervals, 1),
-        )
+        scales = np.array([self.position_scale, self.position_scale, self.heading_scale])
+        weights = np.tile(scales**-2, (self.intervals, 1))
         weights[-1] *= self.final_weight
         return weights
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) for measured poses (..., 3), whose shape must be that of the first call
-        since `reset`.
-        """
+        """Twists (..., 2) for measured poses (..., 3) of as many robots as since `reset`."""
         pose = np.asarray(pose, float)
-        nodes = time + self.interval * np.arange(self.intervals + 1)
-        twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)  # (K, 2), interval means
-        wanted = track_speeds(twists, self.half_gauge)
-        shape = (*pose.shape[:-1], self.intervals, 2)
-        elapsed = self._elapsed(time, pose.shape[:-1])
-        if elapsed is None:
-            plans = np.broadcast_to(np.clip(wanted, -self.track_speed, self.track_speed), shape)
-        else:
-            plans = self._shifted(self._kept["plans"], elapsed)
-        (seen,) = np.isfinite(pose).all(axis=-1).ravel().nonzero()
-        robots, better = pose.reshape(-1, 3)[seen], plans.reshape(-1, *shape[-2:]).copy()
+        robots = pose.shape[:-1]
+        edges = time + self.interval * np.arange(self.intervals + 1)
+        middles = (edges[1:] + edges[:-1]) / 2
+        desired = reference.pose(edges)
+        twists = reference.twist(middles)  # (K, 2), taken as the means over the intervals
+
+        plans = self._first_guess(time, robots, twists).reshape(-1, self.intervals, 2).copy()
+        poses = pose.reshape(-1, 3)
+        (seen,) = np.isfinite(poses).all(axis=-1).nonzero()
         if seen.size:
-            better[seen] = self._improved(time, better[seen], robots, reference.pose(nodes), twists)
-        self._kept["plans"] = better.reshape(shape)
-        return twist_of_tracks(self._kept["plans"][..., 0, :], self.half_gauge)
+            plans[seen] = self._improved(time, plans[seen], poses[seen], desired, twists)
+        plans = plans.reshape(*robots, self.intervals, 2)
+
+        self._memory.store(time, robots, plans)
+        return twist_of_tracks(plans[..., 0, :], self.half_gauge)
 
     @abstractmethod
     def _improved(
-        self, time: float, plans: Array, pose: Array, poses: Array, twists: Array
+        self, time: float, plans: Array, poses: Array, desired: Array, twists: Array
     ) -> Array:
-        """Improved versions (R, K, 2) of the plans (R, K, 2) at `time` [s], for robots at poses (R,
-        3).
+        """Improved versions (R, K, 2) of the plans (R, K, 2), for robots at poses (R, 3).
 
-        `poses` (K + 1, 3) are the reference poses at the limits of the intervals, `twists` (K, 2)
-        the mean twists.
+        `desired` (K + 1, 3) are the reference's poses at the edges of the intervals from `time`
+        [s], `twists` (K, 2) its mean twists in them.
         """
+
+    def _first_guess(self, time: float, robots: tuple[int, ...], twists: Array) -> Array:
+        """Shifted plans (..., K, 2) of the last call; in the first call, the reference's twists."""
+        recalled = self._memory.recall(time, robots)
+        if recalled is None:
+            speeds = track_speeds(twists, self.half_gauge)
+            limited = np.clip(speeds, -self.track_speed, self.track_speed)
+            return np.broadcast_to(limited, (*robots, self.intervals, 2))
+        elapsed, plans = recalled
+        return self._shifted(plans, elapsed)
 
     def _shifted(self, plans: Array, elapsed: float) -> Array:
         """Plans (..., K, 2) shifted by `elapsed` [s] and extended with their last speeds."""
         last = self.intervals - 1
-        later = np.minimum(np.arange(last + 1) + elapsed / self.interval, last)
-        k = np.minimum(later.astype(int), max(last - 1, 0))
-        share = (later - k)[:, None]
-        return (1 - share) * plans[..., k, :] + share * plans[..., np.minimum(k + 1, last), :]
-
-
-_SHARES = np.append(0.5 ** np.arange(20), 0.0)  # step lengths tried, as fractions of a Newton step
-_STILL = 1e-10  # convergence threshold for the change of each unknown in a step
-# maximum number of steps; further steps would only move rounding errors in ill-conditioned problems
-_STEPS = 100
+        place = np.minimum(np.arange(self.intervals) + elapsed / self.interval, last)
+        # linear interpolation between the intervals before and after a place
+        before = np.minimum(place.astype(int), max(last - 1, 0))
+        after = np.minimum(before + 1, last)
+        share = (place - before)[:, None]
+        return (1 - share) * plans[..., before, :] + share * plans[..., after, :]
 
 
 @dataclass(frozen=True)
 class _LeastSquares(Horizon, ABC):
-    """Base class of laws that minimise squares of predicted errors and track speed deviations in
-    linearised motion.
+    """Base class of laws that minimise squares of errors and track speeds in linearised motion.
+
+    With the errors d (3 K) of the poses predicted for the track speeds s (2 K), and the Jacobian E
+    of the poses by the speeds, other speeds u have the cost
+
+        |W (d + E (u - s))|^2 + |u - u_d|^2 / c^2
+
+    where W holds the roots of the errors' weights, u_d are the reference's track speeds and c is
+    `speed_scale`. The cost is u H u - 2 b u plus a constant, with
+
+        H = (W E)' (W E) + 1 / c^2        b = (W E)' (W E s - W d) + u_d / c^2
     """
 
     speed_scale: float = 0.12
     """Deviation of a track speed from the reference that costs 1 [m/s]."""
 
-    def _driven(self, pose: Array, plans: Array) -> tuple[Array, Array]:
-        """Poses (R, K, 3) after the intervals of `plans` (R, K, 2) from `pose` (R, 3), and
-        Jacobians (R, 3 K, 2 K).
+    def _predicted(self, start: Array, plans: Array) -> tuple[Array, Array]:
+        """Poses (R, K, 3) from `start` (R, 3) by `plans` (R, K, 2), and Jacobians (R, 3 K, 2 K).
+
+        Positions are sums of the chords of all intervals so far. A track speed in interval j thus
+        moves the end of interval k >= j like the end of interval j, and its turn rotates the
+        vector (x, y) from the latter to the former by (-y, x) per rad.
         """
-        motion = np.zeros((*plans.shape[:-1], 3))
+        motion = np.zeros((*plans.shape[:-1], 3))  # forwards, to the left, turn
         motion[..., ::2] = self.interval * twist_of_tracks(plans, self.half_gauge)
-        starts = np.zeros_like(motion)
-        starts[..., 2] = pose[:, None, 2] + np.cumsum(motion[..., 2], axis=1) - motion[..., 2]
-        reached, _, by_motion = se2.drive(starts, motion)
-        reached[..., :2] = pose[:, None, :2] + np.cumsum(reached[..., :2], axis=1)
-        by_speeds = by_motion[..., ::2] @ (
-            self.interval * twist_of_tracks(np.eye(2), self.half_gauge).T
-        )
-        # A turn in interval j also rotates the path between the ends of intervals j and k.
-        x, y, _ = np.moveaxis(reached[:, :, None] - reached[:, None], -1, 0)  # (R, K, K)
+        turn = motion[..., 2]
+        heading = start[:, None, 2] + np.cumsum(turn, axis=1)
+
+        # each interval alone, from the origin with the heading at its start
+        origins = np.zeros_like(motion)
+        origins[..., 2] = heading - turn
+        reached, _, by_motion = se2.drive(origins, motion)
+        motion_by_speeds = self.interval * twist_of_tracks(np.eye(2), self.half_gauge).T
+        by_speeds = by_motion[..., ::2] @ motion_by_speeds  # (R, K, 3, 2)
+
+        # all intervals in sequence
+        reached[..., :2] = start[:, None, :2] + np.cumsum(reached[..., :2], axis=1)
+        from_j_to_k = reached[:, :, None] - reached[:, None]  # (R, k, j, 3)
+        turn_by_speeds = by_speeds[:, None, :, 2]  # (R, 1, j, 2)
         effect = np.repeat(by_speeds[:, None], self.intervals, axis=1)  # (R, k, j, 3, 2)
-        effect[..., 0, :] -= y[..., None] * by_speeds[:, None, :, 2]
-        effect[..., 1, :] += x[..., None] * by_speeds[:, None, :, 2]
+        effect[..., 0, :] -= from_j_to_k[..., 1, None] * turn_by_speeds
+        effect[..., 1, :] += from_j_to_k[..., 0, None] * turn_by_speeds
+        # no effect on the ends of earlier intervals
         effect *= np.tri(self.intervals)[:, :, None, None]
-        return reached, effect.swapaxes(2, 3).reshape(-1, 3 * self.intervals, 2 * self.intervals)
+        rows = 3 * self.intervals
+        columns = 2 * self.intervals
+        return reached, effect.swapaxes(2, 3).reshape(-1, rows, columns)
 
-    def _optimum(self, plans: Array, deviation: Array, effect: Array, wanted: Array) -> Array:
-        """Best plans (R, K, 2) if `plans` lead to the deviations (R, K, 3) from the reference
-        poses.
+    def _optimum(self, plans: Array, errors: Array, effect: Array, wanted: Array) -> Array:
+        """Best plans (R, K, 2) where `plans` s lead to the `errors` d (R, K, 3).
 
-        `effect` (R, 3 K, 2 K) maps plans to pose changes; `wanted` (K, 2) is the reference's track
-        speeds.
+        `effect` (R, 3 K, 2 K) is E, `wanted` (K, 2) is u_d.
         """
+        count = len(plans)
         root = np.sqrt(self.weights).reshape(-1, 1)
-        effect, deviation = root * effect, root * deviation.reshape(len(plans), -1, 1)
-        transposed, speeds = effect.swapaxes(1, 2), plans.reshape(len(plans), -1, 1)
-        hessian = transposed @ effect + np.eye(wanted.size) / self.speed_scale**2
-        right = (
-            transposed @ (effect @ speeds - deviation) + wanted.reshape(-1, 1) / self.speed_scale**2
-        )
+        weighted_effect = root * effect
+        weighted_errors = root * errors.reshape(count, -1, 1)
+        transposed = weighted_effect.swapaxes(1, 2)
+        speeds = plans.reshape(count, -1, 1)
+        scale_squared = self.speed_scale**2
+
+        hessian = transposed @ weighted_effect + np.eye(wanted.size) / scale_squared
+        residual = weighted_effect @ speeds - weighted_errors
+        right = transposed @ residual + wanted.reshape(-1, 1) / scale_squared
         return bounded_optimum(hessian, right[..., 0], self.track_speed).reshape(plans.shape)
 
 
 @dataclass(frozen=True)
 class LinearPredictive(_LeastSquares):
-    """Law that minimises errors predicted by motion linearised about the reference, within track
-    speed limits.
+    """Law that minimises errors predicted by motion linearised about the reference.
+
+    Track speeds are limited.
     """
 
     def _improved(
-        self, time: float, plans: Array, pose: Array, poses: Array, twists: Array
+        self, time: float, plans: Array, poses: Array, desired: Array, twists: Array
     ) -> Array:
         wanted = track_speeds(twists, self.half_gauge)
-        # relative to the reference's first pose
-        way, effect = self._driven(np.zeros((1, 3)), wanted[None])
-        x, y, turn = np.moveaxis(-body_errors(pose, poses[0])[:, None], -1, 0)  # (R, 1) each
-        x, y = x - turn * way[..., 1], y + turn * way[..., 0]
-        deviation = np.stack([x, y, np.broadcast_to(turn, x.shape)], axis=-1)
-        return self._optimum(np.broadcast_to(wanted, plans.shape), deviation, effect, wanted)
+        # poses in the frame of the reference's first pose, which to first order is also the robots'
+        path, effect = self._predicted(np.zeros((1, 3)), wanted[None])
+        first_errors = -body_errors(poses, desired[0])[:, None]  # (R, 1, 3) of the robots
+        x, y, turn = np.moveaxis(first_errors, -1, 0)
+        # a robot with the reference's track speeds keeps its first error, which turns its path
+        later_x = x - turn * path[..., 1]
+        later_y = y + turn * path[..., 0]
+        later_turn = np.broadcast_to(turn, later_x.shape)
+        errors = np.stack([later_x, later_y, later_turn], axis=-1)
+        return self._optimum(np.broadcast_to(wanted, plans.shape), errors, effect, wanted)
 
 
 @dataclass(frozen=True)
@@ -193,48 +233,66 @@ class ModelPredictive(_LeastSquares):
         require_whole("iterations", self.iterations, 1, 100)
 
     def _improved(
-        self, time: float, plans: Array, pose: Array, poses: Array, twists: Array
+        self, time: float, plans: Array, poses: Array, desired: Array, twists: Array
     ) -> Array:
-        pose, wanted = pose.copy(), track_speeds(twists, self.half_gauge)
-        pose[:, 2] = poses[0, 2] + se2.wrap_angle(pose[:, 2] - poses[0, 2])
+        wanted = track_speeds(twists, self.half_gauge)
+        start = poses.copy()
+        # within half a turn of the reference's heading, which is unwrapped
+        start[:, 2] = desired[0, 2] + wrap_angle(start[:, 2] - desired[0, 2])
         for _ in range(self.iterations):
-            reached, effect = self._driven(pose, plans)
-            plans = self._optimum(plans, reached - poses[1:], effect, wanted)
+            reached, effect = self._predicted(start, plans)
+            plans = self._optimum(plans, reached - desired[1:], effect, wanted)
         return plans
 
 
 def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
-    """Vectors u (R, n) within +-`bound` that minimise u H u / 2 - b u, for H (R, n, n) or (1, n, n)
-    and b (R, n).
+    """Vectors u (R, n) within +-`bound` that minimise u H u / 2 - b u.
 
-    The solver is the projected Newton method of D. P. Bertsekas, SIAM J. Control and Optimization
-    20(2), 1982.
+    H (R, n, n) or (1, n, n) is `hessian`, and b (R, n) is `right`. The solver is the projected
+    Newton method of D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
     """
-    optimum = np.linalg.solve(hessian, right[..., None])[..., 0]
+
+    def solved(matrices: Array, vectors: Array) -> Array:
+        return np.asarray(np.linalg.solve(matrices, vectors[..., None])[..., 0])
+
+    def times(matrices: Array, vectors: Array) -> Array:
+        return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+    optimum = solved(hessian, right)
     (rows,) = np.nonzero(np.abs(optimum).max(axis=1) > bound)
     optimum = np.clip(optimum, -bound, bound)
     hessian = np.broadcast_to(hessian, (len(right), *hessian.shape[1:]))
-    for _ in range(_STEPS):
+    for _ in range(_MAX_NEWTON_STEPS):
         if not rows.size:
             break
-        h, u = hessian[rows], optimum[rows]
-        slope = (h @ u[..., None])[..., 0] - right[rows]
-        free = (np.abs(u) < bound) | (u * slope > 0)
-        reduced = np.where(free[:, :, None] & free[:, None], h, np.eye(u.shape[1]))
-        newton = np.linalg.solve(reduced, np.where(free, -slope, 0.0)[..., None])[..., 0]
-        # (shares, rows, n)
-        changes = np.clip(u + _SHARES[:, None, None] * newton, -bound, bound) - u
-        costs = (changes * ((h @ changes[..., None])[..., 0] / 2 + slope)).sum(axis=-1)
-        change = changes[costs.argmin(axis=0), np.arange(len(rows))]
+        h = hessian[rows]
+        u = optimum[rows]
+        slope = times(h, u) - right[rows]
+
+        # a Newton step of the unknowns that no bound stops on their way downhill
+        inside = np.abs(u) < bound
+        leaves_bound = u * slope > 0
+        free = inside | leaves_bound
+        both_free = free[:, :, None] & free[:, None]
+        reduced = np.where(both_free, h, np.eye(u.shape[1]))
+        newton = solved(reduced, np.where(free, -slope, 0.0))
+
+        # the best of several lengths of that step, each cut off at the bounds
+        ends = u + _NEWTON_SHARES[:, None, None] * newton  # (shares, rows, n)
+        changes = np.clip(ends, -bound, bound) - u
+        costs = (changes * (times(h, changes) / 2 + slope)).sum(axis=-1)
+        best = costs.argmin(axis=0)
+        change = changes[best, np.arange(len(rows))]
         optimum[rows] = np.clip(u + change, -bound, bound)
-        rows = rows[np.abs(change).max(axis=1) > _STILL]
+
+        still_moving = np.abs(change).max(axis=1) > _CONVERGED
+        rows = rows[still_moving]
     return optimum
 
 
 @dataclass(frozen=True)
 class PathIntegral(Horizon):
-    """Law that drives the first twist of the mean of sampled plans, which are weighted by exp(-cost
-    / temperature).
+    """Law that drives the mean of sampled plans, weighted by exp(-cost / temperature).
 
     Samples are normally distributed about the shifted plan of the previous call, in pairs of
     opposite deviations, and clipped to the track speed limits. The uncontrolled motion is the
@@ -259,34 +317,52 @@ class PathIntegral(Horizon):
         require_whole("seed", self.seed, 1)
 
     def _improved(
-        self, time: float, plans: Array, pose: Array, poses: Array, twists: Array
+        self, time: float, plans: Array, poses: Array, desired: Array, twists: Array
     ) -> Array:
-        generator = np.random.default_rng([self.seed, round(1e6 * time) % 2**63])
-        half = generator.normal(0.0, self.noise, ((self.samples + 1) // 2, self.intervals, 2))
-        # (M, K, 2), (K, 2)
-        deviations, speeds = np.concatenate([half, -half]), track_speeds(twists, self.half_gauge)
+        microseconds = round(1e6 * time) % 2**63  # a seed can't be negative
+        generator = np.random.default_rng([self.seed, microseconds])
+        pairs = (self.samples + 1) // 2
+        half = generator.normal(0.0, self.noise, (pairs, self.intervals, 2))
+        deviations = np.concatenate([half, -half])  # (M, K, 2)
+        speeds = track_speeds(twists, self.half_gauge)  # (K, 2)
         better = [
-            self._averaged(*each, deviations, poses[1:], speeds)
-            for each in zip(plans, pose, strict=True)
+            self._averaged(plan, pose, deviations, desired[1:], speeds)
+            for plan, pose in zip(plans, poses, strict=True)
         ]
-        return np.reshape(better, plans.shape)
+        return np.stack(better)
 
     def _averaged(
-        self, plan: Array, pose: Array, deviations: Array, wanted: Array, speeds: Array
+        self, plan: Array, pose: Array, deviations: Array, desired: Array, speeds: Array
     ) -> Array:
-        """Weighted mean (K, 2) of the samples `plan` + `deviations` (M, K, 2) for a robot at `pose`
-        (3,).
+        """Weighted mean (K, 2) of the samples `plan` + `deviations` (M, K, 2) from `pose` (3,).
+
+        A sample's weight is exp(-S), with the information-theoretic cost
+
+            S = errors' cost / temperature + sum((plan - speeds) deviation) / noise^2
+
+        of the errors from the `desired` poses (K, 3), and of the deviation from the reference's
+        track `speeds` (K, 2).
         """
         sampled = np.clip(plan + deviations, -self.track_speed, self.track_speed)  # (M, K, 2)
-        v, w = np.moveaxis(twist_of_tracks(sampled, self.half_gauge), -1, 0)  # (M, K)
-        heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
-        # chord direction; chord / arc = 1 - w^2 interval^2 / 24
-        middle = heading - w * (self.interval / 2)
-        chord = v * self.interval * (1 - (w * self.interval) ** 2 / 24)
-        x = pose[0] - wanted[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
-        y = pose[1] - wanted[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)
-        squares = np.stack([x**2, y**2, wrap_angle(heading - wanted[:, 2]) ** 2], axis=-1)
+        squares = self._errors(pose, sampled, desired) ** 2
         cost = (squares * self.weights).sum(axis=(1, 2)) / self.temperature
         cost += ((plan - speeds) * deviations).sum(axis=(1, 2)) / self.noise**2
         weight = np.exp(cost.min() - cost)
-        return np.asarray((weight[:, None, None] * sampled).sum(axis=0) / weight.sum())
+        weighted = weight[:, None, None] * sampled
+        return np.asarray(weighted.sum(axis=0) / weight.sum())
+
+    def _errors(self, pose: Array, plans: Array, desired: Array) -> Array:
+        """Errors (M, K, 3) of the poses after each interval of `plans` (M, K, 2) from `pose` (3,).
+
+        Arcs are replaced by chords of length arc (1 - turn^2 / 24), which are parallel to the
+        heading in the middle of the arc.
+        """
+        v, w = np.moveaxis(twist_of_tracks(plans, self.half_gauge), -1, 0)  # (M, K)
+        heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
+        middle = heading - w * (self.interval / 2)
+        turn = w * self.interval
+        chord = v * self.interval * (1 - turn**2 / 24)
+        e_x = pose[0] - desired[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
+        e_y = pose[1] - desired[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)
+        e_phi = wrap_angle(heading - desired[:, 2])
+        return np.stack([e_x, e_y, e_phi], axis=-1)

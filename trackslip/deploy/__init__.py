@@ -1,3 +1,1 @@
-"""Identified laws for other programs: parameters for ros2_control, JSON, and code in C and
-Python.
-"""
+"""Identified laws for other programs: ros2_control's parameters, JSON, C and Python."""

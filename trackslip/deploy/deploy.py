@@ -11,14 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trackslip.deploy.differential_drive import (
     CONTROLLER,
     best_expressible,
     constant_icrs,
     diff_drive_text,
-    expressible,
+    has_constant_icrs,
     instead_of_best,
     nearest,
 )
@@ -27,79 +27,83 @@ from trackslip.errors import TrackslipError, require
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, read_stored, stored_laws
 
-_TEMPLATES = Path(__file__).parent / "templates"
+if TYPE_CHECKING:
+    from trackslip.identification.result import Identification
+
+_TEMPLATES: Final = Path(__file__).parent / "templates"
+_CODE_TARGETS: Final = ("c", "python")
+_CONTROLLER_TARGETS: Final = ("ros2_control", "ros_control")
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number in a law's functions."""
+
+    name: str
+    value: float
+    meaning: str
 
 
 def c_text(stored: StoredLaws, law: str) -> str:
-    """Write a header for C99 and C++ with the functions trackslip_sprocket_speeds and
-    trackslip_body_twist.
-    """
-    lines = [
-        f"static const double trackslip_{name} = {value!r}; /* {about} */\n"
-        for name, (value, about) in _constants(stored, law).items()
-    ]
+    """Write a header for C99 and C++: trackslip_sprocket_speeds and trackslip_body_twist."""
+    constants = "".join(
+        f"static const double trackslip_{constant.name} = {constant.value!r}; "
+        f"/* {constant.meaning} */\n"
+        for constant in _constants(stored, law)
+    )
+    facts = comment(fact_lines(stored, law), " *")
     guard = f"TRACKSLIP_{law.upper()}_H"
     opening = f"#ifndef {guard}\n#define {guard}\n\n#include <math.h>\n\n"
-    return (
-        f"/*\n{comment(fact_lines(stored, law), ' *')} "
-        f"*/\n{opening}{''.join(lines)}\n{_template(law, 'h')}\n#endif\n"
-    )
+    functions = _template(law, "h")
+    return f"/*\n{facts} */\n{opening}{constants}\n{functions}\n#endif\n"
 
 
 def python_text(stored: StoredLaws, law: str) -> str:
     """Write a Python module with the functions `sprocket_speeds` and `body_twist` for a law."""
-    lines = [
-        f"{name.upper()} = {value!r}  # {about}\n"
-        for name, (value, about) in _constants(stored, law).items()
-    ]
+    constants = "".join(
+        f"{constant.name.upper()} = {constant.value!r}  # {constant.meaning}\n"
+        for constant in _constants(stored, law)
+    )
+    facts = comment(fact_lines(stored, law), "#")
     functions = _template(law, "py")
     imports = "import math\n\n" if "math." in functions else ""
-    return f"{comment(fact_lines(stored, law), '#')}\n{imports}{''.join(lines)}\n\n{functions}"
+    return f"{facts}\n{imports}{constants}\n\n{functions}"
 
 
 def _template(law: str, language: str) -> str:
-    name = "icr" if expressible(law) else "turn_loss"
+    """Text of a law's functions in a language, `h` or `py`."""
+    name = "icr" if has_constant_icrs(law) else "turn_loss"
     return (_TEMPLATES / f"{name}.{language}.in").read_text(encoding="utf-8")
 
 
-def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
-    """Values and descriptions of the constants in a law's functions, by name."""
-    geometry = stored.geometry
-    radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
-    if expressible(law):
-        sides = list(zip(("left", "right"), constant_icrs(stored, law), strict=True))
-        arms = {
-            f"reach_{side}": (geometry.half_gauge + offset, "b + D [m]")
-            for side, (offset, _) in sides
-        }
-        return (
-            radius
-            | arms
-            | {f"scale_{side}": (1 + error, "1 + epsilon [-]") for side, (_, error) in sides}
-        )
-    values = stored.values(law)
-    errors = [value for name, value in values.items() if name.startswith("radius_error")]
-    scales = {
-        "scale_left": (1 + errors[0], "1 + epsilon [-]"),
-        "scale_right": (1 + errors[-1], "1 + epsilon [-]"),
-    }
-    reach = {"reach": (geometry.half_gauge + values["offset"], "b + D [m]")}
-    return radius | reach | scales | {"turn_loss": (values["turn_loss"], "g [-]")}
+def _constants(stored: StoredLaws, law: str) -> list[Constant]:
+    """The numbers in a law's functions, in the order in which they are written."""
+    half_gauge = stored.geometry.half_gauge
+    icrs = constant_icrs(stored, law)
+    radius = Constant("sprocket_radius", stored.geometry.sprocket_radius, "r [m]")
+    scales = [
+        Constant("scale_left", 1 + icrs.left_error, "1 + epsilon [-]"),
+        Constant("scale_right", 1 + icrs.right_error, "1 + epsilon [-]"),
+    ]
+    if has_constant_icrs(law):
+        reaches = [
+            Constant("reach_left", half_gauge + icrs.left_offset, "b + D [m]"),
+            Constant("reach_right", half_gauge + icrs.right_offset, "b + D [m]"),
+        ]
+        return [radius, *reaches, *scales]
+    reach = Constant("reach", half_gauge + icrs.left_offset, "b + D [m]")
+    turn_loss = Constant("turn_loss", stored.values(law)["turn_loss"], "g [-]")
+    return [radius, reach, *scales, turn_loss]
 
 
-if TYPE_CHECKING:
-    from trackslip.identification.result import Identification
-
-TARGETS: dict[str, Callable[..., str]] = {
+TARGETS: Final[dict[str, Callable[..., str]]] = {
     "ros2_control": diff_drive_text,
     "ros_control": partial(diff_drive_text, ros=1),
     "json": json_text,
     "c": c_text,
     "python": python_text,
 }
-"""Functions by deployment target that return the text of a file, given stored laws and the name of
-a law.
-"""
+"""Functions by target that return the text of a file, of stored laws and the name of a law."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +125,9 @@ def deploy_law(
     controller: str = CONTROLLER,
     accept: bool = False,
 ) -> str:
-    """Write the text of a file with which another program drives and computes odometry according to
-    a slip law.
+    """Write the text of a file with which another program drives by a slip law.
+
+    Its odometry follows the same law.
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification.
@@ -148,6 +153,7 @@ def deployed(
 ) -> Deployed:
     """Write a law for another program. The arguments are those of `deploy_law`."""
     require(to in TARGETS, "to", to, f"one of {', '.join(TARGETS)}")
+
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))
     else:
@@ -155,15 +161,17 @@ def deployed(
         from trackslip.identification.result import identification_to_json
 
         stored = stored_laws(identification_to_json(source), "the identification")
+
     name = stored.law_named(best_expressible(stored, to) if law is None else law)
     if to not in FAMILIES[name].targets:
-        what = (
-            "can express constant ICRs and turn loss"
-            if to in ("c", "python")
-            else "can only express constant ICRs"
-        )
-        raise TrackslipError(f"law = {name!r}: {to} {what}; {nearest(stored, to)}")
-    if (alarms := alarms_of(stored)) and not accept:
+        ability = "can only express constant ICRs"
+        if to in _CODE_TARGETS:
+            ability = "can express constant ICRs and turn loss"
+        raise TrackslipError(f"law = {name!r}: {to} {ability}; {nearest(stored, to)}")
+    alarms = alarms_of(stored)
+    if alarms and not accept:
         raise TrackslipError(f"law {name}: ALARM {alarms[0]}: --accept deploys it all the same")
-    named = {"controller": controller} if to in ("ros2_control", "ros_control") else {}
-    return Deployed(name, TARGETS[to](stored, name, **named), instead_of_best(stored, name))
+
+    options = {"controller": controller} if to in _CONTROLLER_TARGETS else {}
+    text = TARGETS[to](stored, name, **options)
+    return Deployed(name, text, instead_of_best(stored, name))

@@ -2,58 +2,94 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Final
+
 from trackslip.deploy.facts import comment, fact_lines
 from trackslip.errors import require
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import NO_SLIP, StoredLaws, number, text
 
-CONTROLLER = "diff_drive_controller"  # default name of a robot's controller
-_MEANING = (
-    "2 b, distance between the tracks' centre lines [m]",
-    "r, radius of the sprockets [m]",
-    "(b + D) / b: distance between the ICRs over that between the tracks",
-    "1 + epsilon of the left sprocket",
-    "1 + epsilon of the right sprocket",
-)
-_NEGLIGIBLE = 1e-6  # distance below which two points of the robot count as the same [m]
-_RATE = 50.0  # default rate at which the controller publishes odometry [Hz]
-_UNKNOWN = 1e6  # variance of velocities that the tracks can't measure [m^2/s^2, rad^2/s^2]
+CONTROLLER: Final = "diff_drive_controller"
+"""Default name of a robot's controller."""
+_MEANINGS: Final = {
+    "wheel_separation": "2 b, distance between the tracks' centre lines [m]",
+    "wheel_radius": "r, radius of the sprockets [m]",
+    "wheel_separation_multiplier": (
+        "(b + D) / b: distance between the ICRs over that between the tracks"
+    ),
+    "left_wheel_radius_multiplier": "1 + epsilon of the left sprocket",
+    "right_wheel_radius_multiplier": "1 + epsilon of the right sprocket",
+}
+_SAME_PLACE: Final = 1e-6  # distance below which two points of the robot count as the same [m]
+_ODOMETRY_RATE: Final = 50.0  # default rate at which the controller publishes odometry [Hz]
+# variance of velocities that the tracks can't measure [m^2/s^2, rad^2/s^2]
+_UNKNOWN_VARIANCE: Final = 1e6
+
+
+@dataclass(frozen=True)
+class ConstantIcrs:
+    """D [m] and epsilon [-] of the left and of the right track."""
+
+    left_offset: float
+    left_error: float
+    right_offset: float
+    right_error: float
 
 
 def diff_drive_text(
     stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2
 ) -> str:
-    """Write YAML parameters with which diff_drive_controller drives and computes odometry according
-    to the law.
+    """Write YAML parameters with which diff_drive_controller drives and computes odometry.
 
-    The controller's wheels are at the ICRs: the wheel separation is the distance between the ICRs,
-    and the wheels have the effective radii. If D differs between the tracks, odometry describes the
-    point midway between the ICRs, as a comment in the file explains. Twist variances are included
-    for laws fitted to drives, whose varying slip is known.
+    Both follow the law. The controller's wheels are at the ICRs: the wheel separation is the
+    distance between the ICRs, and the wheels have the effective radii. If D differs between the
+    tracks, odometry describes the point midway between the ICRs, as a comment in the file explains.
+    Twist variances are included for laws fitted to drives, whose varying slip is known.
 
     `controller` is the name of the robot's controller, and `ros` the ROS version, 1 or 2. Raises
     InvalidValueError if `controller` isn't a valid name.
     """
     is_name = controller.isidentifier() and controller.isascii()
-    require(
-        is_name,
-        "controller",
-        controller,
-        "a name of letters, digits and _, as in platform_velocity_controller",
-    )
+    allowed = "a name of letters, digits and _, as in platform_velocity_controller"
+    require(is_name, "controller", controller, allowed)
+
     b = stored.geometry.half_gauge
-    (left, left_error), (right, right_error) = constant_icrs(stored, law)
-    parameters: dict[str, float | list[float]] = {
+    icrs = constant_icrs(stored, law)
+    offset = (icrs.left_offset + icrs.right_offset) / 2
+    parameters: dict[str, float] = {
         "wheel_separation": 2 * b,
         "wheel_radius": stored.geometry.sprocket_radius,
-        "wheel_separation_multiplier": (b + (left + right) / 2) / b,
-        "left_wheel_radius_multiplier": 1 + left_error,
-        "right_wheel_radius_multiplier": 1 + right_error,
+        "wheel_separation_multiplier": (b + offset) / b,
+        "left_wheel_radius_multiplier": 1 + icrs.left_error,
+        "right_wheel_radius_multiplier": 1 + icrs.right_error,
     }
-    meaning = dict(zip(parameters, _MEANING, strict=True))
-    comments = [*fact_lines(stored, law), *filter(None, [instead_of_best(stored, law)])]
-    middle = (left - right) / 2
-    if abs(middle) >= _NEGLIGIBLE:
+    lines = [
+        f"{name}: {yaml_number(value)}  # {_MEANINGS[name]}" for name, value in parameters.items()
+    ]
+    variances = _twist_variances(stored, law)
+    if variances:
+        diagonal = ", ".join(map(yaml_number, variances))
+        lines.append(f"twist_covariance_diagonal: [{diagonal}]")
+
+    head = f"{controller}:\n"
+    indent = "  "
+    if ros == 2:
+        head += "  ros__parameters:\n"
+        indent = "    "
+    body = "".join(f"{indent}{line}\n" for line in lines)
+    comments = _comments(stored, law, icrs, has_variances=bool(variances))
+    return comment(comments, "#") + head + body
+
+
+def _comments(stored: StoredLaws, law: str, icrs: ConstantIcrs, has_variances: bool) -> list[str]:
+    """Lines of comments that stand before the parameters."""
+    comments = fact_lines(stored, law)
+    other_law = instead_of_best(stored, law)
+    if other_law:
+        comments.append(other_law)
+    middle = (icrs.left_offset - icrs.right_offset) / 2
+    if abs(middle) >= _SAME_PLACE:
         side = "left" if middle > 0 else "right"
         comments += [
             "The tracks' D differ: wheel_separation_multiplier is that of their mean. Yaw rates "
@@ -62,81 +98,74 @@ def diff_drive_text(
             "of the middle of the",
             "tracks: base_frame_id belongs there.",
         ]
-    variances = _twist_variances(stored, law)
-    if variances:
-        parameters["twist_covariance_diagonal"] = variances
+    if has_variances:
         comments.append(
-            f"twist_covariance_diagonal is for 1 m/s and {_RATE:g} messages a second; it is "
-            "proportional to both."
+            f"twist_covariance_diagonal is for 1 m/s and {_ODOMETRY_RATE:g} messages a second; it "
+            "is proportional to both."
         )
     comments += [
         "Put these lines among the parameters of your controller. A wheel_radius_multiplier "
         "there overrides those of",
         "left and right: delete it.",
     ]
-    head, indent = ("  ros__parameters:\n", "    ") if ros == 2 else ("", "  ")
-    lines = []
-    for key, value in parameters.items():
-        about = f"  # {meaning[key]}" if key in meaning else ""
-        text = (
-            f"[{', '.join(map(yaml_number, value))}]"
-            if isinstance(value, list)
-            else yaml_number(value)
-        )
-        lines.append(f"{indent}{key}: {text}{about}\n")
-    return comment(comments, "#") + f"{controller}:\n{head}" + "".join(lines)
+    return comments
 
 
 def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
-    """Variances of the x, y, z, roll, pitch and yaw rates that match the varying slip; empty if
-    unknown.
-    """
-    deviations = [
-        number(stored.content, "drive", "laws", law, "noise", f"slip_{what}")
-        for what in ("forward", "sideways", "turn")
-    ]
-    if stored.content.get("method") != "drive" or None in deviations:
+    """Variances of velocities along and about x, y and z, by the varying slip; empty if unknown."""
+    if stored.content.get("method") != "drive":
         return []
-    forward, sideways, turn = (
-        float(f"{_RATE * size**2:.3g}") for size in deviations if size is not None
-    )
-    return [forward, sideways, _UNKNOWN, _UNKNOWN, _UNKNOWN, turn]
+
+    def variance(name: str) -> float | None:
+        """Variance of the mean velocity between two messages at 1 m/s, to three digits."""
+        deviation = number(stored.content, "drive", "laws", law, "noise", name)
+        if deviation is None:
+            return None
+        return float(f"{_ODOMETRY_RATE * deviation**2:.3g}")
+
+    forward = variance("slip_forward")
+    sideways = variance("slip_sideways")
+    turn = variance("slip_turn")
+    if forward is None or sideways is None or turn is None:
+        return []
+    return [forward, sideways, _UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, turn]
 
 
-def expressible(law: str) -> bool:
-    """Whether a differential drive can express a law, which requires sprocket speeds that are
-    linear in the twist.
-    """
+def has_constant_icrs(law: str) -> bool:
+    """Whether a differential drive can express a law: sprocket speeds are linear in the twist."""
     return "ros2_control" in FAMILIES[law].targets
 
 
-def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """D [m] and epsilon [-] of the left track and of the right track, for a law of constant
-    ICRs.
-    """
+def constant_icrs(stored: StoredLaws, law: str) -> ConstantIcrs:
+    """The constants of a law; those it has not are 0, and those without a side hold for both."""
     values = stored.values(law)
 
-    def of(name: str, side: str) -> float:
+    def constant(name: str, side: str) -> float:
         return values.get(name, values.get(f"{name}_{side}", 0.0))
 
-    left, right = ((of("offset", side), of("radius_error", side)) for side in ("left", "right"))
-    return left, right
+    return ConstantIcrs(
+        left_offset=constant("offset", "left"),
+        left_error=constant("radius_error", "left"),
+        right_offset=constant("offset", "right"),
+        right_error=constant("radius_error", "right"),
+    )
 
 
 def best_expressible(stored: StoredLaws, target: str) -> str:
-    """Name of the best law if a target can express it, otherwise of the best identified law of
-    constant ICRs.
-    """
-    best, other = stored.law_named(None), text(stored.content, "expressible")
-    return other if target not in FAMILIES[best].targets and other in stored.laws else best
+    """Name of the best law if a target can express it, otherwise of the best of constant ICRs."""
+    best = stored.law_named(None)
+    if target in FAMILIES[best].targets:
+        return best
+    best_of_constant_icrs = text(stored.content, "expressible")
+    return best_of_constant_icrs if best_of_constant_icrs in stored.laws else best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:
-    """A sentence if `law` isn't the best law; empty if `law` is the best law or the best law is
-    unknown.
-    """
+    """A sentence if `law` isn't the best law; empty if it is, or if the best law is unknown."""
     best = text(stored.content, "best")
-    return f"The best law is {best}: this is {law}" if best not in ("", law) else ""
+    if best in ("", law):
+        return ""
+    return f"The best law is {best}: this is {law}"
 
 
 def nearest(stored: StoredLaws, target: str) -> str:
@@ -148,8 +177,8 @@ def nearest(stored: StoredLaws, target: str) -> str:
 def yaml_number(value: float) -> str:
     """Format a number so that even YAML 1.1 reads it exactly, as a float."""
     mantissa, _, exponent = repr(float(value)).partition("e")
-    return (
-        mantissa
-        if not exponent
-        else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"
-    )
+    if not exponent:
+        return mantissa
+    if "." not in mantissa:
+        mantissa += ".0"
+    return f"{mantissa}e{exponent}"

@@ -5,38 +5,43 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Final
 
 from trackslip.files import installed_version
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, entry, laws_content, number, text
 
-_MAX_LENGTH = 200  # maximum length of a line from a file [characters]
-_SPELLED = str.maketrans(
+_MAX_LENGTH: Final = 200  # maximum length of a line from a file [characters]
+_ASCII_SPELLINGS: Final = str.maketrans(
     {
-        **{
-            "±": "+/-",
-            "°": " deg",
-            "ε": "epsilon",
-            "τ": "tau",
-            "ψ": "psi",
-            "²": "^2",
-            "·": "*",
-            "×": "x",
-        },
-        **{"−": "-", "–": "-", "—": "-", "’": "'", "…": "...", "µ": "u", "\\": "/"},
+        "±": "+/-",
+        "°": " deg",
+        "ε": "epsilon",
+        "τ": "tau",
+        "ψ": "psi",
+        "²": "^2",
+        "·": "*",
+        "×": "x",
+        "−": "-",
+        "–": "-",
+        "—": "-",
+        "’": "'",
+        "…": "...",
+        "µ": "u",
+        "\\": "/",
     }
 )
+# end and start of C comments, and start of C trigraphs
+_UNSAFE_IN_COMMENTS: Final = ("*/", "/*", "??")
 
 
 def alarms_of(stored: StoredLaws) -> list[str]:
     """Alarms raised in the identification, one line each."""
-    found = entry(stored.content, "alarms")
-    return (
-        [line for alarm in found if (line := text(alarm, "line"))]
-        if isinstance(found, list | tuple)
-        else []
-    )
+    alarms = entry(stored.content, "alarms")
+    if not isinstance(alarms, list | tuple):
+        return []
+    lines = [text(alarm, "line") for alarm in alarms]
+    return [line for line in lines if line]
 
 
 def fact_lines(stored: StoredLaws, law: str) -> list[str]:
@@ -56,15 +61,20 @@ def fact_lines(stored: StoredLaws, law: str) -> list[str]:
 
 def json_text(stored: StoredLaws, law: str) -> str:
     """Write a law as JSON that `load_laws` can read. The keys are described in docs/ros.md."""
+    family = FAMILIES[law]
     values = stored.values(law)
-    intervals = {name: stored.interval95(law, name) for name in values}
-    stderr = {name: number(stored.content, "slip_laws", law, "stderr", name) for name in values}
-    described = (
-        {law: {"values": values, "stderr": stderr, "interval95": intervals}} if values else {}
-    )
-    content: dict[str, Any] = {"law": law, "title": FAMILIES[law].title, "best": law}
+    described: dict[str, dict[str, Any]] = {}
+    if values:
+        described[law] = {
+            "values": values,
+            "stderr": {
+                name: number(stored.content, "slip_laws", law, "stderr", name) for name in values
+            },
+            "interval95": {name: stored.interval95(law, name) for name in values},
+        }
+    content: dict[str, Any] = {"law": law, "title": family.title, "best": law}
     content |= laws_content(described, stored.geometry)
-    content["units"] = {name: FAMILIES[law].parameters[name].unit or "-" for name in values}
+    content["units"] = {name: family.parameters[name].unit or "-" for name in values}
     content["alarms"] = alarms_of(stored)
     content["comments"] = fact_lines(stored, law)
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
@@ -76,36 +86,47 @@ def comment(lines: Iterable[str], mark: str) -> str:
 
 
 def _parameter_lines(stored: StoredLaws, law: str) -> list[str]:
+    """A line for each parameter of a law: value, unit, interval and meaning."""
     lines = []
     for name, value in stored.values(law).items():
-        parameter, ends = FAMILIES[law].parameters[name], stored.interval95(law, name)
-        interval = (
-            "no interval" if ends is None else f"95 % interval {ends[0]:.6g} to {ends[1]:.6g}"
-        )
-        lines.append(
-            f"  {name} = {value!r} [{parameter.unit or '-'}], {interval}: {parameter.meaning}"
-        )
+        parameter = FAMILIES[law].parameters[name]
+        unit = parameter.unit or "-"
+        interval = "no interval"
+        ends = stored.interval95(law, name)
+        if ends is not None:
+            low, high = ends
+            interval = f"95 % interval {low:.6g} to {high:.6g}"
+        lines.append(f"  {name} = {value!r} [{unit}], {interval}: {parameter.meaning}")
     return lines
 
 
 def _origin_line(stored: StoredLaws) -> str:
-    manifest = stored.manifest
-    arguments, version = entry(manifest, "arguments"), text(manifest, "versions", "trackslip")
-    known = isinstance(arguments, list) and arguments
-    command = (
-        shlex.join(["trackslip", *map(str, arguments)])
-        if known
-        else text(stored.content, "made_by")
-    )
-    made = [f"made by `{command}`" if command else "", f"trackslip {version}" if version else ""]
-    return ", ".join(filter(None, [f"Laws from {stored.name}", *made, text(manifest, "created")]))
+    """A line with the laws' file, and as far as known the command, version and date."""
+    parts = [f"Laws from {stored.name}"]
+    arguments = entry(stored.manifest, "arguments")
+    if isinstance(arguments, list) and arguments:
+        command = shlex.join(["trackslip", *map(str, arguments)])
+    else:
+        command = text(stored.content, "made_by")
+    if command:
+        parts.append(f"made by `{command}`")
+    version = text(stored.manifest, "versions", "trackslip")
+    if version:
+        parts.append(f"trackslip {version}")
+    created = text(stored.manifest, "created")
+    if created:
+        parts.append(created)
+    return ", ".join(parts)
 
 
 def _plain(line: str) -> str:
     """Convert a line to ASCII that is safe in comments of any language."""
-    blank = "".join(c if c.isprintable() else " " for c in line.translate(_SPELLED))
-    ascii_only = blank.encode("ascii", "replace").decode().rstrip()
-    for closing in ("*/", "/*", "??"):  # end and start of C comments, and start of C trigraphs
-        while closing in ascii_only:
-            ascii_only = ascii_only.replace(closing, f"{closing[0]} {closing[1]}")
-    return ascii_only if len(ascii_only) <= _MAX_LENGTH else f"{ascii_only[: _MAX_LENGTH - 4]} ..."
+    spelled = line.translate(_ASCII_SPELLINGS)
+    printable = "".join(c if c.isprintable() else " " for c in spelled)
+    plain = printable.encode("ascii", "replace").decode().rstrip()
+    for first, second in _UNSAFE_IN_COMMENTS:
+        while first + second in plain:
+            plain = plain.replace(first + second, f"{first} {second}")
+    if len(plain) > _MAX_LENGTH:
+        return f"{plain[: _MAX_LENGTH - 4]} ..."
+    return plain

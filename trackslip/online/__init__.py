@@ -1,3 +1,1 @@
-"""Compensation of slip while driving, by a fixed law or by a law that a Kalman filter updates
-continuously.
-"""
+"""Compensation of slip while driving, by a fixed law or by a law that a Kalman filter updates."""

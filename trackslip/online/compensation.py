@@ -1,6 +1,4 @@
-"""Slip compensation by a law that converts twists into sprocket speeds, fixed or learnt while
-driving.
-"""
+"""Slip compensation by a law for sprocket speeds, which is fixed or learnt while driving."""
 
 from __future__ import annotations
 
@@ -8,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -22,20 +20,18 @@ from trackslip.localization.scan import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable
 
-KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
+KNOWN_LAWS: Final[Mapping[str, SlipLaw]] = {"none": NoSlip(), "published": PUBLISHED}
 """The laws with which the paper compensates slip, which need no identification."""
-MAX_CRAB_ANGLE = 0.3
+MAX_CRAB_ANGLE: Final = 0.3
 """Maximum angle between a robot's heading and its direction of motion [rad]."""
-_LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
-"""Tuning for laws under load, which do not model how the turning centre moves along a robot that
-turns on a slope.
-"""
+# laws under load do not model how the turning centre moves along a robot that turns on a slope
+_LOADED_TUNING: Final = FilterTuning(centre_spread=0.2, centre_walk=0.01)
+# laws from which learning starts, by compensation
+_PRIORS: Final = {"online": "icr_radius", "online_load": "icr_load"}
 
 
 class Compensation(Protocol):
-    """Provider of the current slip laws of N robots. By default, the laws are not updated during
-    runs.
-    """
+    """Provider of the slip laws of N robots. By default, the laws are not updated during runs."""
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
@@ -46,9 +42,7 @@ class Compensation(Protocol):
         return
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured
-        afterwards.
-        """
+        """Process mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and poses after it."""
         return
 
     @abstractmethod
@@ -58,26 +52,18 @@ class Compensation(Protocol):
 
 @runtime_checkable
 class SensesLoad(Protocol):
-    """A compensation that also uses the robots' traction per unit load, for example from their
-    inclination.
-    """
+    """A compensation that also uses the traction per unit load, for example on a slope."""
 
     def sense(self, load: Array) -> None:
-        """Set the tractions per unit load (N, 2), along the robots and to their left [-], before
-        each call of `law`.
-        """
+        """Set the tractions per unit load (N, 2) [-], forwards and to the left, before `law`."""
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left
-        [rad].
-        """
+        """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2)."""
 
 
 @dataclass(frozen=True)
 class FixedLaw(Compensation, Restorable):
-    """Compensation by a fixed law for all robots, by default the law without slip, which means no
-    compensation.
-    """
+    """Compensation by a fixed law for all robots, by default none: the law without slip."""
 
     known: SlipLaw = field(default_factory=NoSlip)
 
@@ -111,12 +97,12 @@ class LoadedLaw(Compensation, Restorable):
         return self._known.under(self._load)
 
     def crab_angle(self, twist: Array, drift: Array | float = 0.0) -> Array:
-        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left
-        [rad].
+        """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2).
 
         `drift` (N,) is added to the leftward speed [m/s]. Angles are limited to MAX_CRAB_ANGLE.
         """
-        forward, leftward = twist[:, 0], self.law().sideslip(twist) + drift
+        forward = twist[:, 0]
+        leftward = self.law().sideslip(twist) + drift
         angle = np.arctan2(leftward * np.sign(forward), np.abs(forward))
         return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
 
@@ -127,9 +113,7 @@ def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
 
 
 class OnlineIcr(Compensation, Restorable):
-    """Compensation by constant ICRs that an `IcrFilter` learns while driving, from `prior` or from
-    no knowledge.
-    """
+    """Compensation by constant ICRs that an `IcrFilter` learns while driving."""
 
     STATE: ClassVar[tuple[str, ...]] = ("_started",)
 
@@ -139,7 +123,10 @@ class OnlineIcr(Compensation, Restorable):
         prior: ConstantIcr | None = None,
         tuning: FilterTuning | None = None,
     ) -> None:
-        self._geometry, self._prior, self._tuning = geometry, prior, tuning
+        """Learn from the law `prior`, or from no knowledge."""
+        self._geometry = geometry
+        self._prior = prior
+        self._tuning = tuning
         self._started: IcrFilter | None = None
 
     def reset(self, start: Array) -> None:
@@ -151,9 +138,7 @@ class OnlineIcr(Compensation, Restorable):
         self._filter.start(robots, start)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Update the filter with mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the
-        poses afterwards.
-        """
+        """Update the filter by mean sprocket speeds (N, 2) [rad/s] and the poses afterwards."""
         self._filter.update(omega, duration, estimate)
 
     def law(self) -> ConstantIcr | IcrLoad:
@@ -168,9 +153,7 @@ class OnlineIcr(Compensation, Restorable):
 
 
 class LoadedOnlineIcr(OnlineIcr):
-    """Compensation by constant ICRs and turning centres learnt while driving, plus slip under load
-    from a known law.
-    """
+    """Compensation by ICRs and turning centres learnt while driving, plus known slip under load."""
 
     STATE = ("_started", "_loaded")
 
@@ -186,9 +169,7 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.reset(start)
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Start new runs for the robots with indices `robots` (R,), at poses (R, 3), without
-        load.
-        """
+        """Start new runs for robots with indices `robots` (R,) at poses (R, 3), without load."""
         super().restart(robots, start)
         self._loaded.restart(robots, start)
 
@@ -197,30 +178,26 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.sense(load)
 
     def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) from headings to directions of motion at twists (N, 2), positive to the left
-        [rad].
+        """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2).
+
+        A turning centre ahead of the robot's centre makes the latter drift at -c w.
         """
-        return self._loaded.crab_angle(twist, drift=-self._filter.state[:, 5] * twist[:, 1])
+        centre = self._filter.state[:, 5]
+        return self._loaded.crab_angle(twist, drift=-centre * twist[:, 1])
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Update the filter like OnlineIcr, taking the slip under the last sensed load as known."""
-        self._filter.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
+        slip_velocity = self.law().yielding(omega, self._geometry)
+        self._filter.update(omega, duration, estimate, slip_velocity)
 
     def law(self) -> IcrLoad:
-        """The law with the current estimates, whose parameters are (N,), at the last sensed
-        load.
-        """
+        """The law with the current estimates, parameters (N,), at the last sensed load."""
         learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
 
 
-# laws from which learning starts, by compensation
-_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}
-
-
 def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPPED) -> Compensation:
-    """Build a compensation from its name and the laws in a file, by default the file in the
-    package.
+    """Build a compensation from its name and the laws in a file, by default the package's file.
 
     Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for
     another robot.
@@ -236,7 +213,7 @@ def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPP
     if isinstance(prior, IcrLoad):
         return LoadedOnlineIcr(robot, prior)
     if name not in stored:
-        learning = [name for name, law in _PRIORS.items() if law in stored]
-        allowed = f"one of {', '.join([*KNOWN_LAWS, *stored, *learning, 'online_cold'])}"
-        raise InvalidValueError("compensation", name, allowed)
+        learning = [online for online, law in _PRIORS.items() if law in stored]
+        names = [*KNOWN_LAWS, *stored, *learning, "online_cold"]
+        raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
     return known_law(stored[name])

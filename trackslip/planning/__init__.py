@@ -1,3 +1,1 @@
-"""Planning of drives that determine a slip law as precisely as possible within an area and a
-time.
-"""
+"""Planning of drives that determine a slip law precisely within an area and a time."""

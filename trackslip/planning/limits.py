@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -12,23 +13,26 @@ from trackslip.errors import InvalidValueError, LogError, require_non_negative, 
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.identified import LawInUse, identified_law
 
-TURNING = 2.0
-"""Distance from a robot's centre to its corners, in half gauges, for tracks 1.5 times as long as
-the gauge [-].
-"""
-_BOUNDS = {
+CORNER_DISTANCE: Final = 2.0
+"""Distance of the corners of a robot 1.5 gauges long from its centre, in half gauges [-]."""
+MAX_DOUBT: Final = 0.9
+"""Largest relative error of prior knowledge of a robot [-]."""
+_BOUNDS: Final = {
     "max_speed": (1e-3, 10.0, "m/s"),
     "acceleration": (1e-3, 100.0, "m/s^2"),
     "duration": (10.0, 3600.0, "s"),
 }
-_SIDES = (1e-3, 1000.0, "m")  # allowed lengths of an area's sides
-_MOST_OFFSET = 100.0  # largest distance of a track's ICR from the track [m]
-MOST_DOUBT = 0.9  # largest relative error of prior knowledge of a robot [-]
-_PATH_LAW = "icr_radius"  # law with which paths are predicted
-_DEVIATIONS = 4.0  # standard errors from an earlier identification for which the area leaves room
-# smallest errors assumed after identification [-]
-_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005
-_LEAST_SLIP = 1e-4  # smallest white slip assumed after identification [m/sqrt(m), rad/sqrt(m)]
+_SIDE_BOUNDS: Final = (1e-3, 1000.0, "m")  # allowed lengths of an area's sides
+_MAX_OFFSET: Final = 100.0  # largest distance of a track's ICR from the track [m]
+_FIRST_OFFSET: Final = 0.3  # typical D of a robot on hard ground, in half gauges [-]
+_PATH_LAW: Final = "icr_radius"  # law with which paths are predicted
+# standard errors from an earlier identification for which the area leaves room
+_DEVIATIONS: Final = 4.0
+# smallest errors assumed after identification
+_MIN_REACH_DOUBT: Final = 0.01  # of b + D [-]
+_MIN_RADIUS_DOUBT: Final = 0.005  # of epsilon [-]
+_MIN_PULL: Final = 0.0005  # of the difference between left and right [-]
+_MIN_SLIP: Final = 1e-4  # smallest white slip after identification [m/sqrt(m), rad/sqrt(m)]
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class DriveLimits:
             require_within(name, getattr(self, name), *bounds)
         require_non_negative("clearance", self.clearance)
         for side in self.area:
-            require_within("area", side, *_SIDES)
+            require_within("area", side, *_SIDE_BOUNDS)
             if side <= 2 * self.clearance:
                 raise InvalidValueError(
                     "area", self.area_text, f"more than twice the clearance, {self.clearance:g} m"
@@ -83,8 +87,8 @@ class Knowledge:
     """White slip forwards, sideways [m/sqrt(m)] and in yaw [rad/sqrt(m)]."""
 
     def __post_init__(self) -> None:
-        require_within("doubt", self.reach_doubt, 0.0, MOST_DOUBT)
-        require_within("offset", self.offset, -0.9 * self.geometry.half_gauge, _MOST_OFFSET, "m")
+        require_within("doubt", self.reach_doubt, 0.0, MAX_DOUBT)
+        require_within("offset", self.offset, -0.9 * self.geometry.half_gauge, _MAX_OFFSET, "m")
         require_within("radius_error", self.radius_error, -0.9, 0.9)
 
     @property
@@ -94,30 +98,31 @@ class Knowledge:
 
     @property
     def extremes(self) -> Array:
-        """Possible laws (9, 3) of the robot, the expected law first: b + D [m], and 1 + epsilon
-        left and right.
+        """Possible laws (9, 3): b + D [m], and 1 + epsilon left and right; the expected law first.
+
+        The others are the corners of the box of all doubts.
         """
         scale = 1 + self.radius_error
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        reach = self.reach * (1 + signs[:, 0] * self.reach_doubt)
-        both = scale + signs[:, 1] * self.radius_doubt
-        pull = signs[:, 2] * self.pull / 2
-        laws = np.stack([reach, both - pull, both + pull], axis=-1)
-        return np.concatenate([[[self.reach, scale, scale]], laws])
+        expected = np.array([[self.reach, scale, scale]])
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
+        reach_sign, scale_sign, pull_sign = signs
+        reach = self.reach * (1 + reach_sign * self.reach_doubt)
+        mean_scale = scale + scale_sign * self.radius_doubt
+        half_pull = pull_sign * self.pull / 2
+        corners = np.stack([reach, mean_scale - half_pull, mean_scale + half_pull], axis=-1)
+        return np.concatenate([expected, corners])
 
 
 def first_knowledge(geometry: RobotGeometry) -> Knowledge:
-    """Prior knowledge of a robot that was never identified: values typical of hard ground, with a
-    margin.
-    """
-    return Knowledge(geometry, offset=0.3 * geometry.half_gauge)
+    """Prior knowledge of a robot never identified: typical of hard ground, with a margin."""
+    return Knowledge(geometry, offset=_FIRST_OFFSET * geometry.half_gauge)
 
 
 def read_identification(path: str | Path, law: str | None = None) -> tuple[LawInUse, Knowledge]:
-    """Read a law, by default the best, from an identification or a file, and derive the knowledge
-    of the robot from it.
+    """Read a law, by default the best, and the knowledge of the robot that follows from it.
 
-    Raises InvalidValueError if the law is missing, LogError if the law has no standard errors.
+    `path` is an identification or a file of laws. Raises InvalidValueError if the law is missing,
+    LogError if the law has no standard errors.
     """
     used = identified_law(path, law)
     if used.errors is None or not used.errors.names:
@@ -126,28 +131,29 @@ def read_identification(path: str | Path, law: str | None = None) -> tuple[LawIn
         by_path = identified_law(path, _PATH_LAW)
     except InvalidValueError:
         by_path = used
-    knowledge, known = first_knowledge(used.geometry), vars(by_path.law)
+    knowledge = first_knowledge(used.geometry)
+    found = vars(by_path.law)
     errors = by_path.errors or used.errors
-    doubts = dict(zip(errors.names, _DEVIATIONS * np.sqrt(np.diag(errors.covariance)), strict=True))
+    deviations = _DEVIATIONS * np.sqrt(np.diag(errors.covariance))
+    doubts = dict(zip(errors.names, deviations.tolist(), strict=True))
+
     if "offset" in doubts:
-        doubt = np.clip(
-            doubts["offset"] / (used.geometry.half_gauge + known["offset"]),
-            _LEAST_REACH,
-            MOST_DOUBT,
-        )
-        knowledge = replace(knowledge, offset=float(known["offset"]), reach_doubt=float(doubt))
+        offset = float(found["offset"])
+        relative = doubts["offset"] / (used.geometry.half_gauge + offset)
+        doubt = min(max(relative, _MIN_REACH_DOUBT), MAX_DOUBT)
+        knowledge = replace(knowledge, offset=offset, reach_doubt=doubt)
     if "radius_error" in doubts:
-        doubt = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT)
-        knowledge = replace(
-            knowledge, radius_error=float(known["radius_error"]), radius_doubt=float(doubt)
-        )
+        radius_error = float(found["radius_error"])
+        doubt = min(max(doubts["radius_error"], _MIN_RADIUS_DOUBT), MAX_DOUBT)
+        knowledge = replace(knowledge, radius_error=radius_error, radius_doubt=doubt)
     with suppress(InvalidValueError):  # if icr_sides was not identified
         sides = vars(identified_law(path, "icr_sides").law)
-        pull = np.clip(
-            abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT
-        )
+        difference = abs(sides["radius_error_left"] - sides["radius_error_right"])
+        pull = min(max(difference, _MIN_PULL), MAX_DOUBT)
         knowledge = replace(knowledge, pull=float(pull))
     if used.noise is not None:
-        along, across, turning = (max(size, _LEAST_SLIP) for size in vars(used.noise).values())
+        along = max(used.noise.forward, _MIN_SLIP)
+        across = max(used.noise.sideways, _MIN_SLIP)
+        turning = max(used.noise.turn, _MIN_SLIP)
         knowledge = replace(knowledge, slip=(along, across, turning))
     return used, knowledge

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -20,17 +21,24 @@ from trackslip.planning.information import (
     expected,
     rate_of,
 )
-from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
+from trackslip.planning.limits import CORNER_DISTANCE, DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path, placed
 
-PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
+PLANNED_LAWS: Final = tuple(
+    name for name in drive_laws() if family(name).names and not family(name).fast
+)
 """Laws for which a drive can be planned."""
-PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
-# routes tried in a search for drives up to _LONG, and fewest for longer drives
-_EVALUATIONS, _FEWEST = 1000, 200
-_LONG = 120.0  # duration above which a search tries fewer routes [s]
-_POSES = 1200  # most poses used in a search; more are replaced by fewer, more precise poses
-_THINNED = (2.0, 10.0)  # fewest and most poses per second in a search [Hz]
+PAPER_DURATION: Final = 30.0
+"""Duration of each of the paper's runs [s]."""
+MAX_EVALUATIONS: Final = 1000
+"""Routes tried in a search."""
+MIN_EVALUATIONS: Final = 200
+"""Routes tried in a search for very long drives."""
+_LONG_DURATION: Final = 120.0  # duration above which a search tries fewer routes [s]
+# poses used in a search at most; more are replaced by fewer, more precise poses
+_MAX_POSES: Final = 1200
+_MIN_RATE: Final = 2.0  # fewest poses per second in a search [Hz]
+_MAX_RATE: Final = 10.0  # most poses per second in a search [Hz]
 
 
 @dataclass(frozen=True)
@@ -70,17 +78,15 @@ class DrivePlan(PlacedRoute):
 
     @property
     def path(self) -> Array:
-        """Expected positions (K, 2) of the robot's centre, relative to the centre of the area
-        [m].
-        """
-        x, y = path(self.maneuvers, float(self.start[2]), self.knowledge.extremes[:1])
-        return np.asarray(self.start[:2] + np.stack([x[0], y[0]], axis=-1))
+        """Expected positions (K, 2) of the robot relative to the centre of the area [m]."""
+        expected_law = self.knowledge.extremes[:1]
+        x, y = path(self.maneuvers, float(self.start[2]), expected_law)
+        from_start = np.stack([x[0], y[0]], axis=-1)
+        return np.asarray(self.start[:2] + from_start)
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Value to which the error of each of the law's parameters is relative, in the parameter's
-        unit.
-        """
+        """Value to which the error of each of the law's parameters is relative, in its unit."""
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
@@ -95,26 +101,27 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan the drive that minimises the largest relative standard error of a parameter of `law`,
-    from PLANNED_LAWS.
+    """Plan the drive with the smallest largest relative standard error of a parameter of `law`.
 
-    By default, prior `knowledge` of the robot's motion and expected parameters `values` (q,) are
-    typical of hard ground. `known` are the law's errors from an earlier identification. `step` is
-    called with 1.0 after each drive tried. Raises InvalidValueError for an unknown law, or an area
-    or duration in which no drive determines the law.
+    `law` is from PLANNED_LAWS. By default, prior `knowledge` of the robot's motion and expected
+    parameters `values` (q,) are typical of hard ground. `known` are the law's errors from an
+    earlier identification. `step` is called with 1.0 after each drive tried. Raises
+    InvalidValueError for an unknown law, or an area or duration in which no drive determines the
+    law.
     """
     require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
-    least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
+    least = 2 * max(CORNER_DISTANCE * geometry.half_gauge, limits.clearance)
     if min(limits.area) <= least:
         allowed = f"more than {least:g} m long and wide, for the robot to turn"
         raise InvalidValueError("area", limits.area_text, allowed)
     knowledge = knowledge or first_knowledge(geometry)
     model = DriveModel(family(law), geometry)
-    expected_values = np.array(
-        usual_values(model.family, knowledge) if values is None else values, float
-    )
+    if values is None:
+        values = usual_values(model.family, knowledge)
+    expected_values = np.array(values, float)
     sizes = relative_to(model.family, expected_values, geometry)
-    quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
+    rate = float(np.clip(_MAX_POSES / limits.duration, _MIN_RATE, _MAX_RATE))
+    quality = poses.thinned(rate)
 
     def expectation_of(drive: PlacedRoute, quality: PoseQuality, merge: int) -> Expectation:
         speeds = drive.maneuvers.speeds(limits.duration)
@@ -124,11 +131,10 @@ def plan_drive(
     def cost(route: Route) -> float:
         drive = placed(route, limits, knowledge)
         step(1.0)
-        return (
-            np.inf
-            if drive is None
-            else largest(expectation_of(drive, quality, rate_of(quality)), sizes)
-        )
+        if drive is None:
+            return np.inf
+        expectation = expectation_of(drive, quality, rate_of(quality))
+        return largest(expectation, sizes)
 
     route, least_cost = best_route(cost, evaluations(limits), np.random.default_rng(seed))
     drive = placed(route, limits, knowledge)
@@ -138,62 +144,75 @@ def plan_drive(
     if not np.isfinite(least_cost):
         allowed = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, allowed)
-    expectation = expectation_of(drive, poses, 1)
-    where = drive.maneuvers, drive.start, drive.places
-    return DrivePlan(*where, law, expected_values, limits, knowledge, poses, known, expectation)
+    return DrivePlan(
+        maneuvers=drive.maneuvers,
+        start=drive.start,
+        places=drive.places,
+        law=law,
+        values=expected_values,
+        limits=limits,
+        knowledge=knowledge,
+        poses=poses,
+        known=known,
+        expectation=expectation_of(drive, poses, 1),
+    )
 
 
 def evaluations(limits: DriveLimits) -> int:
     """Number of drives tried in a search, which is smaller for long drives."""
-    return int(np.clip(_EVALUATIONS * _LONG / limits.duration, _FEWEST, _EVALUATIONS))
+    number = MAX_EVALUATIONS * _LONG_DURATION / limits.duration
+    return int(np.clip(number, MIN_EVALUATIONS, MAX_EVALUATIONS))
 
 
 def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
-    """Largest standard error relative to `sizes`; infinite if a parameter of the law isn't
-    determined.
-    """
+    """Largest standard error relative to `sizes`; infinite if a parameter isn't determined."""
     return max(expectation.stderr.get(name, np.inf) / size for name, size in sizes.items())
 
 
 def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
-    """Value by which the error of each parameter is divided to become relative, by the parameter's
-    name.
+    """Values by which the errors of parameters are divided to become relative, by name.
 
     Errors in D are divided by b + D, the effective half gauge. Errors in epsilon are divided by 1,
     because belt speeds scale with 1 + epsilon, and so are errors in other dimensionless parameters.
     """
-    return {
-        name: geometry.half_gauge + value if parameter.unit == "m" else 1.0
-        for (name, parameter), value in zip(laws.parameters.items(), values.tolist(), strict=True)
-    }
+    sizes = {}
+    for name, value in zip(laws.parameters, values.tolist(), strict=True):
+        is_length = laws.parameters[name].unit == "m"
+        sizes[name] = geometry.half_gauge + value if is_length else 1.0
+    return sizes
 
 
 def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
     """Typical parameters (q,) of a law for a robot about which only `knowledge` is available."""
     values = laws.starts(knowledge.geometry.half_gauge)[0]
-    for start in ("offset", "radius_error"):
-        values[[name.startswith(start) for name in laws.names]] = getattr(knowledge, start)
+    for place, name in enumerate(laws.names):
+        if name.startswith("offset"):
+            values[place] = knowledge.offset
+        if name.startswith("radius_error"):
+            values[place] = knowledge.radius_error
     return values
 
 
 def paper_runs(geometry: RobotGeometry) -> list[Array]:
-    """Belt speeds (2,) [m/s] in each of the paper's 25 runs except those with a radius too small
-    for the robot.
-    """
+    """Belt speeds (2,) [m/s] in those of the paper's 25 runs whose radius suits the robot."""
     radii = [radius for radius in COMMANDED_RADII if radius > geometry.half_gauge]
     return [v * (1 + SIDES * geometry.half_gauge / radius) for radius in radii for v in SPEEDS]
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
-    """Errors to expect from the paper's runs; None if the robot is too large or the runs don't
-    determine the law.
+    """Errors to expect from the paper's runs; None if the runs don't determine the law.
+
+    None also for a robot so large that it can't drive any of the runs.
     """
-    geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
-    radius, merge = geometry.sprocket_radius, rate_of(plan.poses)
-    runs = [np.tile(speeds, (count, 1)) for speeds in paper_runs(geometry)]
+    geometry = plan.knowledge.geometry
+    radius = geometry.sprocket_radius
+    merge = rate_of(plan.poses)
+    periods = round(PAPER_DURATION * RATE)
+    runs = [np.tile(speeds, (periods, 1)) for speeds in paper_runs(geometry)]
     drives = [drive_to_measure(speeds, RATE, plan.poses, radius, merge) for speeds in runs]
     if not drives:
         return None
     model = DriveModel(family(plan.law), geometry)
     found = expected(model, plan.values, drives, plan.poses, plan.knowledge.slip)
-    return found if all(name in found.stderr for name in model.family.names) else None
+    is_determined = all(name in found.stderr for name in model.family.names)
+    return found if is_determined else None

@@ -12,12 +12,12 @@ balance the load. The theory follows Moreau's principle of maximum dissipation, 
 """
 
 from trackslip.skid_theory.contact import Contact, Load, line_contact, wheel_contact
-from trackslip.skid_theory.steady import Turns, steady_turns, steady_twist
+from trackslip.skid_theory.steady import SteadyTurns, steady_turns, steady_twist
 
 __all__ = [
     "Contact",
     "Load",
-    "Turns",
+    "SteadyTurns",
     "line_contact",
     "steady_turns",
     "steady_twist",

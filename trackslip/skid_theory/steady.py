@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +12,10 @@ from trackslip.errors import InvalidValueError, require, require_non_negative, r
 from trackslip.kinematics import SIDES, Array
 from trackslip.skid_theory.contact import Contact, Load, balance, least_power
 
-_INERTIA_ITERATIONS = 6
-_TURN_ITERATIONS = 60
-_TURN_TOLERANCE = 1e-7  # relative tolerance for v and w
-_UNLOADED = Load()
+_INERTIA_ITERATIONS: Final = 6
+_TURN_ITERATIONS: Final = 60
+_TURN_TOLERANCE: Final = 1e-7  # relative tolerance for v and w
+_UNLOADED: Final = Load()
 
 
 def steady_twist(
@@ -24,8 +25,7 @@ def steady_twist(
     shear: float = 0.0,
     load: Load = _UNLOADED,
 ) -> Array:
-    """Twists (..., 3), v, lateral u and w [m/s, m/s, rad/s], at track surface speeds, left and
-    right (..., 2) [m/s].
+    """Twists (..., 3), v, lateral u and w, at surface speeds of the tracks (..., 2) [m/s].
 
     With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts
     load to the outer track; both follow from fixed-point iteration. By default inertia is
@@ -42,16 +42,17 @@ def steady_twist(
     shape = speeds.shape[:-1]
     speeds = speeds.reshape(-1, 2)
     twist = np.zeros((len(speeds), 3))
-    moving = np.abs(speeds).max(axis=1) > 0
-    if moving.any():
-        for _ in range(1 if gravity == np.inf else _INERTIA_ITERATIONS):
-            acceleration = _acceleration(twist[moving], contact) / gravity
-            twist[moving] = _balanced(speeds[moving], contact, acceleration, shear, load)
+    is_moving = np.abs(speeds).max(axis=1) > 0
+    iterations = 1 if gravity == np.inf else _INERTIA_ITERATIONS
+    if is_moving.any():
+        for _ in range(iterations):
+            acceleration = _acceleration(twist[is_moving], contact) / gravity
+            twist[is_moving] = _balanced(speeds[is_moving], contact, acceleration, shear, load)
     return twist.reshape(*shape, 3)
 
 
 @dataclass(frozen=True)
-class Turns:
+class SteadyTurns:
     """M steady turns to the left, with one radius each."""
 
     radius: Array  # (M,) driven radius [m]
@@ -61,13 +62,12 @@ class Turns:
     @property
     def slip(self) -> Array:
         """Slips (M, 2) of the (left, right) tracks, i = 1 - V / r omega [-]."""
-        return 1 - (self.radius[:, None] + self.half_gauge * SIDES) / self.belts
+        over_ground = self.radius[:, None] + self.half_gauge * SIDES  # V / w
+        return 1 - over_ground / self.belts
 
     @property
     def icr(self) -> Array:
-        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the robot's centre line
-        [m].
-        """
+        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the centre line [m]."""
         return self.radius[:, None] - self.belts
 
     @property
@@ -83,12 +83,13 @@ class Turns:
 
 def steady_turns(
     radius: ArrayLike, contact: Contact, shear: float = 0.0, load: Load = _UNLOADED
-) -> Turns:
-    """Compute turns to the left with driven radii (M,) [m]. The other arguments are those of
-    `steady_twist`.
+) -> SteadyTurns:
+    """Compute turns to the left with driven radii (M,) [m].
 
-    Raises InvalidValueError for a load that the ground does not carry, and for a radius that no
-    belt speeds achieve.
+    The other arguments are those of `steady_twist`. At the yaw rate 1 rad/s the speed is the
+    radius; from turns without slip, the belts' mean is scaled until that speed results, and their
+    difference until that yaw rate does. Raises InvalidValueError for a load that the ground does
+    not carry, and for a radius that no belt speeds achieve.
     """
     radius = np.asarray(radius, float)
     half_gauge = float(np.abs(contact.y).mean())
@@ -97,57 +98,66 @@ def steady_turns(
         v, _, w = steady_twist(belts, contact, shear=shear, load=load).T
         if not ((v > 0) & (w > 0)).all():
             break
-        mean, spread = belts.mean(axis=1), (belts[:, 1] - belts[:, 0]) / 2
-        factors = np.array([radius / v, 1 / w])
-        belts = (factors[0] * mean)[:, None] + (factors[1] * spread)[:, None] * SIDES
-        if np.abs(factors - 1).max() < _TURN_TOLERANCE:
-            return Turns(radius, belts, half_gauge)
+        mean = belts.mean(axis=1)
+        half_difference = (belts[:, 1] - belts[:, 0]) / 2
+        speed_factor = radius / v
+        yaw_factor = 1 / w
+        scaled_mean = speed_factor * mean
+        scaled_difference = yaw_factor * half_difference
+        belts = scaled_mean[:, None] + scaled_difference[:, None] * SIDES
+        error = max(np.abs(speed_factor - 1).max(), np.abs(yaw_factor - 1).max())
+        if error < _TURN_TOLERANCE:
+            return SteadyTurns(radius, belts, half_gauge)
     raise InvalidValueError(
         "radius", radius.tolist(), "radii that the robot can drive under its load"
     )
 
 
 def _require_carried(load: Load, contact: Contact) -> None:
-    """Raise InvalidValueError unless friction carries the load and all points of the tracks remain
-    loaded.
-    """
+    """Raise InvalidValueError unless friction carries the load and no point of a track lifts."""
+    value = f"slope {load.slope:.3g} rad, pull {load.pull:.3g} of the weight"
     along, across = load.downhill + np.array([load.drawbar, 0.0])
-    shown = f"slope {load.slope:.3g} rad, pull {load.pull:.3g} of the weight"
-    if not np.hypot(along / contact.along, across / contact.across) < 1:
-        raise InvalidValueError("load", shown, "less than the friction limit")
-    if contact.loads(load.downhill, load.hitch_height * load.drawbar).min() < 0:
-        raise InvalidValueError("load", shown, "less: it lifts part of a track")
+    utilisation = np.hypot(along / contact.along, across / contact.across)
+    require(utilisation < 1, "load", value, "less than the friction limit")
+    loads = contact.loads(load.downhill, load.hitch_height * load.drawbar)
+    lifts_a_point = loads.min() < 0
+    require(not lifts_a_point, "load", value, "less: it lifts part of a track")
 
 
 def _acceleration(twist: Array, contact: Contact) -> Array:
-    """Accelerations (M, 2) of the centre of mass along and across the robot in steady turns
-    [m/s^2].
+    """Accelerations (M, 2) of the centre of mass along and across in steady turns [m/s^2].
+
+    The velocity (v - w left, u + w forwards) of the centre of mass turns at the rate w.
     """
     v, u, w = twist.T
     forwards, left, _ = contact.centre_of_mass
-    return np.stack([-w * (u + w * forwards), w * (v - w * left)], axis=1)
+    along = -w * (u + w * forwards)
+    across = w * (v - w * left)
+    return np.stack([along, across], axis=1)
 
 
 def _balanced(
     speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load
 ) -> Array:
-    """Twists (M, 3) at which the ground forces balance the load and cause accelerations (M, 2) in
-    units of gravity.
+    """Twists (M, 3) at which the ground balances the load and accelerates the robot.
+
+    `speeds` (M, 2) are those of the tracks [m/s], accelerations (M, 2) are in units of gravity.
     """
-    scale = np.abs(speeds).max(axis=1, keepdims=True)
+    # forces and moments that the ground has to exert, per normal force
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill
     moment = forwards * carried[:, 1] - left * carried[:, 0]
     required = np.column_stack([carried, moment]) + np.array([load.drawbar, 0.0, 0.0])
-    held = np.hypot(required[:, 0] / contact.along, required[:, 1] / contact.across) < 1
-    if not held.all():
-        lost = speeds[np.argmin(held)].tolist()
-        raise InvalidValueError(
-            "surface_speeds",
-            lost,
-            "slower, or straighter: friction doesn't hold the robot on its turn",
-        )
+    utilisation = np.hypot(required[:, 0] / contact.along, required[:, 1] / contact.across)
+    is_held = utilisation < 1
+    if not is_held.all():
+        too_fast = speeds[np.argmin(is_held)].tolist()
+        allowed = "slower, or straighter: friction doesn't hold the robot on its turn"
+        raise InvalidValueError("surface_speeds", too_fast, allowed)
+
+    # twists at belt speeds of order one, then scaled: forces depend only on directions of sliding
     loads = contact.loads(carried, load.hitch_height * load.drawbar)
+    scale = np.abs(speeds).max(axis=1, keepdims=True)
     relative = speeds / scale
     belt = np.where(contact.y > 0, relative[:, :1], relative[:, 1:])  # (M, K)
     twist = least_power(belt, contact, loads, required)

@@ -31,12 +31,11 @@ class PiecewiseReference(ABC):
     def __init__(
         self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike
     ) -> None:
-        """Store durations (K,) [s] of the cells between knots, and speeds (K,) [m/s] at the cells'
-        starts and ends.
-        """
+        """Join cells of durations (K,) [s], with speeds (K,) [m/s] at their starts and ends."""
         self.cells = np.array([durations, start_speeds, end_speeds])  # (3, K)
-        durations, self._speeds, last = self.cells
-        self._accelerations = (last - self._speeds) / durations
+        durations, speeds, end_speeds = self.cells
+        self._speeds = speeds
+        self._accelerations = (end_speeds - speeds) / durations
         self._times = np.concatenate([[0.0], np.cumsum(durations)])
 
     @property
@@ -51,39 +50,37 @@ class PiecewiseReference(ABC):
 
     def pose(self, time: ArrayLike) -> Array:
         """Poses (..., 3) at times (...) [s], with phi unwrapped."""
-        k, way, _ = self._driven(time)
-        return self.pose_in(k, way)
+        k, distance, _ = self._driven(time)
+        return self.pose_in(k, distance)
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
-        k, way, speed = self._driven(time)
-        return np.stack([speed, speed * self.curvature_in(k, way)], axis=-1)
+        k, distance, speed = self._driven(time)
+        return np.stack([speed, speed * self.curvature_in(k, distance)], axis=-1)
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
-        """Indices of cells, distances driven in them so far [m] and speeds [m/s], each (...), at
-        times (...) [s].
-        """
+        """Cells, distances driven in them [m] and speeds [m/s], each (...), at times (...) [s]."""
         time = np.asarray(time, float)
         clipped = np.minimum(np.maximum(time, 0.0), self.duration)
         k = cell(self._times, clipped)
-        t = clipped - self._times[k]
-        speed = np.where(
-            (time < 0) | (time >= self.duration), 0.0, self._speeds[k] + self._accelerations[k] * t
-        )
-        return k, t * (self._speeds[k] + self._accelerations[k] * t / 2), speed
+        t = clipped - self._times[k]  # time in the cell
+        v = self._speeds[k]
+        a = self._accelerations[k]
+        distance = t * (v + a * t / 2)
+        at_rest = (time < 0) | (time >= self.duration)
+        speed = np.where(at_rest, 0.0, v + a * t)
+        return k, distance, speed
 
     @abstractmethod
-    def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Poses (..., 3) in cells k (...) at distances `way` (...) [m] from the cells' starts."""
+    def pose_in(self, k: NDArray[np.intp], distance: Array) -> Array:
+        """Poses (..., 3) in cells k (...), at distances (...) [m] from their starts."""
 
     @abstractmethod
-    def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
-        """Curvatures (...) [1/m] in cells k (...) at distances `way` (...) [m] from the cells'
-        starts.
-        """
+    def curvature_in(self, k: NDArray[np.intp], distance: Array) -> Array:
+        """Curvatures (...) [1/m] in cells k (...), at distances (...) [m] from their starts."""
 
 
-def cell(knots: Array, at: Array) -> NDArray[np.intp]:
-    """Indices (...) of the cells between knots (K,) that contain `at` (...), from 0 to K - 2."""
-    k = np.searchsorted(knots, at, side="right") - 1
+def cell(knots: Array, places: Array) -> NDArray[np.intp]:
+    """Indices (...) of the cells between knots (K,) that contain places (...), from 0 to K - 2."""
+    k = np.searchsorted(knots, places, side="right") - 1
     return np.minimum(np.maximum(k, 0), len(knots) - 2)

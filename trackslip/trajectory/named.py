@@ -1,13 +1,13 @@
-"""References by name: the paper's path, smooth curves, straights, arcs and clothoids, and waypoint
-files.
-"""
+"""References by name: the paper's path, curves, straights, arcs, clothoids and waypoint files."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,12 +15,19 @@ from numpy.typing import ArrayLike
 from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference, cell
-from trackslip.trajectory.path import STEP, Complex, ParametricPath, PlanarPath, ProfiledReference
+from trackslip.trajectory.path import (
+    KNOT_SPACING,
+    Complex,
+    ParametricPath,
+    PlanarPath,
+    ProfiledReference,
+)
 from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import read_waypoints
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # nodes and weights on [0, 1]
+_GAUSS_LEGENDRE: Final = np.polynomial.legendre.leggauss(5)
+_NODES: Final = (_GAUSS_LEGENDRE[0] + 1) / 2  # on [0, 1]
+_WEIGHTS: Final = _GAUSS_LEGENDRE[1] / 2  # on [0, 1]
 
 
 @dataclass(frozen=True)
@@ -31,41 +38,51 @@ class PathPiece:
     start_curvature: float = 0.0  # curvature at the start, positive to the left [1/m]
     end_curvature: float = 0.0  # curvature at the end [1/m]
 
+    @property
+    def sharpness(self) -> float:
+        """Change of the curvature per length [1/m^2]."""
+        return (self.end_curvature - self.start_curvature) / self.length
+
 
 class ClothoidPath(PlanarPath):
-    """A sequence of pieces. Headings are quadratic in the arc length, and positions are
-    Gauss-Legendre integrals.
+    """A sequence of straights, arcs and clothoids, in cells of at most KNOT_SPACING.
+
+    In a cell, with the curvature kappa at its start and the sharpness sigma, the robot turns by s
+    (kappa + sigma s / 2) over the length s. Positions are Gauss-Legendre integrals.
     """
 
     def __init__(self, start: ArrayLike, pieces: Sequence[PathPiece]) -> None:
         """Join the pieces, the first from the pose `start` (3,)."""
-        counts = [max(int(np.ceil(piece.length / STEP)), 2) for piece in pieces]
-        steps = np.repeat(
-            [piece.length / n for piece, n in zip(pieces, counts, strict=True)], counts
-        )
-        self._s = np.concatenate([[0.0], np.cumsum(steps)])  # (K,)
-        self._sharpness = np.repeat(
-            [(p.end_curvature - p.start_curvature) / p.length for p in pieces], counts
-        )
-        fractions = np.concatenate(
-            [np.arange(n) * (p.length / n) for p, n in zip(pieces, counts, strict=True)]
-        )
-        self._curvature = (
-            np.repeat([p.start_curvature for p in pieces], counts) + self._sharpness * fractions
-        )
         x, y, phi = np.asarray(start, float)
-        turns = steps * (self._curvature + self._sharpness * steps / 2)
-        # (K - 1,), like _curvature
-        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])
-        chords = self._chord(np.arange(len(steps)), steps)
-        self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
+
+        # the cells of each piece: lengths, sharpness, and curvatures at the starts
+        cell_lengths = []
+        sharpness = []
+        curvature = []
+        for piece in pieces:
+            count = max(math.ceil(piece.length / KNOT_SPACING), 2)
+            step = piece.length / count
+            starts = np.arange(count) * step
+            cell_lengths.append(np.full(count, step))
+            sharpness.append(np.full(count, piece.sharpness))
+            curvature.append(piece.start_curvature + piece.sharpness * starts)
+        lengths = np.concatenate(cell_lengths)
+        self._s = np.concatenate([[0.0], np.cumsum(lengths)])  # (K,)
+        self._sharpness = np.concatenate(sharpness)  # (K - 1,)
+        self._curvature = np.concatenate(curvature)  # (K - 1,)
+
+        # headings and positions at the starts of the cells
+        turns = self._turn(np.arange(len(lengths)), lengths)
+        self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,)
+        chords = self._chord(np.arange(len(lengths)), lengths)
+        self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])  # (K - 1,)
 
     def pose(self, s: Array) -> Array:
         """Poses (..., 3) at arc lengths (...) [m], with phi unwrapped."""
         k = cell(self._s, s)
-        way = s - self._s[k]
-        point = self._point[k] + self._chord(k, way)
-        heading = self._heading[k] + way * (self._curvature[k] + self._sharpness[k] * way / 2)
+        distance = s - self._s[k]
+        point = self._point[k] + self._chord(k, distance)
+        heading = self._heading[k] + self._turn(k, distance)
         return np.stack([point.real, point.imag, heading], axis=-1)
 
     def curvature(self, s: Array) -> Array:
@@ -73,23 +90,22 @@ class ClothoidPath(PlanarPath):
         k = cell(self._s, s)
         return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
 
-    def _chord(self, k: np.ndarray, way: Array) -> Complex:
-        """Vectors (...) from knots k (...) to points `way` (...) [m] further along, by
-        Gauss-Legendre quadrature.
-        """
-        at = way[..., None] * _NODES
-        heading = self._heading[k, None] + at * (
-            self._curvature[k, None] + self._sharpness[k, None] * at / 2
-        )
-        return way * (np.exp(1j * heading) @ _WEIGHTS)
+    def _turn(self, k: np.ndarray, distance: Array) -> Array:
+        """Turns (...) [rad] from knots k (...) to points at `distance` (...) [m] from them."""
+        return np.asarray(distance * (self._curvature[k] + self._sharpness[k] * distance / 2))
+
+    def _chord(self, k: np.ndarray, distance: Array) -> Complex:
+        """Vectors (...) from knots k (...) to points at `distance` (...) [m] from them."""
+        k = k[..., None]
+        heading = self._heading[k] + self._turn(k, distance[..., None] * _NODES)
+        return distance * (np.exp(1j * heading) @ _WEIGHTS)
 
 
 def clothoid(start: ArrayLike) -> ProfiledReference:
-    """A left and a right bend of continuous curvature, from the pose `start` (3,): clothoids join
-    straights and arcs.
+    """A left and a right bend of continuous curvature, from the pose `start` (3,).
 
-    The straights are 0.6 m long, the arcs 0.5 m with a radius of 0.5 m, the outer clothoids 1 m and
-    the middle one 2 m.
+    Clothoids join straights and arcs. The straights are 0.6 m long, the arcs 0.5 m with a radius of
+    0.5 m, the outer clothoids 1 m and the middle one 2 m.
     """
     bend = 2.0  # [1/m]
     pieces = [
@@ -105,70 +121,81 @@ def clothoid(start: ArrayLike) -> ProfiledReference:
 
 
 def rounded_square(start: ArrayLike) -> ProfiledReference:
-    """An anticlockwise 2 m square with corners of 0.4 m radius, from the pose `start` (3,) in the
-    middle of a side.
+    """An anticlockwise 2 m square with corners of 0.4 m radius.
+
+    `start` (3,) is the pose in the middle of a side.
     """
-    half, straight, corner = PathPiece(0.6), PathPiece(1.2), PathPiece(np.pi / 2 * 0.4, 2.5, 2.5)
-    return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]))
+    radius = 0.4
+    side = PathPiece(1.2)
+    half_side = PathPiece(0.6)
+    corner = PathPiece(np.pi / 2 * radius, 1 / radius, 1 / radius)
+    pieces = [half_side, *[corner, side] * 3, corner, half_side]
+    return ProfiledReference(ClothoidPath(start, pieces))
 
 
 def figure_eight(start: ArrayLike) -> ProfiledReference:
-    """Bernoulli's lemniscate, 3 m long, from its crossing: first the left loop, then the right
-    loop.
+    """Bernoulli's lemniscate, 3 m long, from its crossing: first the left loop, then the right.
 
     `start` (3,) is the pose at the crossing. The long axis is 45 deg to the left of its heading.
-    The smallest radius is 0.5 m.
+    The smallest radius is 0.5 m. With a = 1 - i sin(u), the point is cos(u) / a in half lengths.
     """
+    half_length = 1.5
 
-    def lemniscate(u: Array, nu: int) -> Complex:
-        sine, cosine = np.sin(u), np.cos(u)
-        away = 1 - 1j * sine
-        factor = (
-            cosine / away,
-            1j * (1 + 1j * sine) / away**2,
-            -cosine * (3 + 1j * sine) / away**3,
-        )[nu]
-        return 1.5 * factor
+    def lemniscate(u: Array, order: int) -> Complex:
+        sine = np.sin(u)
+        cosine = np.cos(u)
+        a = 1 - 1j * sine
+        if order == 0:
+            return half_length * (cosine / a)
+        if order == 1:
+            return half_length * (1j * (1 + 1j * sine) / a**2)
+        return half_length * (-cosine * (3 + 1j * sine) / a**3)
 
-    return ProfiledReference(
-        ParametricPath(lemniscate, [-np.pi / 2, np.pi / 2, 3 * np.pi / 2], start)
-    )
+    breaks = [-np.pi / 2, np.pi / 2, 3 * np.pi / 2]
+    return ProfiledReference(ParametricPath(lemniscate, breaks, start))
 
 
 def slalom(start: ArrayLike) -> ProfiledReference:
-    """Two periods of a sine wave along a line, each 2 m long and 0.5 m wide, from a minimum and
-    first to the left.
+    """Two periods of a sine wave along a line, each 2 m long and 0.5 m wide, first to the left.
 
-    `start` (3,) is the first pose, with the heading of the line. The smallest radius is 0.4 m.
+    `start` (3,) is the first pose, at a minimum, with the heading of the line. The smallest radius
+    is 0.4 m.
     """
+    amplitude = 0.25j  # to the left of the line
 
-    def wave_line(x: Array, nu: int) -> Complex:
-        sine, cosine = np.sin(np.pi * x), np.cos(np.pi * x)
-        rise = (1 - cosine, np.pi * sine, np.pi**2 * cosine)[nu]
-        return (x, 1.0, 0.0)[nu] + 0.25j * rise
+    def wave_line(x: Array, order: int) -> Complex:
+        if order == 0:
+            return x + amplitude * (1 - np.cos(np.pi * x))
+        if order == 1:
+            return 1.0 + amplitude * (np.pi * np.sin(np.pi * x))
+        return 0.0 + amplitude * (np.pi**2 * np.cos(np.pi * x))
 
     return ProfiledReference(ParametricPath(wave_line, [0.0, 2.0, 4.0], start))
 
 
 def spiral(start: ArrayLike) -> ProfiledReference:
-    """One and a half turns of Archimedes' spiral to the left, inwards from a radius of 1.2 m to
-    0.45 m.
+    """One and a half turns of Archimedes' spiral to the left, from a radius of 1.2 m to 0.45 m.
 
-    `start` (3,) is the pose at the outer end.
+    `start` (3,) is the pose at the outer end. The point is r exp(i u) with r = 1.2 m - c u.
     """
     end = 3 * np.pi
     shrinkage = (1.2 - 0.45) / end
 
-    def archimedes(u: Array, nu: int) -> Complex:
+    def archimedes(u: Array, order: int) -> Complex:
         radius = 1.2 - shrinkage * u
-        return (radius, 1j * radius - shrinkage, -radius - 2j * shrinkage)[nu] * np.exp(1j * u)
+        turned = np.exp(1j * u)
+        if order == 0:
+            return radius * turned
+        if order == 1:
+            return (1j * radius - shrinkage) * turned
+        return (-radius - 2j * shrinkage) * turned
 
     return ProfiledReference(ParametricPath(archimedes, np.linspace(0, end, 8), start))
 
 
 # The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. With these starts the plate
 # stays more than 1 m from the scanner and within its field of view even if the robot is 0.4 m off.
-REFERENCES: dict[str, Callable[..., Reference]] = {
+REFERENCES: Final[dict[str, Callable[..., Reference]]] = {
     "paper": partial(paper_reference, start=PAPER_START),
     "circle": partial(circle, 1.0, 0.15, 2 * np.pi / 0.15, start=(-1.5, 0.4, 0.0)),
     "figure_eight": partial(figure_eight, start=(-1.5, 1.6, -np.pi / 4)),
@@ -182,13 +209,13 @@ REFERENCES: dict[str, Callable[..., Reference]] = {
 
 
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
-    """Build the reference called `name` in REFERENCES, from the pose `start` (3,) or else its
-    default start.
+    """Build the reference called `name` in REFERENCES, by default from its own start.
 
-    Raises InvalidValueError for an unknown name.
+    `start` (3,) is another first pose. Raises InvalidValueError for an unknown name.
     """
     require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
-    return REFERENCES[name]() if start is None else REFERENCES[name](start=start)
+    build = REFERENCES[name]
+    return build() if start is None else build(start=start)
 
 
 def load_reference(name_or_path: str | Path) -> Reference:
@@ -201,10 +228,6 @@ def load_reference(name_or_path: str | Path) -> Reference:
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":
         return read_waypoints(Path(name))
-    require(
-        name in REFERENCES,
-        "reference",
-        name,
-        f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints",
-    )
+    allowed = f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints"
+    require(name in REFERENCES, "reference", name, allowed)
     return REFERENCES[name]()

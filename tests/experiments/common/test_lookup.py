@@ -29,8 +29,7 @@ def test_arguments_are_those_of_the_constructor_and_those_of_the_robot_are_known
     assert made("linear") == LinearTimeVarying()
     assert made("linear:stiffness=160,damping=1") == LinearTimeVarying(damping=1.0, stiffness=160.0)
     assert isinstance(made("linear:stiffness=160").stiffness, float)
-    limits = {"track_speed": pytest.approx(0.49), "half_gauge": 0.25}
-    assert dataclasses.asdict(made("mpc")) == dataclasses.asdict(ModelPredictive()) | limits
+    assert made("mpc") == ModelPredictive(track_speed=0.98 * 0.5, half_gauge=0.25)
     assert made("mpc:track_speed=0.2,intervals=9") == dataclasses.replace(
         made("mpc"), track_speed=0.2, intervals=9
     )

@@ -13,8 +13,8 @@ SHORT = ("--half-gauge", "0.168", "--sprocket-radius", "0.06", "--duration", "30
 
 @pytest.fixture(autouse=True)
 def few_routes(monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 30)
-    monkeypatch.setattr(planning, "_FEWEST", 30)
+    monkeypatch.setattr(planning, "MAX_EVALUATIONS", 30)
+    monkeypatch.setattr(planning, "MIN_EVALUATIONS", 30)
 
 
 def test_its_commands_are_those_of_a_robot_without_slip_and_its_bag_sends_them(trackslip):

@@ -9,7 +9,16 @@ from law_motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.route import RATE, TURNING, Maneuvers, extent, longest_spin, path
+from trackslip.planning.route import (
+    GENES,
+    RATE,
+    YAW_RATE_SHARE,
+    Maneuvers,
+    Route,
+    extent,
+    longest_spin,
+    path,
+)
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
@@ -23,7 +32,7 @@ def test_a_path_is_that_of_the_law():
     law = ConstantIcr(0.05, 0.168, 0.01)
     pose = np.array([0.0, 0.0, 0.3])
     ends = [pose]
-    for way in MANEUVERS.way:
+    for way in MANEUVERS.distance:
         pose = advance(pose, law.twist(way / 0.06, GEOMETRY), 1.0)
         ends.append(pose)
     x, y = path(MANEUVERS, 0.3, np.array([[0.218, 1.01, 1.01]]))
@@ -59,7 +68,7 @@ def test_every_law_that_the_robot_may_have_stays_inside(index):
     known = replace(first_knowledge(GEOMETRY), pull=0.01, slip=(1e-9, 1e-9, 1e-9))
     reach, *scale = known.extremes[index]
     pose, reached = np.zeros(3), []
-    for way in MANEUVERS.way:
+    for way in MANEUVERS.distance:
         left, right = way * scale / 20
         for _ in range(20):
             pose = advance(pose, np.array([(left + right) / 2, (right - left) / (2 * reach)]), 1.0)
@@ -82,13 +91,13 @@ WAYS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=1, max_s
 def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, acceleration):
     limits = DriveLimits(speed, acceleration, (3.0, 3.0), 60.0)
     maneuvers = Maneuvers.of(np.array(ways), limits)
-    if not len(maneuvers.way):
+    if not len(maneuvers.distance):
         return
     speeds = maneuvers.speeds(maneuvers.duration.sum() + 1.0)
     assert np.abs(speeds).max() <= speed * (1 + 1e-9)
     change = np.diff(speeds, axis=0, prepend=np.zeros((1, 2)), append=np.zeros((1, 2)))
     assert np.abs(change).max() * RATE <= acceleration * (1 + 1e-6)
-    np.testing.assert_allclose(speeds.sum(axis=0) / RATE, maneuvers.way.sum(axis=0), atol=1e-9)
+    np.testing.assert_allclose(speeds.sum(axis=0) / RATE, maneuvers.distance.sum(axis=0), atol=1e-9)
     np.testing.assert_array_equal(speeds[-1], 0.0)
 
 
@@ -99,7 +108,7 @@ def test_times_are_those_of_trapezoids_and_triangles_and_yaw_rates_are_limited()
     )
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
     spin = Maneuvers.of(np.array([[-3.0, 3.0]]), LIMITS).speeds(60.0)
-    assert np.abs(spin).max() == pytest.approx(TURNING * 0.3, rel=1e-3)
+    assert np.abs(spin).max() == pytest.approx(YAW_RATE_SHARE * 0.3, rel=1e-3)
     bend = Maneuvers.of(np.array([[2.0, 3.0]]), LIMITS).speeds(60.0)
     assert bend.max() == pytest.approx(0.3, rel=1e-2)
 
@@ -110,3 +119,14 @@ def test_the_longest_spin_fits_and_none_longer_does(duration):
     assert Maneuvers.of(np.array([[-way, way]]), LIMITS).duration.sum() <= duration + 1e-9
     longer = way + 0.3 / RATE
     assert Maneuvers.of(np.array([[-longer, longer]]), LIMITS).duration.sum() > duration
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_route_and_its_genes_are_the_same(seed):
+    rng = np.random.default_rng(seed)
+    genes = np.array([rng.uniform(gene.low, gene.high) for gene in GENES])
+    whole = np.array([gene.whole for gene in GENES])
+    genes = np.where(whole, np.round(genes), genes)
+    route = Route.of(genes)
+    np.testing.assert_array_equal(route.genes, genes)
+    assert Route.of(route.genes) == route

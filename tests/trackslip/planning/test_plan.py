@@ -26,8 +26,8 @@ SLAM = PoseQuality(10.0, 0.02, np.radians(1.0))
 @pytest.fixture(scope="module", autouse=True)
 def few_drives_tried():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning, "_EVALUATIONS", 40)
-        patch.setattr(planning, "_FEWEST", 40)
+        patch.setattr(planning, "MAX_EVALUATIONS", 40)
+        patch.setattr(planning, "MIN_EVALUATIONS", 40)
         yield
 
 
@@ -65,7 +65,7 @@ def test_plans_repeat_longer_drives_tell_more_and_smaller_areas_less(plan):
 
 
 def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 80)
+    monkeypatch.setattr(planning, "MAX_EVALUATIONS", 80)
     known = LawErrors(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
     second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
@@ -78,7 +78,7 @@ def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
 
 
 def test_laws_of_more_parameters_can_be_planned_for(monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 60)  # few drives determine a loss in turns
+    monkeypatch.setattr(planning, "MAX_EVALUATIONS", 60)  # few drives determine a loss in turns
     found = plan_drive(GEOMETRY, LIMITS, SLAM, PLANNED_LAWS[-1])
     assert all(
         0 < found.expectation.stderr[name] < 0.04 * size for name, size in found.sizes.items()

@@ -6,7 +6,7 @@ from quadrature import integral_miss, times
 
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.trajectory.named import load_reference, named_reference
-from trackslip.trajectory.path import LIMITS, STEP
+from trackslip.trajectory.path import KNOT_SPACING, LIMITS
 from trackslip.trajectory.waypoints import read_waypoints, waypoints
 
 POINTS = np.array([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)])
@@ -92,7 +92,7 @@ def test_speeds_brake_evenly_towards_a_waypoint():
     below = 0.05**2 + growth * np.abs(x - 1)[inside] - v[inside] ** 2
     assert below.min() > -1e-9
     # a cell has the speed of its slower end, and so has a knot of its cells
-    assert below.max() < growth * 2 * STEP
+    assert below.max() < growth * 2 * KNOT_SPACING
 
 
 @settings(max_examples=10)
