@@ -116,7 +116,11 @@ class Config(ResultsOptions):
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("test",), "folds"),
-        Excludes(("gear", "sensor", "clock_offset", "folds", "test"), "target", ("published",)),
+        Excludes(
+            ("gear", "sensor", "clock_offset", "bag", "max_memory", "folds", "test"),
+            "target",
+            ("published",),
+        ),
     )
 
     def __post_init__(self) -> None:

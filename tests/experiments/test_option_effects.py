@@ -25,8 +25,8 @@ def driven(inputs):
 @pytest.fixture
 def tried(tmp_path, inputs, monkeypatch):
     """A function that runs words and returns exit code, results and message, each line once."""
-    monkeypatch.setattr("trackslip.planning.plan._EVALUATIONS", 30)
-    monkeypatch.setattr("trackslip.planning.plan._FEWEST", 30)
+    monkeypatch.setattr("trackslip.planning.plan.MAX_EVALUATIONS", 30)
+    monkeypatch.setattr("trackslip.planning.plan.MIN_EVALUATIONS", 30)
     numbers, done = itertools.count(), {}
 
     def run(*words):

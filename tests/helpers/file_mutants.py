@@ -36,6 +36,17 @@ HOSTILE = (
     *(b"%s%n%p", b"../../etc/passwd", b"/dev/zero", b"\x1b[2J", b"\xff\xfe", b"\xf0\x9f\xa4\x96"),
     *(b"1,5", b"1 2 3", b"x" * 5000, b"[[[[[[[[", b"__import__('os')", b"\r\n\r\n", b"1970-01-01"),
 )
+DATASET = """title = "Warthog on grass"
+log = "log.parquet"
+source = "github.com/norlab-ulaval/DRIVE"
+licence = "BSD-3-Clause"
+robot = ["warthog"]
+ground = "grass"
+[[bounds]]
+row = "robot"
+quantity = "position_median"
+most = 9.0
+"""
 TOKEN = re.compile(rb"[-+.\w]+|\"[^\"\n]*\"|'[^'\n]*'")
 
 
@@ -134,6 +145,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     _run("track", *short, "--bag", "--out", folder / "track")
     (folder / "path.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n2,1\n")
     (folder / "ground.toml").write_text("along = 0.7\nacross = 0.6\nshear = 0.01\n")
+    (folder / "dataset.toml").write_text(DATASET)
     (folder / "posts.toml").write_text("posts = [{x = 1, y = 2.0}]\n")
     track = ("track", "--localization", "truth")
     circle = (*track, *short)
@@ -165,7 +177,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             ROOT / "examples" / "sensitivity.toml",
             (("grid", "--sweep", "FILE", "--duration", "0.2", "--radii", "1", "--speeds", "0.2"),),
         ),
-        "dataset": Kind(LOGS / "maxxii.toml", (("evaluate", "FILE"),)),
+        "dataset": Kind(folder / "dataset.toml", (("evaluate", "FILE"),)),
         "mcap": Kind(next((folder / "track").rglob("*.mcap")), (("log", "FILE"),), binary=True),
         **bags,
     }
@@ -300,7 +312,8 @@ if __name__ == "__main__":
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     given = [int(word) for word in sys.argv[1:3]]
     began = time.perf_counter()
-    result = failures(given[0], given[1] if len(given) > 1 else 0, sys.argv[3:], Path("mutants"))
+    seed = given[1] if len(given) > 1 else 0
+    result = failures(given[0], seed, sys.argv[3:], Path("mutants"))
     counts = collections.Counter(key.split()[0] for key in result)
     print(json.dumps({"mutants": given[0], "failures": counts}))
     print(f"{time.perf_counter() - began:.0f} s")

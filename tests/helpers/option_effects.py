@@ -29,6 +29,8 @@ PLACE = "~ it only says where results are written"
 FIGURES = "~ it writes figures a second time, which tests of pages check"
 CONSENT = "~ it lets a law with an alarm pass, which tests of deploy check"
 SCREEN = "~ it opens a window"
+MEMORY = "~ it only refuses logs, which tests of trackslip.logs and bags check"
+WAIT = "~ it only waits for the workers of a cluster, which tests of the pool check"
 PICTURES = "~ it needs OpenGL; tests of drive check it"
 RESUMED = "~ tests of train check it"
 
@@ -122,6 +124,7 @@ CASES = {
             "sweep": "--sweep {sweep}",
             "executor": SPEED,
             "jobs": SPEED,
+            "wait": WAIT,
             "bag": "--bag",
         },
     ),
@@ -276,6 +279,7 @@ CASES = {
             "settle": "--settle 2",
             "lag": "--lag",
             "all": "--all",
+            "max_memory": MEMORY,
             "pdf": FIGURES,
         },
         {
@@ -304,6 +308,7 @@ CASES = {
             "multiplier": "--multiplier 1.2",
             "sensor": "--sensor 0.1 0 0",
             "clock_offset": "--clock-offset 0.3",
+            "max_memory": MEMORY,
             "rrd": "--rrd",
             "pdf": FIGURES,
         },
@@ -322,6 +327,7 @@ CASES = {
             "clock_offset": "--target {wander} --free friction_ratio | --clock-offset 0.3",
             "folds": "--target {samples} | --folds 2",
             "test": "--target {samples} | --test {samples}",
+            "max_memory": MEMORY,
             "threads": SPEED,
             "pdf": FIGURES,
         },
@@ -331,6 +337,8 @@ CASES = {
             "ground.changes": "--ground sticky",
             "clock_offset": "--target {samples} --clock-offset 0.1",
             "encoders": "--target {samples} --encoders /a",
+            "bag.encoders": "--encoders /a",
+            "max_memory": "--max-memory 8GB",
         },
     ),
     "validate": Case(
@@ -399,6 +407,7 @@ CASES = {
             "seed": "--seed 1",
             "threads": SPEED,
             "resume": RESUMED,
+            "own_rewards": RESUMED,
         },
         {"laws": "--compensation none --laws {laws}", "courses": "--courses rails"},
     ),
@@ -415,7 +424,10 @@ CASES = {
         },
         {"controller": "--to c --controller mine", "overwrite": "--overwrite"},
     ),
-    "log": Case("log {samples}", NO_BAG | {"path": "~ the log", "out": PLACE, "overwrite": PLACE}),
+    "log": Case(
+        "log {samples}",
+        NO_BAG | {"path": "~ the log", "out": PLACE, "overwrite": PLACE, "max_memory": MEMORY},
+    ),
     "view": Case(
         "view {wander} --save x.rrd",
         {
@@ -423,6 +435,7 @@ CASES = {
             "run": "~ tests of recordings check it",
             "web": SCREEN,
             "save": PLACE,
+            "max_memory": MEMORY,
         },
         {"web": "--web"},
     ),
