@@ -137,8 +137,9 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
         (name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics
     ]
     recorded = np.concatenate(list(arrivals.values()))
+    duration = f"{np.ptp(recorded) / 1e9:.1f} s" if len(recorded) else "no messages"
     return Table(
-        f"{bag.path}: {np.ptp(recorded) / 1e9:.1f} s",
+        f"{bag.path}: {duration}",
         _TOPICS,
         [(*row, used.get(row[0], "")) for row in rows],
         "llrrrl",

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.cli import main
+from experiments.cli import main  # imported before processes are forked
 
 ROOT = Path(__file__).parents[2]
 LOGS = ROOT / "examples" / "logs"

@@ -19,7 +19,7 @@ from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source
 from trackslip.errors import InvalidValueError, LogError, LogWarning, counted
 from trackslip.kinematics import Array
 from trackslip.logs.checks import LONGEST_STEP
-from trackslip.logs.logfile import RUNS, runs_file, runs_in
+from trackslip.logs.logfile import RUNS, read_log, runs_file, runs_in
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
@@ -55,8 +55,10 @@ def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC, max_memory: int | None 
     """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no
     run can be read, or if reading takes more than `max_memory` [bytes].
     """
-    runs = runs_of(path, bag, max_memory)
-    return runs if isinstance(runs, ReadRuns) else runs.read()
+    if holds_bags(path):
+        return read_bags(path, bag, max_memory)
+    refuse_choice(path, bag)
+    return read_log(runs_file(path), max_memory)
 
 
 def runs_of(

@@ -23,7 +23,7 @@ from trackslip.files import known_manifest, regular_file
 from trackslip.logs.columns import HUGE
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS, NO_UNIT
-from trackslip.logs.size import first_lines, open_parquet, require_csv_fits
+from trackslip.logs.size import ParquetSize, first_lines, open_parquet, require_csv_fits
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
@@ -84,12 +84,15 @@ def read_table(path: Path, max_memory: int | None = None) -> pa.Table:
     return pa.concat_tables(read_tables(path, max_memory))
 
 
-def read_tables(path: Path, max_memory: int | None = None) -> Iterator[pa.Table]:
+def read_tables(
+    path: Path, max_memory: int | None = None, *, all_kept: bool = True
+) -> Iterator[pa.Table]:
     """Read the table in a `.parquet` or `.csv` file in parts, each with all rows of its runs.
 
     A Parquet file with one run per row group is read in parts of some runs, any other file in one
     part. Raises LogError if the file cannot be read, or if reading it takes more than `max_memory`
-    [bytes], see `require_fits`.
+    [bytes], see `require_fits`. Unless `all_kept`, the parts are taken one at a time, and only one
+    must fit into the memory.
     """
     kind = path.suffix.lower()
     try:
@@ -97,9 +100,16 @@ def read_tables(path: Path, max_memory: int | None = None) -> Iterator[pa.Table]
         if kind == ".csv":
             yield _read_csv(path, max_memory)
         elif kind == ".parquet":
-            with open_parquet(path, max_memory) as file:
+            with (
+                open_parquet(path, max_memory) as file,
+                ParquetSize(path, file.metadata) as size,
+            ):
                 parts = _parts_with_whole_runs(file.metadata)
+                if all_kept:
+                    size.require_fits(range(file.metadata.num_row_groups), max_memory)
                 for groups in parts:
+                    if not all_kept:
+                        size.require_fits(groups, max_memory)
                     yield file.read_row_groups(groups)
         else:
             raise LogError(f"{path}: must end in .parquet or .csv")
@@ -261,14 +271,15 @@ def read_log(path: Path, max_memory: int | None = None) -> ReadRuns:
     """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be
     read, or if reading takes more than `max_memory` [bytes].
     """
-    return runs_in(path, max_memory).read()
+    return RunsInTables(read_tables(path, max_memory), str(path), max_memory).read()
 
 
 def runs_in(path: Path, max_memory: int | None = None) -> RunsInTables:
-    """The runs in a file, which are read one after another as they are iterated over; see
+    """The runs in a file, to iterate over, of which those of one part at a time are in memory; see
     `read_log`.
     """
-    return RunsInTables(read_tables(path, max_memory), str(path), max_memory)
+    tables = read_tables(path, max_memory, all_kept=False)
+    return RunsInTables(tables, str(path), max_memory)
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
@@ -281,8 +292,10 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     with contextlib.ExitStack() as stack:
         try:
             files = {}
+            sizes = {}
             for file in {file for file, *_ in runs}:
                 files[file] = stack.enter_context(open_parquet(file))
+                sizes[file] = stack.enter_context(ParquetSize(file, files[file].metadata))
             about = {
                 file: stored_metadata(read.schema_arrow.metadata, str(file))
                 for file, read in files.items()
@@ -298,6 +311,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
             )
             with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
                 for file, name, new in runs:
+                    sizes[file].require_fits([group[file][name]])
                     table = files[file].read_row_group(group[file][name])
                     table = table.replace_schema_metadata(None)
                     table = table.set_column(0, "run", pa.repeat(new, len(table)))

@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 import pyarrow as pa
@@ -44,22 +44,95 @@ _PIECE: Final = 16_000_000  # size of the pieces in which lines are counted [byt
 
 
 def open_parquet(path: Path, max_memory: int | None = None) -> pa.parquet.ParquetFile:
-    """Open a Parquet file that fits into the memory, see `require_fits`.
+    """Open a Parquet file whose metadata fit into the memory, see `require_fits`.
 
-    Raises LogError for one that doesn't, or has more than MOST_COLUMNS columns; ArrowException for
-    a damaged file.
+    Raises LogError for a file whose metadata don't, or that has more than MOST_COLUMNS columns;
+    ArrowException for a damaged file.
     """
-    footer = _footer_size(path)
-    require_fits(path, _FOOTER * footer, max_memory)
+    require_fits(path, _footer_memory(path), max_memory)
     file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
     try:
         require_few_columns(path, file.metadata.num_columns)
-        for needed in _parquet_needs(path, file.metadata, footer):
-            require_fits(path, needed, max_memory)
-    except BaseException:
+    except LogError:
         file.close()
         raise
     return file
+
+
+class ParquetSize:
+    """The memory that reading row groups of a Parquet file takes."""
+
+    def __init__(self, path: Path, about: pa.parquet.FileMetaData) -> None:
+        self._path = path
+        self._about = about
+        self._columns = [about.schema.column(k) for k in range(about.num_columns)]
+        texts = [column.path for column in self._columns if _is_text(column)]
+        # opened once, because a file with many row groups takes long to open
+        self._texts = pa.parquet.ParquetFile(path, read_dictionary=texts)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._texts.close()
+
+    def require_fits(self, groups: Sequence[int], max_memory: int | None = None) -> None:
+        """Raise LogError if these row groups, read together, don't fit into the memory."""
+        for needed in self._needs(groups):
+            require_fits(self._path, needed, max_memory)
+
+    def _needs(self, groups: Sequence[int]) -> Iterator[int]:
+        """Yield the memory that row groups take [bytes]: first without their texts, then with each
+        further column of texts, whose lengths are known only from its dictionaries.
+        """
+        contents = [self._about.row_group(group) for group in groups]
+        rows = sum(content.num_rows for content in contents)
+        needed = _footer_memory(self._path) + _ROW * rows
+        needed += _CHUNK * len(self._columns) * len(contents)
+        for k, column in enumerate(self._columns):
+            width = _WIDTHS.get(column.physical_type, max(column.length, _DECIMAL)) + _CELL
+            for content in contents:
+                chunk = content.column(k)
+                values = max(chunk.num_values, content.num_rows)
+                needed += chunk.total_uncompressed_size + width * values
+        yield needed
+        for k, column in enumerate(self._columns):
+            if _is_text(column):
+                chunks = [content.column(k) for content in contents]
+                needed += _TEXT * self._characters(column, groups, chunks)
+                yield needed
+
+    def _characters(self, column: Any, groups: Sequence[int], chunks: Sequence[Any]) -> int:
+        """Size of a column's texts in row groups, repeated as often as they occur [bytes]; an upper
+        bound where a look at their dictionaries doesn't tell.
+        """
+        if column.max_repetition_level or any(
+            "DELTA_BYTE_ARRAY" in chunk.encodings for chunk in chunks
+        ):
+            return sum(chunk.num_values * chunk.total_uncompressed_size for chunk in chunks)
+        size = 0
+        for group, chunk in zip(groups, chunks, strict=True):
+            alike = _common_text(chunk)
+            if alike is not None:
+                size += chunk.num_values * len(alike.encode())
+                continue
+            (texts,) = self._texts.read_row_group(group, columns=[column.path]).flatten().columns
+            size += sum(map(_expanded_size, texts.chunks))
+        return size
+
+
+def _common_text(chunk: Any) -> str | None:
+    """The text of all cells of a column in a row group, if its statistics say that there is just
+    one, as in the column of runs.
+    """
+    statistics = chunk.statistics
+    if statistics is None or not statistics.has_min_max or statistics.min != statistics.max:
+        return None
+    return statistics.min if isinstance(statistics.min, str) else None
+
+
+def _is_text(column: Any) -> bool:
+    return bool(column.physical_type == "BYTE_ARRAY")
 
 
 def require_few_columns(path: Path, columns: int) -> None:
@@ -68,49 +141,13 @@ def require_few_columns(path: Path, columns: int) -> None:
         raise LogError(f"{path}: has {columns} columns, must have at most {MOST_COLUMNS}")
 
 
-def _footer_size(path: Path) -> int:
-    """Size of a Parquet file's metadata, as its end states it [bytes]."""
+def _footer_memory(path: Path) -> int:
+    """Memory for a Parquet file's metadata, whose size its end states [bytes]."""
     with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - _TAIL))
         stated = int.from_bytes(file.read(4), "little")
-    return min(stated, size)  # Arrow refuses a file that states more
-
-
-def _parquet_needs(path: Path, about: pa.parquet.FileMetaData, footer: int) -> Iterator[int]:
-    """Yield the memory that reading a Parquet file takes [bytes]: first without its texts, then
-    with each further column of texts, whose lengths are known only from its dictionaries.
-    """
-    columns = [about.schema.column(k) for k in range(about.num_columns)]
-    groups = [about.row_group(k) for k in range(about.num_row_groups)]
-    needed = _FOOTER * footer + _ROW * about.num_rows + _CHUNK * len(columns) * len(groups)
-    for k, column in enumerate(columns):
-        width = _WIDTHS.get(column.physical_type, max(column.length, _DECIMAL)) + _CELL
-        for group in groups:
-            chunk = group.column(k)
-            needed += chunk.total_uncompressed_size + width * max(chunk.num_values, group.num_rows)
-    yield needed
-    for k, column in enumerate(columns):
-        if column.physical_type == "BYTE_ARRAY":
-            chunks = [group.column(k) for group in groups]
-            needed += _TEXT * _characters(path, column, chunks)
-            yield needed
-
-
-def _characters(path: Path, column: Any, chunks: Sequence[Any]) -> int:
-    """Size of a column's texts, repeated as often as they occur [bytes]; an upper bound where a
-    look at their dictionaries doesn't tell.
-    """
-    if column.max_repetition_level or any(
-        "DELTA_BYTE_ARRAY" in chunk.encodings for chunk in chunks
-    ):
-        return sum(chunk.num_values * chunk.total_uncompressed_size for chunk in chunks)
-    size = 0
-    with pa.parquet.ParquetFile(path, read_dictionary=[column.path]) as file:
-        for group in range(len(chunks)):
-            (texts,) = file.read_row_group(group, columns=[column.path]).flatten().columns
-            size += sum(map(_expanded_size, texts.chunks))
-    return size
+    return _FOOTER * min(stated, size)  # Arrow refuses a file that states more
 
 
 def _expanded_size(texts: pa.DictionaryArray) -> int:

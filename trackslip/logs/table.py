@@ -80,7 +80,16 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
 def column_names(log: RunLog) -> list[str]:
     """Names of the columns in the table of a run."""
-    return list(_table(log.between(0, 2)).column_names)
+    names = ["run"]
+    for columns, block in _blocks(log).items():
+        if block is not None:
+            names += columns
+    names += [name for name, rows in _lists_of(log).items() if rows is not None]
+    if log.scans:
+        names += [*_OF_SCANS, _RANGES]
+        if log.scans.full is not None:
+            names.append(_ALL_RANGES)
+    return names
 
 
 def file_metadata(runs: Mapping[str, Any]) -> dict[bytes, str]:
@@ -108,20 +117,32 @@ def stored_metadata(
 
 
 def _table(log: RunLog) -> pa.Table:
+    columns = {"run": pa.repeat(log.run, len(log.time))}
+    for names, block in _blocks(log).items():
+        if block is not None:
+            columns |= zip(names, map(pa.array, block.reshape(len(block), -1).T), strict=True)
+    for name, rows in _lists_of(log).items():
+        if rows is not None:
+            columns[name] = _list_column(rows)
+    return pa.table(columns | (_scan_columns(log.scans) if log.scans else {}))
+
+
+def _blocks(log: RunLog) -> dict[tuple[str, ...], Array | None]:
+    """The values of a run by the names of their columns, with a row per scan; None where the run
+    has none.
+    """
     blocks: dict[tuple[str, ...], Array | None] = {("t",): log.time}
     blocks |= {names: getattr(log, field) for field, names in BLOCKS.items()}
     blocks[COVARIANCE] = None if log.covariance is None else log.covariance[:, *np.triu_indices(3)]
-    lists: dict[str, Array | None] = {}
     if log.truth is not None:
         blocks |= {names: getattr(log.truth, field) for field, names in TRUTH.items()}
-        lists = {CONTACT: log.truth.contact, SHEAR: log.truth.shear}
     blocks["valid",] = log.valid
-    columns = {"run": pa.repeat(log.run, len(log.time))}
-    for names, block in blocks.items():
-        if block is not None:
-            columns |= zip(names, map(pa.array, block.reshape(len(block), -1).T), strict=True)
-    columns |= {name: _list_column(rows) for name, rows in lists.items() if rows is not None}
-    return pa.table(columns | (_scan_columns(log.scans) if log.scans else {}))
+    return blocks
+
+
+def _lists_of(log: RunLog) -> dict[str, Array | None]:
+    """The lists of a run by the name of their column, one per scan."""
+    return {} if log.truth is None else {CONTACT: log.truth.contact, SHEAR: log.truth.shear}
 
 
 def _scan_columns(scans: ScanLog) -> dict[str, Any]:
