@@ -123,12 +123,15 @@ def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tu
     return left, right
 
 
-def best_expressible(stored: StoredLaws, target: str) -> str:
-    """Name of the best law if a target can express it, otherwise of the best identified law of
-    constant ICRs.
+def law_for(stored: StoredLaws, target: str) -> str:
+    """Name of the law for a target: for diff_drive_controller, the law that gives the answer of the
+    identification; for others, the best law if the target can express it.
     """
-    best, other = stored.law_named(None), text(stored.content, "expressible")
-    return other if target not in FAMILIES[best].targets and other in stored.laws else best
+    best, answer = stored.law_named(None), text(stored.content, "expressible")
+    is_controller = target in ("ros2_control", "ros_control")
+    if answer in stored.laws and (is_controller or target not in FAMILIES[best].targets):
+        return answer
+    return best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:

@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackslip.identification.answer import NO_POSITIONS
 from trackslip.identification.clocks import clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
+from trackslip.identification.far_poses import are_far_apart, start_between_far_poses
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise
@@ -31,8 +33,6 @@ class DriveFit(FittedLaw):
 
     # values of the parameters in `path.EXTRAS`, held or fitted, in m, s and rad
     extras: dict[str, float]
-    # the reason for each parameter that was held or that the driving doesn't determine
-    held: dict[str, str]
     noise: dict[str, float]
     """Standard deviations. Poses: position [m], heading [rad]. Varying slip: slip_forward and
     slip_sideways [m/√m], slip_turn [rad/√m]. With a gyro: gyro [rad/√s].
@@ -92,6 +92,8 @@ def fit_drives(
     held, mean = held_parameters(model, first.drives, sensor, lag), _means(model, sensor)
     if "offset_left" in model.names and not reference.sits_aside:
         values[model.index("sensor_y")] = mean[model.index("sensor_y")]
+    if model.far:
+        values = start_between_far_poses(model, first.drives, values, held, mean)
     return _described(
         fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs
     )
@@ -112,12 +114,15 @@ def _reference(
         start = gains_of(drives, geometry, clock).start(geometry, clock)
     # a machined radius, if unobservable
     prior = DriveModel.radius_prior if "radius_error" in start else 0.02
-    model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
+    far = are_far_apart(drives)
+    model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior, far)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()
     for name, value in start.items():
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
+    if far:
+        values = start_between_far_poses(model, drives, values, held, mean)
     starts = values[None]
     # front and rear may look alike: try both
     if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):
@@ -179,9 +184,7 @@ def held_parameters(
         lengths = [
             name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))
         ]
-        held |= dict.fromkeys(
-            ("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured"
-        )
+        held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), NO_POSITIONS)
     if np.diff(drives.first).max() <= 2:
         ends = ("sensor_x", "sensor_y", "drift", "clock_offset")
         held |= dict.fromkeys(ends, "poses at both ends of runs don't determine it")
@@ -222,8 +225,10 @@ def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFi
     """Make a DriveFit from a fit in windows: the law's values, intervals and prediction errors."""
     model, covariance = fit.model, fit.covariance
     names = [model.names[k] for k in fit.free]
-    # standard errors above half the prior's
-    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)
+    # standard errors above half the prior's; with too few blocks, only those for independent
+    # residuals are known
+    variance = np.fmax(np.diag(covariance), np.diag(fit.inverse))
+    vague = np.sqrt(variance) > 0.5 / np.sqrt(fit.prior)
     unknown = [name for name, is_vague in zip(names, vague, strict=True) if is_vague]
     values = dict(zip(model.names, fit.values.tolist(), strict=True))
     parameters = {name: values.pop(name) for name in model.family.names}
