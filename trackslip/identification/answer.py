@@ -21,8 +21,8 @@ TOO_LITTLE: Final = "too little driving for an interval"
 """What stands in place of an interval whose ends are NaN."""
 SIDES: Final = ("left", "right")
 _DRIVE_TURNS: Final = "not determined: drive turns to both sides"
-_DRIVE_STRAIGHT: Final = "not determined: drive straight, from one pose to another"
-_MEASURE_POSITIONS: Final = "not determined: measure positions, not only headings"
+_DRIVE_STRAIGHT: Final = "not determined: drive straight from one pose to another (taken as 1)"
+_MEASURE_POSITIONS: Final = "not determined: measure positions, too (taken as 1)"
 
 
 def radii_differ(fit: FittedLaw) -> bool:

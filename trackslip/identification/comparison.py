@@ -248,10 +248,9 @@ def few_curvatures(count: int, driving: str) -> str:
     """
     if count >= FEWEST_CURVATURES:
         return ""
-    curvatures = "1 curvature" if count == 1 else f"{count} different curvatures"
     return (
-        f"the laws aren't compared, which takes {FEWEST_CURVATURES} different curvatures: "
-        f"{driving} {curvatures}"
+        f"laws aren't compared, as {driving} {count} of the {FEWEST_CURVATURES} different "
+        "curvatures that this takes"
     )
 
 

@@ -25,8 +25,9 @@ from trackslip.identification.comparison import (
     turns_fast,
     uncertainty,
 )
+from trackslip.identification.far_poses import other_separations
 from trackslip.identification.first_look import Alarm, Look
-from trackslip.identification.law_fit import DriveFit, fit_drives
+from trackslip.identification.law_fit import DriveFit, fit_drives, prior_means
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs, PredictionErrors
 from trackslip.kinematics import Array, RobotGeometry
@@ -112,7 +113,7 @@ def compare_drives(
     if choice is None:
         why = uncompared or "no motion can be predicted: the drives are too short"
         choice = Choice(best=answer.name, reason=why, score={})
-    alarms = [*look.alarms, *_alarms(laws[choice.best], known)]
+    alarms = [*look.alarms, *_alarms(laws[choice.best], known), *_whole_turns(answer, sensor)]
     if GAINS in [alarm.kind for alarm in alarms] and not two.at_limit:
         laws[GAINS] = two
         why = "gains by regression predict better than every law that was fitted"
@@ -172,6 +173,22 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
 def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
     """Values (p,) of a model's parameters: from `known` by name, otherwise 0."""
     return np.array([known.get(name, 0.0) for name in model.names])
+
+
+def _whole_turns(law: DriveFit, sensor: Mounting | None) -> list[Alarm]:
+    """Return an alarm if other numbers of whole turns explain poses that are far apart, too."""
+    model = law.fit.model
+    if not model.far:
+        return []
+    others = other_separations(law.fit, prior_means(model, sensor))
+    if not others:
+        return []
+    line = (
+        "between poses so far apart, the robot may also have turned by other numbers of circles: "
+        f"a wheel_separation_multiplier of {others[0]:.2f} explains them as well: measure poses "
+        "more often"
+    )
+    return [Alarm("circles", line)]
 
 
 def _alarms(law: DriveFit, known: Mapping[str, Array]) -> list[Alarm]:

@@ -8,7 +8,7 @@ the minimum it starts at. Priors keep the parameters small that the motions don'
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
@@ -17,13 +17,16 @@ from scipy.optimize import least_squares
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs
 from trackslip.identification.preparation import Drives
+from trackslip.identification.windows import WindowFit
 from trackslip.kinematics import Array
 
 FAR: Final = 10.0
 """Time between poses above which a first look knows no gains of distances and turns [s]."""
-_OFFSETS: Final = (0.0, 0.3, 0.8)  # start values of D [half gauges], up to skid steering
+OFFSETS: Final = (0.0, 0.3, 0.8)
+"""Start values of D, up to those of skid steering [half gauges]."""
 _ROUNDS: Final = 3  # number of fits with scales from the residuals of the fit before
 _ROUGH: Final = 0.02  # slip that the first fit expects, relative to distances and turns [-]
+_AS_GOOD: Final = 1.5  # largest ratio of losses that explain the poses equally well
 # least scale of residuals: no tape measure is better [m, m, rad]
 _LEAST: Final = np.array([0.001, 0.001, 0.001])
 
@@ -35,37 +38,76 @@ def are_far_apart(drives: Drives) -> bool:
 
 
 def start_between_far_poses(
-    model: DriveModel, drives: Drives, values: Array, held: Collection[str], mean: Array
+    model: DriveModel,
+    drives: Drives,
+    values: Array,
+    held: Collection[str],
+    mean: Array,
+    offsets: Sequence[float] = (),
 ) -> Array:
     """Values (p,) of a model's parameters that fit the relative motions between poses.
 
     `values` (p,) are start values, of which those in `held` don't change; `mean` (p,) are the means
-    of the priors. D is tried at several values, too, and the fit with the least loss is the result.
+    of the priors. D is tried at `offsets` [half gauges], too, and the fit with the least loss is
+    the result.
     """
-    first = np.flatnonzero(np.diff(drives.drive) == 0)
-    way = np.diff(drives.way(model.geometry.sprocket_radius))[first]
-    pairs = Pairs(drives, first, first + 1, np.diff(drives.time)[first], way)
+    pairs = _neighbours(model, drives)
     unit = np.array([1.0, 1.0, 1 / model.geometry.half_gauge])
-    rough = np.maximum(_ROUGH * float(np.median(way)) * unit, _LEAST)
+    rough = np.maximum(_ROUGH * float(np.median(pairs.way)) * unit, _LEAST)
 
     # first with the same scales for all starts, so that their losses can be compared
     free = np.array([name not in held for name in model.names])
     starts = [values]
-    offsets = np.array([name.startswith("offset") for name in model.names]) & free
-    for offset in _OFFSETS:
+    for offset in offsets:
         start = values.copy()
-        start[offsets] = offset * model.geometry.half_gauge
+        start[model.index("offset")] = offset * model.geometry.half_gauge
         starts.append(start)
     fits = [_fitted(model, pairs, start, free, mean, rough) for start in starts]
     best = min(fits, key=lambda fit: fit[0])[1]
 
     # then with the scatter of the residuals
     for _ in range(_ROUNDS):
-        size = np.abs(pairs.errors(model, best[None]))
-        scale = 1.4826 * np.nanmedian(size, axis=0)
-        scale[:2] = scale[:2].max()
-        best = _fitted(model, pairs, best, free, mean, np.maximum(scale, _LEAST))[1]
+        scale = _scatter(model, pairs, best)
+        best = _fitted(model, pairs, best, free, mean, scale)[1]
     return best
+
+
+def other_separations(fit: WindowFit, mean: Array) -> list[float]:
+    """Other wheel_separation_multipliers that explain poses far apart as well as a fit does, with
+    other numbers of whole turns in between; `mean` (p,) are the means of the priors.
+    """
+    model = fit.model
+    pairs = _neighbours(model, fit.drives)
+    scale = _scatter(model, pairs, fit.values)
+    free = np.isin(np.arange(len(fit.values)), fit.free)
+    offset, half_gauge = model.index("offset"), model.geometry.half_gauge
+    loss, best = _fitted(model, pairs, fit.values, free, mean, scale)
+    found = list[float]()
+    for start in OFFSETS:
+        values = fit.values.copy()
+        values[offset] = start * half_gauge
+        other_loss, other = _fitted(model, pairs, values, free, mean, scale)
+        apart = abs(other[offset] - best[offset]) > 0.1 * half_gauge
+        if apart and other_loss <= _AS_GOOD * loss + 1.0 and other[offset] > -0.25 * half_gauge:
+            found.append(float(1 + other[offset] / half_gauge))
+    return found
+
+
+def _neighbours(model: DriveModel, drives: Drives) -> Pairs:
+    """All pairs of neighbouring poses in the same drive."""
+    first = np.flatnonzero(np.diff(drives.drive) == 0)
+    way = np.diff(drives.way(model.geometry.sprocket_radius))[first]
+    return Pairs(drives, first, first + 1, np.diff(drives.time)[first], way)
+
+
+def _scatter(model: DriveModel, pairs: Pairs, values: Array) -> Array:
+    """Robust standard deviations (3,) of positions, the same forwards and to the left, and of
+    headings, at parameters (p,) [m, m, rad].
+    """
+    size = np.abs(pairs.errors(model, values[None]))
+    scale = 1.4826 * np.nanmedian(size, axis=0)
+    scale[:2] = scale[:2].max()
+    return np.maximum(scale, _LEAST)
 
 
 def _fitted(

@@ -12,7 +12,7 @@ import numpy as np
 from trackslip.identification.answer import NO_POSITIONS
 from trackslip.identification.clocks import clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
-from trackslip.identification.far_poses import are_far_apart, start_between_far_poses
+from trackslip.identification.far_poses import OFFSETS, are_far_apart, start_between_far_poses
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise
@@ -89,7 +89,7 @@ def fit_drives(
     values = np.concatenate(
         [_law_start(name, geometry, reference.values), [*reference.extras.values()]]
     )
-    held, mean = held_parameters(model, first.drives, sensor, lag), _means(model, sensor)
+    held, mean = held_parameters(model, first.drives, sensor, lag), prior_means(model, sensor)
     if "offset_left" in model.names and not reference.sits_aside:
         values[model.index("sensor_y")] = mean[model.index("sensor_y")]
     if model.far:
@@ -116,13 +116,13 @@ def _reference(
     prior = DriveModel.radius_prior if "radius_error" in start else 0.02
     far = are_far_apart(drives)
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior, far)
-    held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
+    held, mean = held_parameters(model, drives, sensor, lag), prior_means(model, sensor)
     values = mean.copy()
     for name, value in start.items():
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
     if far:
-        values = start_between_far_poses(model, drives, values, held, mean)
+        values = start_between_far_poses(model, drives, values, held, mean, OFFSETS)
     starts = values[None]
     # front and rear may look alike: try both
     if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):
@@ -198,7 +198,7 @@ def held_parameters(
     return held
 
 
-def _means(model: DriveModel, sensor: Mounting | None) -> Array:
+def prior_means(model: DriveModel, sensor: Mounting | None) -> Array:
     """Prior means (p,) of the parameters."""
     mean = np.zeros(len(model.names))
     if sensor is not None:

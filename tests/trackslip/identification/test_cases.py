@@ -115,11 +115,8 @@ def test_encoders_that_count_otherwise(factor):
     )
 
 
-def test_start_and_end_poses():
-    """Five squares to each side, as in UMBmark: closed squares don't tell the mean radius, but its
-    ratios.
-    """
-    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075)
+def squares(robot: Robot) -> list[RunLog]:
+    """Start and end poses of five squares to each side, as in UMBmark."""
     logs = []
     for k in range(10):
         turn = np.pi / 8 * (1 if k < 5 else -1)
@@ -127,7 +124,13 @@ def test_start_and_end_poses():
         drive = drive_of(robot, duration=33.0, commands=commands)
         time, pose = measured(drive, seed=k)
         logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
-    found = answer(*logs, robot=robot)
+    return logs
+
+
+def test_start_and_end_poses():
+    """Closed squares don't tell the mean radius, but its ratios to the others."""
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075)
+    found = answer(*squares(robot), robot=robot)
     require_true(found, robot, offset=0.007)
     values = {name: gain.value for name, gain in found.answer.items()}
     left, right = (values[f"{side}_wheel_radius_multiplier"] for side in ("left", "right"))
@@ -136,6 +139,15 @@ def test_start_and_end_poses():
     assert apart == pytest.approx(1.04 / 1.0025, abs=0.001)
     assert [*found.undetermined] == ["radius_error"]
     assert found.best == "diff_drive"  # a curvature to each side is no reason for another law
+    assert found.alarms == ()
+
+
+def test_whole_turns_between_rare_poses_that_may_be_others_are_an_alarm():
+    """A wide robot that turned once looks like a narrow one that turned twice."""
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.08, radius_error=0.0, unequal=0.0075)
+    (alarm,) = answer(*squares(robot), robot=robot).alarms
+    assert alarm.kind == "circles"
+    assert "wheel_separation_multiplier of 0.90" in alarm.line
 
 
 def test_wheels_and_headings_alone():
