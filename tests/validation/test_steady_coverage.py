@@ -125,15 +125,17 @@ def test_samples_of_a_differential_drive(known, aside):
     twist = np.array(path)
     omega = law.sprocket_speeds(twist, geometry)
     seen = twist - aside * twist[:, 1:] * [1.0, 0.0]
-    covariance = np.tile(np.diag([1e-3, 3e-3]) ** 2, (len(twist), 1, 1))
+    belts = geometry.sprocket_radius * np.abs(omega).max(axis=1)
+    size = 0.005 * belts[:, None] * [1.0, 1 / geometry.half_gauge]
+    covariance = size[:, :, None] ** 2 * np.eye(2) if known else None
     rng = generator(0, f"differential drive {known} {aside}")
     covered = dict.fromkeys(("offset", "radius_error_left", "radius_error_right"), 0)
     repeats = 400
+    names = [f"row {k}" for k in range(len(twist))]
     for _ in range(repeats):
-        noisy = seen + rng.standard_normal(seen.shape) * [1e-3, 3e-3]
-        names = [f"row {k}" for k in range(len(noisy))]
-        told = covariance if known else None
-        fit = fit_law("diff_drive", SlipSamples.of(omega, noisy, geometry, names, told), geometry)
+        noisy = seen + size * rng.standard_normal(seen.shape)
+        samples = SlipSamples.of(omega, noisy, geometry, names, covariance)
+        fit = fit_law("diff_drive", samples, geometry)
         for name in covered:
             low, high = fit.interval95[name]
             covered[name] += low <= getattr(law, name) <= high

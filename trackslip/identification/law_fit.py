@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -19,9 +20,11 @@ from trackslip.identification.prediction import Pairs, sizes, slip_noise
 from trackslip.identification.preparation import Drives, PreparedDrive
 from trackslip.identification.windows import WindowFit, fit_windows
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.families import FAMILIES, family
+from trackslip.laws.families import DIFF_DRIVE, FAMILIES, family
 from trackslip.se2 import Mounting
 
+MACHINED: Final = 0.02
+"""Prior standard deviation of radius errors if the driving doesn't determine the radius [-]."""
 _LENGTHS = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
 # prediction horizons that decide the window length and show how slip varies [s]
 _COMPARED = (1.0, 5.0)
@@ -92,11 +95,19 @@ def fit_drives(
     held, mean = held_parameters(model, first.drives, sensor, lag), prior_means(model, sensor)
     if "offset_left" in model.names and not reference.sits_aside:
         values[model.index("sensor_y")] = mean[model.index("sensor_y")]
-    if model.far:
-        values = start_between_far_poses(model, first.drives, values, held, mean)
-    return _described(
-        fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs
-    )
+    if not model.far:
+        fit = fit_windows(model, first.drives, first.length, values, held, mean)
+        return _described(fit, held, reference.pairs)
+    # equal radii may fit too badly to show that the driving determines the mean radius
+    priors = [DriveModel.radius_prior] if name == DIFF_DRIVE else []
+    for prior in (*priors, model.radius_prior):
+        model = replace(model, radius_prior=prior)
+        start_values = start_between_far_poses(model, first.drives, values, held, mean)
+        fit = fit_windows(model, first.drives, first.length, start_values, held, mean)
+        found = _described(fit, held, reference.pairs)
+        if not found.held.keys() >= {"radius_error_left", "radius_error_right"}:
+            break
+    return found
 
 
 def _reference(
@@ -105,16 +116,20 @@ def _reference(
     sensor: Mounting | None,
     start: Mapping[str, float] | None,
     lag: bool,
+    machined: bool = False,
 ) -> DriveFit:
     """Fit REFERENCE with the longest windows that predict as well as shorter windows and leave
     enough blocks.
+
+    Where the driving doesn't determine the radius, it is assumed to be `machined`, near the nominal
+    one.
     """
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    # a machined radius, if unobservable
-    prior = DriveModel.radius_prior if "radius_error" in start else 0.02
     far = are_far_apart(drives)
+    machined = machined or not (far or "radius_error" in start)
+    prior = MACHINED if machined else DriveModel.radius_prior
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior, far)
     held, mean = held_parameters(model, drives, sensor, lag), prior_means(model, sensor)
     values = mean.copy()
@@ -137,6 +152,8 @@ def _reference(
             break
         best = fit
     assert best is not None
+    if far and not machined and "radius_error" in best.held:
+        return _reference(drives, geometry, sensor, start, lag, machined=True)
     return best
 
 
