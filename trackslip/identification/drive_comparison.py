@@ -113,8 +113,11 @@ def compare_drives(
     if choice is None:
         why = uncompared or "no motion can be predicted: the drives are too short"
         choice = Choice(best=answer.name, reason=why, score={})
-    alarms = [*look.alarms, *_alarms(laws[choice.best], known), *_whole_turns(answer, sensor)]
-    if GAINS in [alarm.kind for alarm in alarms] and not two.at_limit:
+    of_best = _alarms(laws[choice.best], known)
+    # the same alarms count once, as do those for the best law if it gives the answer
+    of_laws = dict.fromkeys([*of_best, *(_alarms(answer, known) if whole else [])])
+    alarms = [*look.alarms, *of_laws, *_whole_turns(answer, sensor)]
+    if GAINS in [alarm.kind for alarm in of_best] and not two.at_limit:
         laws[GAINS] = two
         why = "gains by regression predict better than every law that was fitted"
         choice = replace(choice, best=GAINS, reason=why)
