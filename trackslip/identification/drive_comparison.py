@@ -25,7 +25,7 @@ from trackslip.identification.comparison import (
     turns_fast,
     uncertainty,
 )
-from trackslip.identification.far_poses import other_separations
+from trackslip.identification.far_poses import are_far_apart, other_separations
 from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.law_fit import DriveFit, fit_drives, prior_means
 from trackslip.identification.path import DriveModel
@@ -180,7 +180,13 @@ def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
 
 def _whole_turns(law: DriveFit, sensor: Mounting | None) -> list[Alarm]:
     """Return an alarm if other numbers of whole turns explain poses that are far apart, too."""
-    model = law.fit.model
+    model, drives = law.fit.model, law.fit.drives
+    if are_far_apart(drives) and not drives.known[1].any():
+        line = (
+            f"positions {drives.drives[0].interval:.0f} s apart don't show how far the robot "
+            "turned in between: measure headings, too, or measure more often"
+        )
+        return [Alarm("circles", line)]
     if not model.far:
         return []
     others = other_separations(law.fit, prior_means(model, sensor))

@@ -32,9 +32,8 @@ _LEAST: Final = np.array([0.001, 0.001, 0.001])
 
 
 def are_far_apart(drives: Drives) -> bool:
-    """True if the poses of all drives are far apart, and positions and headings were measured."""
-    measured = drives.known.any(axis=1).all()
-    return bool(measured) and all(drive.interval > FAR for drive in drives.drives)
+    """True if the poses of all drives are far apart."""
+    return all(drive.interval > FAR for drive in drives.drives)
 
 
 def start_between_far_poses(

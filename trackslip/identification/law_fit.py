@@ -127,7 +127,8 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    far = are_far_apart(drives)
+    # relative motions take positions and headings
+    far = are_far_apart(drives) and bool(drives.known.any(axis=1).all())
     machined = machined or not (far or "radius_error" in start)
     prior = MACHINED if machined else DriveModel.radius_prior
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior, far)

@@ -150,6 +150,13 @@ def test_whole_turns_between_rare_poses_that_may_be_others_are_an_alarm():
     assert "wheel_separation_multiplier of 0.90" in alarm.line
 
 
+def test_rare_positions_without_headings_are_an_alarm():
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0, unequal=0.0075)
+    logs = [replace(log, pose=log.pose * [1, 1, np.nan]) for log in squares(robot)]
+    alarms = answer(*logs, robot=robot).alarms
+    assert any("measure headings" in alarm.line for alarm in alarms)
+
+
 def test_wheels_and_headings_alone():
     k = np.arange(30)
     commands = np.where(k % 3 == 0, 0.4, 0.0), np.choose(k % 3, [0.0, 0.8, -0.8])
