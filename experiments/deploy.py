@@ -36,7 +36,8 @@ class Config(Options):
     module.
     """
     law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
-    """Name of the law; diff_drive_controller accepts none, icr, icr_radius and icr_sides."""
+    """Name of the law; diff_drive_controller accepts none, icr, icr_radius, diff_drive and
+    icr_sides."""
     controller: str = "diff_drive_controller"
     """Name of the robot's controller, such as platform_velocity_controller."""
     accept: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

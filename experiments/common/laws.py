@@ -11,7 +11,7 @@ from experiments.common.colours import BLACK, BLUE
 from experiments.common.table import Cell, number
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.path import EXTRAS
-from trackslip.laws.families import FAMILIES, GAINS
+from trackslip.laws.families import DIFF_DRIVE, FAMILIES, GAINS
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ _LOOKS: dict[str, tuple[Any, ...]] = {
         ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
     ),
     GAINS: ("#6A51A3", (0, (3, 3)), ("as icr_radius",)),
+    DIFF_DRIVE: ("#3D6B8C", (0, (5, 1.5)), ("as icr_radius, with ε of each track",)),
     "turn_loss": (
         "#A63D6F",
         (0, (8, 2, 2, 2)),

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Answer
 from experiments.identify import tables
-from trackslip.identification.comparison import REFERENCE, FittedLaw
+from trackslip.identification.answer import TOO_LITTLE
+from trackslip.identification.comparison import REFERENCE, FittedLaw, Gain
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.result import Identification
 from trackslip.laws.families import FAMILIES
@@ -24,33 +25,43 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
     """
     fits = result.main.laws
     name = result.expressible
-    current = "current × " if any(alarm.kind == "multiplier" for alarm in result.alarms) else ""
-    answer = result.answer.items()
-    facts = [
-        (key, with_interval(gain.value, gain[1:]))
-        for key, gain in answer
-        if key.endswith("multiplier")
-    ]
-    facts[:1] = [(key, current + value) for key, value in facts[:1]]
+    facts = _multipliers(result)
     shown = dict.fromkeys(law for law in (name, result.best) if law is not None)
     for law in shown:
-        prefix = f"{law}: " if len(shown) > 1 else ""
+        prefix = "" if law == name or name is None else f"{law}: "
         facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
     facts.append(
         ("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.main.reason}")
     )
-    if name not in (None, result.best):
-        facts.append(
-            (
-                "deployed",
-                f"{name}, the best law that diff_drive_controller can express; the values are its",
-            )
-        )
+    if name is not None and name != result.best:
+        facts.append(("deployed", f"{name}, whose parameters the multipliers are"))
     facts += [("error today -> now", error)] if (error := error_today_and_now(result)) else []
     notes = (f"note: {line}" for line in _few(in_few_lines(result.warnings), _MOST_NOTES))
     lines = [*_look(result), *_other_method(result), *_few(taken, _MOST_NOTES), *notes]
     alarms = [alarm.line for alarm in result.alarms]
     return Answer(f"Best law: {result.best}", facts, lines, alarms, _commands(result, out))
+
+
+def _multipliers(result: Identification) -> list[tuple[str, str]]:
+    """The multipliers of the answer, each with its interval, or with what would determine it."""
+    unstated = any(alarm.kind == "multiplier" for alarm in result.alarms)
+    facts = list[tuple[str, str]]()
+    for key, gain in result.answer.items():
+        if not key.endswith("multiplier"):
+            continue
+        text = result.undetermined.get(key) or _with_interval(gain)
+        if key == "wheel_separation_multiplier" and unstated and key not in result.undetermined:
+            text = f"current × {text}"
+        facts.append((key, text))
+    sides = {key for key in result.undetermined if key.endswith("wheel_radius_multiplier")}
+    if "radius_error" in result.undetermined and not sides:  # only their difference is determined
+        facts.append(("mean wheel radius", result.undetermined["radius_error"]))
+    return facts
+
+
+def _with_interval(gain: Gain) -> str:
+    """A gain with its interval, or why it has none."""
+    return with_interval(gain.value, gain[1:]).replace("no interval", TOO_LITTLE)
 
 
 def print_card(answer: Answer, report: str) -> None:
@@ -111,7 +122,7 @@ def _look(result: Identification) -> list[str]:
         for what, gain in (("speed", look.gains.speed), ("turn", look.gains.turn))
         if gain is not None
     ]
-    parts = [f"{what} gain {with_interval(gain.value, gain[1:])}" for what, gain in gains]
+    parts = [f"{what} gain {_with_interval(gain)}" for what, gain in gains]
     parts += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
     return [f"first look: {', '.join(parts)}"] if parts else []
 
@@ -141,5 +152,4 @@ def _commands(result: Identification, out: str | None) -> list[str]:
     evaluate, deploy = (
         f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy")
     )
-    target = "" if result.expressible else f" --to {FAMILIES[result.best].targets[0]}"
-    return [evaluate] if result.alarms else [evaluate, deploy + target]
+    return [evaluate] if result.alarms else [evaluate, deploy]

@@ -5,6 +5,7 @@ from math import degrees
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
 from experiments.common.table import MISSING, Cell, Table, number, pair
 from trackslip.errors import counted
+from trackslip.identification.answer import TOO_LITTLE
 from trackslip.identification.comparison import Comparison, FittedLaw
 from trackslip.identification.drive_comparison import TODAY, DriveComparison
 from trackslip.identification.path import EXTRAS
@@ -61,7 +62,7 @@ def value_text(fit: FittedLaw, name: str) -> str:
     """A parameter with its interval, or with the reason why it has none."""
     value = (fit.values | getattr(fit, "extras", {}))[name]
     text = with_interval(value, fit.interval95.get(name), unit_of(fit.name, name))
-    return text.replace("no interval", getattr(fit, "held", {}).get(name, "no interval"))
+    return text.replace("no interval", fit.held.get(name, TOO_LITTLE))
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:

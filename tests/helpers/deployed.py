@@ -10,6 +10,7 @@ VALUES = {
     "icr": {"offset": 0.0436},
     "icr_radius": {"offset": 0.045, "radius_error": 0.0067},
     "two_gains": {"offset": 0.045, "radius_error": 0.0067},
+    "diff_drive": dict(offset=0.045, radius_error_left=0.005, radius_error_right=-0.012),
     "icr_sides": dict(
         offset_left=0.04, offset_right=0.05, radius_error_left=0.005, radius_error_right=-0.012
     ),

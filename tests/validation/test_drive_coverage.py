@@ -6,6 +6,7 @@ in minutes. The robot and its law are those of `plain_drives`.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -14,6 +15,9 @@ from plain_drives import HUSKY, Drive, drive_of, log_of, measured
 from trials import LAW, Estimate, Estimates, identified, outcomes, plausible_shares, share_text
 
 from experiments.common.table import Table
+from trackslip.identification.answer import combined
+from trackslip.identification.law_fit import fit_drives
+from trackslip.identification.preparation import drives_of
 from trackslip.laws.turn_loss import TurnLoss
 from trackslip.logs.runlog import RunLog
 
@@ -112,6 +116,71 @@ def test_intervals_hold_the_truth_in_95_percent():
                 wrong.append(f"{case}, {name}: {share:.3f}")
     head = ("drives of 120 s", "parameter", "truth", "bias", "rms error", "half width", "coverage")
     Table(f"Law {LAW} from {REPEATS} logs of each kind", head, rows, "ll").print()
+    assert wrong == []
+
+
+UNEQUAL = replace(HUSKY, unequal=0.01)
+"""A robot whose radii differ by 2 %."""
+
+
+def unequal(seed: int) -> list[RunLog]:
+    """Slip that varies by 5 %."""
+    return [_log(drive_of(UNEQUAL, seed=seed, slip=0.05), seed)]
+
+
+def squares(seed: int) -> list[RunLog]:
+    """Start and end poses of 12 squares and parts of squares, of which none is as long as another,
+    and slip that varies by 2 %.
+    """
+    logs = []
+    for k in range(12):
+        speed, turn = 0.3 + 0.04 * k, np.pi / 8 * (1 if k % 2 else -1)
+        corners = 3 if k % 4 < 2 else 4
+        commands = np.array([speed, 0.0] * corners + [0.0]), np.array([0.0, turn] * corners + [0.0])
+        length = 4.0 * (2 * corners) + 1.0
+        drive = drive_of(UNEQUAL, length, 12 * seed + k, commands=commands, slip=0.02)
+        time, pose = measured(drive, seed=10_000 + 12 * seed + k)
+        logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
+    return logs
+
+
+RADII_CASES = {"slip that varies by 5 %": unequal, "start and end poses of 12 squares": squares}
+
+
+def differential_drive(trial: tuple[str, int]) -> dict[str, Estimate]:
+    """Estimates of `diff_drive`, and of the difference of its radii, from the logs of a case."""
+    name, seed = trial
+    fit = fit_drives("diff_drive", drives_of(RADII_CASES[name](seed))[0], UNEQUAL.geometry)
+    found = {
+        key: Estimate(value, fit.stderr[key], *fit.interval95[key])
+        for key, value in fit.values.items()
+    }
+    gain = combined(fit, {"radius_error_left": 1.0, "radius_error_right": -1.0})
+    return found | {"difference": Estimate(gain.value, np.nan, gain.low, gain.high)}
+
+
+def test_intervals_of_a_differential_drive_hold_the_truth():
+    every = list(product(RADII_CASES, range(REPEATS)))
+    found = dict(zip(every, outcomes(differential_drive, every), strict=True))
+    truth = {
+        "offset": UNEQUAL.offset,
+        "radius_error_left": UNEQUAL.radius_error + UNEQUAL.unequal,
+        "radius_error_right": UNEQUAL.radius_error - UNEQUAL.unequal,
+        "difference": 2 * UNEQUAL.unequal,
+    }
+    rows, wrong = [], []
+    for case, (name, true) in product(RADII_CASES, truth.items()):
+        of = Estimates.of([found[case, seed] for seed in range(REPEATS)], name)
+        share = of.coverage(true)
+        bias = float(np.nanmean(of.value)) - true
+        half = float(np.nanmedian(of.high - of.low)) / 2
+        numbers = (f"{1e3 * number:.2f}" for number in (true, bias, of.rms_error(true), half))
+        rows.append((case, f"{name} [1e-3]", *numbers, share_text(share, REPEATS)))
+        low, high = plausible_shares(0.92, 0.98, REPEATS)
+        if not low <= share <= high:
+            wrong.append(f"{case}, {name}: {share:.3f}")
+    head = ("logs", "parameter", "truth", "bias", "rms error", "half width", "coverage")
+    Table(f"Law diff_drive from {REPEATS} logs of each kind", head, rows, "ll").print()
     assert wrong == []
 
 

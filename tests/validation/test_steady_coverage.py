@@ -24,6 +24,7 @@ from trackslip.identification.samples import SlipSamples, true_samples, usable_s
 from trackslip.identification.steady import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
+from trackslip.laws.icr import DiffDrive
 from trackslip.logs.runlog import RunLog
 
 pytestmark = pytest.mark.slow
@@ -112,6 +113,35 @@ def test_grids_driven_again_and_again():
         ),
     ]
     report("Shares of 95 % regions that cover the plate's true motion", checks)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("aside", [0.0, 0.01])
+def test_samples_of_a_differential_drive(known, aside):
+    """Straights, turns in place and arcs to both sides, seen by a sensor `aside` to the left."""
+    geometry, law = RobotGeometry(0.168, 0.06), DiffDrive(0.045, 0.012, -0.006, 0.168)
+    path = [(0.2, 0.0), (0.3, 0.0), (0.0, 0.5), (0.0, -0.5), (0.2, 0.3), (0.2, -0.3), (-0.2, 0.1)]
+    path += [(0.25, 0.05), (0.3, -0.1), (0.15, 0.4), (0.15, -0.4), (-0.2, -0.2), (0.1, 0.5)]
+    twist = np.array(path)
+    omega = law.sprocket_speeds(twist, geometry)
+    seen = twist - aside * twist[:, 1:] * [1.0, 0.0]
+    belts = geometry.sprocket_radius * np.abs(omega).max(axis=1)
+    size = 0.005 * belts[:, None] * [1.0, 1 / geometry.half_gauge]
+    covariance = size[:, :, None] ** 2 * np.eye(2) if known else None
+    rng = generator(0, f"differential drive {known} {aside}")
+    covered = dict.fromkeys(("offset", "radius_error_left", "radius_error_right"), 0)
+    repeats = 400
+    names = [f"row {k}" for k in range(len(twist))]
+    for _ in range(repeats):
+        noisy = seen + size * rng.standard_normal(seen.shape)
+        samples = SlipSamples.of(omega, noisy, geometry, names, covariance)
+        fit = fit_law("diff_drive", samples, geometry)
+        for name in covered:
+            low, high = fit.interval95[name]
+            covered[name] += low <= getattr(law, name) <= high
+    print({name: count / repeats for name, count in covered.items()})
+    low, high = plausible_shares(0.92, 0.98, repeats)
+    assert all(low <= count / repeats <= high for count in covered.values())
 
 
 def driven(grid: GridConfig) -> tuple[SlipSamples, RobotGeometry]:

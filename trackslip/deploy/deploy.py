@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Final
 
 from trackslip.deploy.differential_drive import (
     CONTROLLER,
-    best_expressible,
     constant_icrs,
     diff_drive_text,
     has_constant_icrs,
     instead_of_best,
+    law_for,
     nearest,
 )
 from trackslip.deploy.facts import alarms_of, comment, fact_lines, json_text
@@ -133,8 +133,8 @@ def deploy_law(
         source: a folder of results, a JSON file of laws, or an identification.
         to: `ros2_control` (parameters of diff_drive_controller as YAML), `ros_control` (YAML for
             ROS 1), `json`, `c` (a header) or `python` (a module).
-        law: name of the law; by default the best law if the target can express it, else the best
-            expressible law.
+        law: name of the law; by default the law that gives the multipliers, for `ros2_control` and
+            `ros_control`, and the best law that the target can express for others.
         controller: name of the robot's controller, used for ros2_control and ros_control.
         accept: whether to deploy a law even if its identification raised an alarm.
 
@@ -162,7 +162,7 @@ def deployed(
 
         stored = stored_laws(identification_to_json(source), "the identification")
 
-    name = stored.law_named(best_expressible(stored, to) if law is None else law)
+    name = stored.law_named(law_for(stored, to) if law is None else law)
     if to not in FAMILIES[name].targets:
         ability = "can only express constant ICRs"
         if to in _CODE_TARGETS:

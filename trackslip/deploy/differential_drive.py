@@ -151,13 +151,16 @@ def constant_icrs(stored: StoredLaws, law: str) -> ConstantIcrs:
     )
 
 
-def best_expressible(stored: StoredLaws, target: str) -> str:
-    """Name of the best law if a target can express it, otherwise of the best of constant ICRs."""
+def law_for(stored: StoredLaws, target: str) -> str:
+    """Name of the law for a target: for diff_drive_controller, the law that gives the answer of the
+    identification; for others, the best law if the target can express it.
+    """
     best = stored.law_named(None)
-    if target in FAMILIES[best].targets:
-        return best
-    best_of_constant_icrs = text(stored.content, "expressible")
-    return best_of_constant_icrs if best_of_constant_icrs in stored.laws else best
+    answer = text(stored.content, "expressible")
+    is_controller = target in ("ros2_control", "ros_control")
+    if answer in stored.laws and (is_controller or target not in FAMILIES[best].targets):
+        return answer
+    return best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:

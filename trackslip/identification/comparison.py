@@ -1,11 +1,9 @@
-"""Laws with 95 % intervals, compared on the same data: the best law, and the best that odometry can
-express.
-"""
+"""Laws with 95 % intervals, compared on the same data, and the choice of the best law."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -17,6 +15,9 @@ from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 
 FEWEST_BLOCKS: Final = 6  # least number of independent parts of driving for an interval
+# least number of different curvatures over which laws are compared: over two, all laws with two
+# parameters predict the same
+FEWEST_CURVATURES: Final = 4
 _SINGULAR: Final = 1e-12  # ratio to the largest eigenvalue below which the data determine nothing
 # least number of effective blocks for which Student's t is meaningful
 _FEWEST_EFFECTIVE: Final = 3.0
@@ -57,6 +58,8 @@ class FittedLaw:
     stderr: dict[str, float]  # standard errors of the fitted parameters
     interval95: dict[str, tuple[float, float]]  # 95 % intervals of the fitted parameters
     correlation: Array  # correlation matrix of the fitted parameters, in the order of stderr
+    # the reason for each parameter that was held or that the driving doesn't determine
+    held: Mapping[str, str] = field(default_factory=dict)
 
 
 def uncertainty(
@@ -131,8 +134,8 @@ class Choice:
     # by law: mean error relative to the smallest of any law, averaged over criteria [-]
     score: Mapping[str, float]
     expressible: str | None = None
-    """The law, chosen like `best`, that a differential drive's odometry can express; None if there
-    is none.
+    """The law of a differential drive that gives the answer: `diff_drive`, or `icr_radius` if the
+    radii of left and right don't differ; None if there is none.
     """
 
 
@@ -173,8 +176,7 @@ class Criterion:
 def choose(
     laws: Mapping[str, Fit], rank: Callable[[Mapping[str, Fit]], Choice | None]
 ) -> Choice | None:
-    """Choose the best law and the best that odometry can express, according to `rank`; None if
-    `rank` returns None.
+    """Choose the best law according to `rank`; None if `rank` returns None.
 
     A law that odometry can't express is best only if a parameter that no law for odometry has
     differs from zero.
@@ -182,9 +184,7 @@ def choose(
     linear = {name: law for name, law in laws.items() if is_expressible(name)}
     choice, among = rank(laws), rank(linear) if linear else None
     if choice is None or among is None or choice.best in linear:
-        return choice and replace(
-            choice, expressible=choice.best if choice.best in linear else None
-        )
+        return choice
     own = [
         name
         for name in laws[choice.best].values
@@ -192,13 +192,13 @@ def choose(
     ]
     ends = [laws[choice.best].interval95.get(name, (-np.inf, np.inf)) for name in own]
     if not all(low <= 0 <= high for low, high in ends):
-        return replace(choice, expressible=among.best)
+        return choice
     terms = " and ".join(own)
     reason = (
         f"{choice.best} predicts best, but its {terms} may be 0; of laws for odometry, "
         f"{among.reason}"
     )
-    return replace(choice, best=among.best, reason=reason, expressible=among.best)
+    return replace(choice, best=among.best, reason=reason)
 
 
 def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choice | None:
@@ -241,6 +241,35 @@ def _terms(name: str, law: FittedLaw) -> float:
 def is_expressible(name: str) -> bool:
     """True if a differential drive's odometry can express the law."""
     return "ros2_control" in FAMILIES[name].targets
+
+
+def few_curvatures(count: int, driving: str) -> str:
+    """The reason why laws aren't compared over `count` different curvatures of some `driving`;
+    empty if there are enough.
+    """
+    if count >= FEWEST_CURVATURES:
+        return ""
+    return (
+        f"laws aren't compared, as {driving} {count} of the {FEWEST_CURVATURES} different "
+        "curvatures that this takes"
+    )
+
+
+def different_curvatures(direction: Array, nearest: float, least: int = 1) -> int:
+    """Number of different curvatures among motions with directions (n,) in the plane (v, b w)
+    [rad]; driving backwards doesn't change the curvature.
+
+    Directions up to `nearest` [rad] above the smallest of a group count as one curvature; groups of
+    fewer than `least` motions don't count.
+    """
+    # straight motions scatter about 0: they must not be split there
+    angle = np.sort((direction + nearest / 2) % np.pi)
+    count = begin = 0
+    while begin < len(angle):
+        end = int(np.searchsorted(angle, angle[begin] + nearest, side="right"))
+        count += end - begin >= least
+        begin = end
+    return count
 
 
 def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:

@@ -4,12 +4,14 @@ law.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
     FEWEST_BLOCKS,
     REFERENCE,
@@ -17,18 +19,23 @@ from trackslip.identification.comparison import (
     Comparison,
     Gain,
     choose,
+    different_curvatures,
+    few_curvatures,
     ranked,
     turns_fast,
     uncertainty,
 )
+from trackslip.identification.far_poses import are_far_apart, other_separations
 from trackslip.identification.first_look import Alarm, Look
-from trackslip.identification.law_fit import DriveFit, fit_drives
+from trackslip.identification.law_fit import DriveFit, fit_drives, prior_means
 from trackslip.identification.path import DriveModel
-from trackslip.identification.prediction import PredictionErrors
+from trackslip.identification.prediction import Pairs, PredictionErrors
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.families import FAMILIES, GAINS, drive_laws
+from trackslip.laws.families import DIFF_DRIVE, FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
 
+NEAREST_ANGLE: Final = 0.05
+"""Largest angle between motions of one curvature; encoders scatter less in a second [rad]."""
 TODAY: Final = "today"  # name of the prediction without identification: dead reckoning without slip
 
 
@@ -56,9 +63,8 @@ def compare_drives(
     `names` are the laws, by default all families made for drives. `step(1.0)` is called after each
     fitted law. Raises LogError if no law can be fitted.
     """
-    fast = names is not None or turns_fast(
-        np.concatenate([drive.omega for drive in look.drives]), geometry
-    )
+    whole = names is None
+    fast = not whole or turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
     start = look.gains.start(geometry, look.clock)
     reference = fit_drives(REFERENCE, look.drives, geometry, sensor, start=start, lag=lag)
     laws, notes = dict[str, DriveFit](), list(look.notes)
@@ -77,6 +83,11 @@ def compare_drives(
                 name, look.drives, geometry, sensor, reference=reference, lag=lag
             )
         step(1.0)
+    answer = reference
+    if whole:
+        sides = fit_drives(DIFF_DRIVE, look.drives, geometry, sensor, reference=reference, lag=lag)
+        answer = sides if radii_differ(sides) else reference
+        laws[answer.name] = answer
     pairs, missed = reference.pairs, {name: law.missed for name, law in laws.items()}
     place = (
         {}
@@ -94,24 +105,46 @@ def compare_drives(
     def rank(some: Mapping[str, DriveFit]) -> Choice | None:
         return ranked(some, pairs.criteria({name: missed[name] for name in some}))
 
-    choice = choose(laws, rank)
+    compared = {name: law for name, law in laws.items() if name != DIFF_DRIVE}
+    uncompared = ""
+    if whole and len(pairs.start):
+        uncompared = few_curvatures(_curvatures(pairs), "the drives have")
+    choice = None if uncompared else choose(compared, rank)
     if choice is None:
-        why = "no motion can be predicted: the drives are too short"
-        choice = Choice(best=REFERENCE, reason=why, score={}, expressible=REFERENCE)
-    alarms = [*look.alarms, *_alarms(laws[choice.best], known)]
-    if GAINS in [alarm.kind for alarm in alarms] and not two.at_limit:
+        why = uncompared or "no motion can be predicted: the drives are too short"
+        choice = Choice(best=answer.name, reason=why, score={})
+    of_best = _alarms(laws[choice.best], known)
+    # the same alarms count once, as do those for the best law if it gives the answer
+    of_laws = dict.fromkeys([*of_best, *(_alarms(answer, known) if whole else [])])
+    alarms = [*look.alarms, *of_laws, *_whole_turns(answer, sensor)]
+    if GAINS in [alarm.kind for alarm in of_best] and not two.at_limit:
         laws[GAINS] = two
         why = "gains by regression predict better than every law that was fitted"
-        choice = replace(choice, best=GAINS, reason=why, expressible=GAINS)
+        choice = replace(choice, best=GAINS, reason=why)
     order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, 0.0)))
     return DriveComparison(
-        **vars(choice),
+        best=choice.best,
+        reason=choice.reason,
+        score=choice.score,
+        expressible=answer.name,
         laws={name: laws[name] for name in order},
         look=look,
         errors=errors,
         alarms=tuple(alarms),
         warnings=tuple(notes),
     )
+
+
+def _curvatures(pairs: Pairs) -> int:
+    """Number of different curvatures of the wheels' motions between poses, each of 2 % of all."""
+    drives = pairs.drives
+    edges = drives.edges
+    turned = np.cumsum(drives.omega * np.diff(edges)[:, None], axis=0)
+    angles = np.stack([np.interp(drives.time, edges, np.append(0.0, side)) for side in turned.T])
+    near = pairs.horizon == pairs.horizon.min()
+    left, right = angles[:, pairs.end[near]] - angles[:, pairs.start[near]]
+    direction = np.arctan2(right - left, right + left)  # b w = (right - left) / 2
+    return different_curvatures(direction, NEAREST_ANGLE, math.ceil(0.02 * len(direction)))
 
 
 def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
@@ -143,6 +176,28 @@ def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
 def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
     """Values (p,) of a model's parameters: from `known` by name, otherwise 0."""
     return np.array([known.get(name, 0.0) for name in model.names])
+
+
+def _whole_turns(law: DriveFit, sensor: Mounting | None) -> list[Alarm]:
+    """Return an alarm if other numbers of whole turns explain poses that are far apart, too."""
+    model, drives = law.fit.model, law.fit.drives
+    if are_far_apart(drives) and not drives.known[1].any():
+        line = (
+            f"positions {drives.drives[0].interval:.0f} s apart don't show how far the robot "
+            "turned in between: measure headings, too, or measure more often"
+        )
+        return [Alarm("circles", line)]
+    if not model.far:
+        return []
+    others = other_separations(law.fit, prior_means(model, sensor))
+    if not others:
+        return []
+    line = (
+        "between poses so far apart, the robot may also have turned by other numbers of circles: "
+        f"a wheel_separation_multiplier of {others[0]:.2f} explains them as well: measure poses "
+        "more often"
+    )
+    return [Alarm("circles", line)]
 
 
 def _alarms(law: DriveFit, known: Mapping[str, Array]) -> list[Alarm]:

@@ -10,17 +10,21 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.identification.answer import NO_POSITIONS
 from trackslip.identification.clocks import clock_of_drive, median_offset
 from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
+from trackslip.identification.far_poses import OFFSETS, are_far_apart, start_between_far_poses
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise
 from trackslip.identification.preparation import Drives, PreparedDrive
 from trackslip.identification.windows import WindowFit, fit_windows
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.families import FAMILIES, family
+from trackslip.laws.families import DIFF_DRIVE, FAMILIES, family
 from trackslip.se2 import Mounting
 
+MACHINED: Final = 0.02
+"""Prior standard deviation of radius errors if the driving doesn't determine the radius [-]."""
 _LENGTHS: Final = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
 # prediction horizons that decide the window length and show how slip varies [s]
 _COMPARED: Final = (1.0, 5.0)
@@ -32,8 +36,6 @@ class DriveFit(FittedLaw):
 
     # values of the parameters in `path.EXTRAS`, held or fitted, in m, s and rad
     extras: dict[str, float]
-    # the reason for each parameter that was held or that the driving doesn't determine
-    held: dict[str, str]
     noise: dict[str, float]
     """Standard deviations. Poses: position [m], heading [rad]. Varying slip: slip_forward and
     slip_sideways [m/√m], slip_turn [rad/√m]. With a gyro: gyro [rad/√s].
@@ -90,12 +92,22 @@ def fit_drives(
     values = np.concatenate(
         [_law_start(name, geometry, reference.values), [*reference.extras.values()]]
     )
-    held, mean = held_parameters(model, first.drives, sensor, lag), _means(model, sensor)
+    held, mean = held_parameters(model, first.drives, sensor, lag), prior_means(model, sensor)
     if "offset_left" in model.names and not reference.sits_aside:
         values[model.index("sensor_y")] = mean[model.index("sensor_y")]
-    return _described(
-        fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs
-    )
+    if not model.far:
+        fit = fit_windows(model, first.drives, first.length, values, held, mean)
+        return _described(fit, held, reference.pairs)
+    # equal radii may fit too badly to show that the driving determines the mean radius
+    priors = [DriveModel.radius_prior] if name == DIFF_DRIVE else []
+    for prior in (*priors, model.radius_prior):
+        model = replace(model, radius_prior=prior)
+        start_values = start_between_far_poses(model, first.drives, values, held, mean)
+        fit = fit_windows(model, first.drives, first.length, start_values, held, mean)
+        found = _described(fit, held, reference.pairs)
+        if not found.held.keys() >= {"radius_error_left", "radius_error_right"}:
+            break
+    return found
 
 
 def _reference(
@@ -104,21 +116,29 @@ def _reference(
     sensor: Mounting | None,
     start: Mapping[str, float] | None,
     lag: bool,
+    machined: bool = False,
 ) -> DriveFit:
     """Fit REFERENCE with the longest windows that predict as well as shorter windows and leave
     enough blocks.
+
+    Where the driving doesn't determine the radius, it is assumed to be `machined`, near the nominal
+    one.
     """
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    # a machined radius, if unobservable
-    prior = DriveModel.radius_prior if "radius_error" in start else 0.02
-    model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
-    held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
+    # relative motions take positions and headings
+    far = are_far_apart(drives) and bool(drives.known.any(axis=1).all())
+    machined = machined or not (far or "radius_error" in start)
+    prior = MACHINED if machined else DriveModel.radius_prior
+    model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior, far)
+    held, mean = held_parameters(model, drives, sensor, lag), prior_means(model, sensor)
     values = mean.copy()
     for name, value in start.items():
         if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
+    if far:
+        values = start_between_far_poses(model, drives, values, held, mean, OFFSETS)
     starts = values[None]
     # front and rear may look alike: try both
     if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):
@@ -133,6 +153,8 @@ def _reference(
             break
         best = fit
     assert best is not None
+    if far and not machined and "radius_error" in best.held:
+        return _reference(drives, geometry, sensor, start, lag, machined=True)
     return best
 
 
@@ -180,9 +202,7 @@ def held_parameters(
         lengths = [
             name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))
         ]
-        held |= dict.fromkeys(
-            ("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured"
-        )
+        held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), NO_POSITIONS)
     if np.diff(drives.first).max() <= 2:
         ends = ("sensor_x", "sensor_y", "drift", "clock_offset")
         held |= dict.fromkeys(ends, "poses at both ends of runs don't determine it")
@@ -196,7 +216,7 @@ def held_parameters(
     return held
 
 
-def _means(model: DriveModel, sensor: Mounting | None) -> Array:
+def prior_means(model: DriveModel, sensor: Mounting | None) -> Array:
     """Prior means (p,) of the parameters."""
     mean = np.zeros(len(model.names))
     if sensor is not None:
@@ -223,8 +243,10 @@ def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFi
     """Make a DriveFit from a fit in windows: the law's values, intervals and prediction errors."""
     model, covariance = fit.model, fit.covariance
     names = [model.names[k] for k in fit.free]
-    # standard errors above half the prior's
-    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)
+    # standard errors above half the prior's; with too few blocks, only those for independent
+    # residuals are known
+    variance = np.fmax(np.diag(covariance), np.diag(fit.inverse))
+    vague = np.sqrt(variance) > 0.5 / np.sqrt(fit.prior)
     unknown = [name for name, is_vague in zip(names, vague, strict=True) if is_vague]
     values = dict(zip(model.names, fit.values.tolist(), strict=True))
     parameters = {name: values.pop(name) for name in model.family.names}

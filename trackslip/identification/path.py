@@ -43,6 +43,10 @@ EXTRAS: Final[dict[str, Extra]] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
+FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
+"""Prior standard deviations for drives with few poses, far apart, as in EXTRAS: a sensor that may
+be anywhere would take up the effects of unequal radii.
+"""
 GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 
@@ -55,6 +59,7 @@ class DriveModel:
     # true for drives with a gyro; otherwise the model is without the GYRO parameters
     gyro: bool = False
     radius_prior: float = 0.1  # prior standard deviation of the sprockets' radius errors [-]
+    far: bool = False  # true for poses far apart, where FAR_PRIORS hold
 
     @property
     def extras(self) -> dict[str, Extra]:
@@ -82,7 +87,12 @@ class DriveModel:
         informative data.
         """
         scale, b = self.family.limits(self.geometry.half_gauge)[2], self.geometry.half_gauge
-        extras = [extra.prior * (b if extra.unit == "m" else 1.0) for extra in self.extras.values()]
+        width = {name: extra.prior for name, extra in self.extras.items()}
+        if self.far:
+            width |= FAR_PRIORS
+        extras = [
+            width[name] * (b if extra.unit == "m" else 1.0) for name, extra in self.extras.items()
+        ]
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from trackslip.errors import OutputError, TrackslipError, counted
+from trackslip.identification.answer import TOO_LITTLE, answer_of, undetermined
 from trackslip.identification.comparison import REFERENCE, Comparison, FittedLaw, Gain
 from trackslip.identification.drive_comparison import DriveComparison
 from trackslip.identification.first_look import Alarm
@@ -57,8 +58,9 @@ class Identification:
 
     def _untold(self) -> list[Alarm]:
         """Return an alarm if the driving hardly determines D."""
-        times = self.answer.get("wheel_separation_multiplier")
-        if times is None or not times.error > _VAGUE:
+        key = "wheel_separation_multiplier"
+        times = self.answer.get(key)
+        if times is None or not (key in self.undetermined or times.error > _VAGUE):
             return []
         return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
 
@@ -115,24 +117,22 @@ class Identification:
         [m] and ε.
 
         The keys are `wheel_separation_multiplier`, `left_wheel_radius_multiplier`,
-        `right_wheel_radius_multiplier`, `offset` and `radius_error`. The values come from the best
-        law that odometry can express. An interval's ends are NaN if the parameter isn't part of the
-        law or there is too little driving.
+        `right_wheel_radius_multiplier`, `offset` and `radius_error`. The values come from the law
+        `expressible`. Values in `undetermined` are NaN; an interval's ends are NaN if there is too
+        little driving.
         """
         if self.expressible is None:
             return {}
-        fit, b = self.main.laws[self.expressible], self.geometry.half_gauge
-        offset = _mean(fit, "offset")
-        radii = {side: _mean(fit, "radius_error", side) for side in ("left", "right")}
-        return {
-            "wheel_separation_multiplier": Gain(*(1 + end / b for end in offset)),
-            **{
-                f"{side}_wheel_radius_multiplier": Gain(*(1 + end for end in error))
-                for side, error in radii.items()
-            },
-            "offset": offset,
-            "radius_error": _mean(fit, "radius_error"),
-        }
+        return answer_of(self.main.laws[self.expressible], self.geometry.half_gauge)
+
+    @property
+    def undetermined(self) -> dict[str, str]:
+        """For each value of the answer that the driving doesn't determine, a line with the
+        manoeuvre that would determine it.
+        """
+        if self.expressible is None:
+            return {}
+        return undetermined(self.main.laws[self.expressible])
 
     @property
     def main(self) -> Comparison:
@@ -162,7 +162,9 @@ class Identification:
 
     @property
     def expressible(self) -> str | None:
-        """The best law that a differential drive's odometry can express; None if there is none."""
+        """The law of a differential drive that gives the answer: `diff_drive`, or `icr_radius` if
+        the radii of left and right don't differ; None if there is none.
+        """
         return self.main.expressible
 
     @property
@@ -210,31 +212,19 @@ class Identification:
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
         lines = [f"Slip laws from {source} ({size}); best: {self.best}"]
         lines += [f"ALARM: {alarm.line}" for alarm in self.alarms]
-        lines += [
-            f"{name:<28}  {gain.value:.5f} ({gain.low:.5f} to {gain.high:.5f})"
-            for name, gain in self.answer.items()
-        ]
+        lines += [f"{name:<28}  {self._value(name)}" for name in self.answer]
         if self.warnings:
             lines.append(f"{counted(len(self.warnings), 'warning')}, see .warnings")
         return "\n".join(lines)
 
-
-def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
-    """A parameter, or its mean over both sides, with a 95 % interval; 0 if the law has no such
-    parameter.
-
-    The interval's ends are NaN if the parameter was not fitted.
-    """
-    names = [name for name in fit.values if name == key or name.startswith(f"{key}_{side}")]
-    value = float(np.mean([fit.values[name] for name in names])) if names else 0.0
-    fitted = [name for name in names if name in fit.stderr]
-    if not fitted:
-        return Gain(value, np.nan, np.nan)
-    rows = [list(fit.stderr).index(name) for name in fitted]
-    # limits cut one end
-    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]
-    wide = float(np.sqrt(half @ fit.correlation[np.ix_(rows, rows)] @ half)) / len(names)
-    return Gain(value, value - wide, value + wide)
+    def _value(self, name: str) -> str:
+        """A value of the answer as text: with its interval, or what would determine it."""
+        gain = self.answer[name]
+        if np.isnan(gain.value):
+            return self.undetermined[name]
+        if np.isnan(gain.low):
+            return f"{gain.value:.5f} ({TOO_LITTLE})"
+        return f"{gain.value:.5f} ({gain.low:.5f} to {gain.high:.5f})"
 
 
 def identification_to_json(result: Identification) -> dict[str, Any]:
@@ -248,6 +238,7 @@ def identification_to_json(result: Identification) -> dict[str, Any]:
         "best": result.best,
         "expressible": result.expressible,
         "answer": {name: gain.to_json() for name, gain in result.answer.items()},
+        "undetermined": result.undetermined,
     }
     if steady is not None:
         content["samples"] = len(steady.samples)

@@ -36,7 +36,8 @@ from trackslip.motion.steady_twist import MotionMethod, paper
 
 MOTION_METHODS: Final[dict[str, MotionMethod]] = {"paper": paper, "arc": arc, "bundle": bundle}
 """Methods that estimate the twist of a steady run, from the paper's own to the most accurate."""
-_REPEATED: Final = 0.01  # largest angle between a command and its repeats (test_steady) [rad]
+REPEATED: Final = 0.01
+"""Largest angle between a command and its repeats (test_steady) [rad]."""
 # plausible ratios to the sprockets' speed and yaw rate (test_steady)
 _KEPT: Final = np.array([[0.2, 0.0], [1.8, 1.8]])
 
@@ -148,15 +149,21 @@ class SlipSamples:
         missed = track_speeds(twist - self.twist, geometry.half_gauge)
         return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
 
+    def direction(self, geometry: RobotGeometry) -> Array:
+        """Commanded directions (n,) in the plane (v, b w): 0 straight ahead, pi/2 for a left turn
+        in place [rad].
+        """
+        commanded = body_twist(self.omega, 0.0, geometry)
+        return np.asarray(np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0]))
+
     def by_command(self, geometry: RobotGeometry) -> np.ndarray:
         """Ordered labels (n,), equal for runs with nearly the same ratio of sprocket speeds, hence
         path radius.
         """
-        commanded = body_twist(self.omega, 0.0, geometry)
-        angle = np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0])
+        angle = self.direction(geometry)
         labels, label, first = np.zeros(len(angle), int), -1, -np.inf
         for k in np.argsort(angle):
-            if angle[k] > first + _REPEATED:
+            if angle[k] > first + REPEATED:
                 label, first = label + 1, angle[k]
             labels[k] = label
         return labels

@@ -17,15 +17,18 @@ robot, so that tau is the same for slow and fast sprockets.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq, least_squares
 from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
+from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
     FEWEST_BLOCKS,
     LEAST_ERROR,
@@ -36,15 +39,18 @@ from trackslip.identification.comparison import (
     FittedLaw,
     choose,
     cr3,
-    is_expressible,
+    different_curvatures,
+    few_curvatures,
     newton_steps,
     ranked,
     turns_fast,
     uncertainty,
 )
-from trackslip.identification.samples import SlipSamples
+from trackslip.identification.samples import REPEATED, SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.laws.families import FAMILIES, LawFamily, family
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.families import DIFF_DRIVE, FAMILIES, LawFamily, Parameter, family
+from trackslip.laws.icr import DiffDrive
 from trackslip.metrics import rms
 
 # least error of a run relative to the faster sprocket: for samples computed from a law, with
@@ -56,6 +62,8 @@ _FOLDS: Final = 10  # largest number of folds in a cross-validation (Kohavi, 199
 # least standard error of an undetermined parameter, in units of `LawFamily.limits` scales
 # (test_steady)
 _VAGUE: Final = 5.0
+# sine of the angle from straight driving, or from turning in place, up to which runs count as such
+_STRAIGHT: Final = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,22 +84,48 @@ class SteadyFit(FittedLaw):
 def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyFit:
     """Fit a law to measured motions by weighted least squares, with intervals.
 
-    `geometry` is the robot's nominal geometry. Raises LogError if the samples do not determine
-    every parameter, InvalidValueError for an unknown law.
+    `geometry` is the robot's nominal geometry. Of `icr_radius` and `diff_drive`, the parameters
+    that the motions leave open are held at 0, so that the others can be fitted: D if all runs are
+    straight, ε if all are turns in place.
+
+    Raises LogError if the samples do not determine every other parameter, InvalidValueError for an
+    unknown law.
     """
     model = family(name)
-    names, free = model.names, len(model.names)
-    if 2 * len(samples) <= free:
+    if name == DIFF_DRIVE:
+        # a sensor beside the middle may look like unequal radii
+        with suppress(LogError):
+            return _fitted(model, _with_sensor(model), samples, geometry)
+    try:
+        return _fitted(model, model, samples, geometry)
+    except LogError:
+        held = _left_open(name, samples, geometry)
+        if not held:
+            raise
+    free = model.holding(dict.fromkeys(held, 0.0))
+    return replace(_fitted(model, free, samples, geometry), held=held)
+
+
+def _fitted(
+    model: LawFamily, free: LawFamily, samples: SlipSamples, geometry: RobotGeometry
+) -> SteadyFit:
+    """Fit a law of the family `model` in the form `free`, which has other parameters, too, or holds
+    some at 0.
+    """
+    name = next(name for name, each in FAMILIES.items() if each is model)
+    names = free.names
+    if 2 * len(samples) <= len(names):
         raise LogError(
             f"law {name}: {counted(len(samples), 'sample')} of two tracks can't determine its "
-            f"{free} parameters"
+            f"{len(names)} parameters"
         )
-    fit = Fit.of(model.under(samples.load), samples, geometry)
+    fit = Fit.of(free.under(samples.load), samples, geometry)
     covariance = fit.covariance
     if doubt := fit.undetermined(np.sqrt(np.diag(covariance))):
         raise LogError(f"law {name}: {doubt}")
-    values = dict(zip(names, fit.values.tolist(), strict=True))
-    limits = model.limits(geometry.half_gauge)[:2]
+    fitted = dict(zip(names, fit.values.tolist(), strict=True))
+    values = {key: fitted.get(key, 0.0) for key in model.names}
+    limits = free.limits(geometry.half_gauge)[:2]
     return SteadyFit(
         name=name,
         law=model.build(values, geometry),
@@ -101,6 +135,41 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyF
         fit=fit,
         **uncertainty(names, fit.values, covariance, stdtrit(fit.freedom, 0.975), limits),
     )
+
+
+def _left_open(name: str, samples: SlipSamples, geometry: RobotGeometry) -> dict[str, str]:
+    """Parameters of `icr_radius` or `diff_drive` that the motions leave open, with the reasons;
+    empty if these are no reasons.
+    """
+    angle = samples.direction(geometry)
+    if not np.any(np.abs(np.sin(angle)) > _STRAIGHT) and name in (REFERENCE, DIFF_DRIVE):
+        return {"offset": "no run turns"}
+    if not np.any(np.abs(np.cos(angle)) > _STRAIGHT) and name == REFERENCE:
+        return {"radius_error": "all runs turn in place"}
+    return {}
+
+
+@dataclass(frozen=True)
+class _SeenFromTheSide(DiffDrive):
+    """A differential drive whose speed is measured by a sensor beside the middle of the tracks."""
+
+    sensor_y: float = 0.0
+    """Distance of the sensor to the left [m]."""
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """Twists (..., 2) of the sensor at sprocket speeds omega (..., 2) [rad/s]."""
+        v, w = np.moveaxis(super().twist(omega, geometry), -1, 0)
+        return np.stack([v - np.asarray(self.sensor_y) * w, w], axis=-1)
+
+
+def _with_sensor(model: LawFamily) -> LawFamily:
+    """The family of differential drives with the parameter sensor_y."""
+    aside = Parameter((0.0,), -10.0, 10.0, 0.1, "m", "Y", "distance of the sensor to the left")
+
+    def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
+        return _SeenFromTheSide(**values, half_gauge=geometry.half_gauge)
+
+    return replace(model, parameters={**model.parameters, "sensor_y": aside}, build=build)
 
 
 @dataclass(frozen=True)
@@ -348,24 +417,27 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
             laws[name] = fit_law(name, samples, geometry)
         except LogError as error:
             warnings.append(str(error))
-    if not laws.keys() - {"none"}:
+    answer = _answer(laws, samples, geometry)
+    if answer is None:
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predicted = {name: law.fit.left_out() for name, law in laws.items()}
-    choice = choose(laws, lambda some: _ranked(some, predicted))
+    curvatures = different_curvatures(samples.direction(geometry), REPEATED)
+    # over different loads, laws with and without slip under load can be compared all the same
+    uncompared = few_curvatures(curvatures, "the samples have") if unloaded else ""
+    choice = None if uncompared else choose(laws, lambda some: _ranked(some, predicted))
     if choice is None:
-        best = min(
-            laws.keys() - {"none"},
-            key=lambda name: (name != REFERENCE, len(laws[name].values), name),
-        )
-        why = "the runs are too few to compare laws"
-        choice = Choice(
-            best=best, reason=why, score={}, expressible=best if is_expressible(best) else None
-        )
+        why = uncompared or "the runs are too few to compare laws"
+        choice = Choice(best=answer.name, reason=why, score={})
+    laws[answer.name] = answer
+    predicted[answer.name] = answer.fit.left_out()
     order = sorted(
         laws, key=lambda name: (name != choice.best, choice.score.get(name, np.inf), laws[name].rms)
     )
     return SteadyComparison(
-        **vars(choice),
+        best=choice.best,
+        reason=choice.reason,
+        score=choice.score,
+        expressible=answer.name,
         samples=samples,
         laws={name: laws[name] for name in order},
         validation={
@@ -373,6 +445,24 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
         },
         warnings=tuple(warnings),
     )
+
+
+def _answer(
+    laws: Mapping[str, SteadyFit], samples: SlipSamples, geometry: RobotGeometry
+) -> SteadyFit | None:
+    """The law of a differential drive that gives the answer: `diff_drive`, or REFERENCE if the
+    radii don't differ.
+
+    From turns to one side alone, a D that varies with the radius looks like unequal radii. If the
+    samples determine neither law, the answer is `icr`; None if they don't determine that, either.
+    """
+    turn = np.sin(samples.direction(geometry))
+    if np.any(np.abs(turn) <= _STRAIGHT) or turn.min() < 0 < turn.max():
+        with suppress(LogError):
+            sides = fit_law(DIFF_DRIVE, samples, geometry)
+            if radii_differ(sides):
+                return sides
+    return laws.get(REFERENCE, laws.get("icr"))
 
 
 def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice | None:

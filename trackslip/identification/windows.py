@@ -243,7 +243,7 @@ class WindowFit:
         rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
         step = newton_steps(rest, out @ self.score)
         values = np.tile(self.values, (len(out), 1))
-        values[:, self.free] += step @ (self._inverse @ self._normal).T
+        values[:, self.free] += step @ (self.inverse @ self._normal).T
         low, high, _ = self.model.limits
         return np.clip(values, low, high)
 
@@ -253,7 +253,7 @@ class WindowFit:
         for too few blocks.
         """
         apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
-        return cr3(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
+        return cr3(apart) + self.inverse @ (self.prior[:, None] * self.inverse)
 
     @property
     def quantile(self) -> Array:
@@ -265,7 +265,8 @@ class WindowFit:
         return self.blocks.sum(axis=0) + np.diag(self.prior)
 
     @cached_property
-    def _inverse(self) -> Array:
+    def inverse(self) -> Array:
+        """Covariance (f, f) of the free parameters, if residuals were independent."""
         return _inverse(self.bend + np.diag(self.prior), self._normal)
 
 

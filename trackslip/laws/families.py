@@ -17,7 +17,7 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
-from trackslip.laws.icr import MAX_COMPLIANCE, ConstantIcr, IcrLoad, IcrSides
+from trackslip.laws.icr import MAX_COMPLIANCE, ConstantIcr, DiffDrive, IcrLoad, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 _DIFFERENCE = 1e-6  # step of finite differences, relative to the scales of the parameters
@@ -60,8 +60,8 @@ class LawFamily:
     """Whether slip depends on the lateral acceleration, whose effect is visible from a few tenths
     of a m/s².
     """
-    of_runs: bool = True  # whether laws are fitted to steady runs
-    of_drives: bool = True  # whether laws are fitted to whole drives
+    of_runs: bool = True  # whether laws of steady runs are compared with laws of the family
+    of_drives: bool = True  # whether laws of whole drives are compared with laws of the family
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,6 +92,15 @@ class LawFamily:
         return replace(
             self, build=lambda values, geometry: self.build(values, geometry).under(load)
         )
+
+    def holding(self, values: Mapping[str, float]) -> LawFamily:
+        """The family with some of its parameters held at `values`."""
+        free = {name: each for name, each in self.parameters.items() if name not in values}
+
+        def build(fitted: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
+            return self.build({**values, **fitted}, geometry)
+
+        return replace(self, parameters=free, build=build)
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """Build the law with parameters (..., p), which represents many laws of shape (...)."""
@@ -184,6 +193,9 @@ _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
 # family of the gains that people compute by hand, with which other laws are compared
 GAINS = "two_gains"
+# family of the law that gives the multipliers if the radii of left and right differ. It isn't
+# compared with other laws: an offset of the sensor lets it predict the same motion as icr_sides
+DIFF_DRIVE = "diff_drive"
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "exponential": LawFamily(
@@ -208,6 +220,14 @@ FAMILIES: dict[str, LawFamily] = {
         "constant ICR, from gains of speed and yaw rate by regression",
         _RADIUS,
         _build(ConstantIcr),
+        _EVERYTHING,
+        of_runs=False,
+        of_drives=False,
+    ),
+    DIFF_DRIVE: LawFamily(
+        "differential drive: constant ICR, with ε of each side",
+        {"offset": _OFFSET, **_RADIUS_SIDES},
+        _build(DiffDrive),
         _EVERYTHING,
         of_runs=False,
         of_drives=False,

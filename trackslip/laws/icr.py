@@ -105,6 +105,27 @@ class ConstantIcr(_ConstantIcrs):
 
 
 @dataclass(frozen=True)
+class DiffDrive(_ConstantIcrs):
+    """The law of a differential drive: an effective radius of each side's sprockets, and the
+    distance between the ICRs.
+
+    These are the three parameters of diff_drive_controller, of UMBmark (J. Borenstein and L. Feng,
+    1996) and of G. Antonelli, S. Chiaverini and G. Fusco's calibration (2005).
+    """
+
+    offset: float
+    """D: distance of the ICRs outside the centre lines of the tracks [m]."""
+    radius_error_left: float
+    """epsilon of the left sprocket [-]."""
+    radius_error_right: float
+    """epsilon of the right sprocket [-]."""
+    half_gauge: float
+    """b: half the distance between the tracks' centre lines [m]."""
+
+    radius_errors = ("radius_error_left", "radius_error_right")
+
+
+@dataclass(frozen=True)
 class IcrSides(_ConstantIcrs):
     """The law of constant ICRs that differ between left and right, for an off-centre mass or
     unequal tracks.

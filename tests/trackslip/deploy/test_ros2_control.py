@@ -25,6 +25,7 @@ CASES = {
     "none": STORED,
     "icr": STORED,
     "icr_radius": STORED,
+    "diff_drive": STORED,
     "icr_sides": stored({"icr_sides": EVEN_SIDES}),
 }
 
@@ -83,6 +84,15 @@ def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_
     assert "Slip law icr: " in text
     assert "The best law is turn_loss: this is icr" in text
     assert "Slip law turn_loss" in deploy_law(file, "c")
+
+
+def test_the_controller_gets_the_answer_even_if_it_can_express_the_best_law(tmp_path):
+    file = tmp_path / "laws.json"
+    file.write_text(json.dumps(dict(stored(best="icr_sides", expressible="diff_drive").content)))
+    controller = parameters_in(deploy_law(file))
+    assert controller["left_wheel_radius_multiplier"] == pytest.approx(1.005)
+    assert controller["right_wheel_radius_multiplier"] == pytest.approx(0.988)
+    assert "Slip law icr_sides" in deploy_law(file, "c")
 
 
 NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'

@@ -115,26 +115,46 @@ def test_encoders_that_count_otherwise(factor):
     )
 
 
-def test_start_and_end_poses():
-    """Five squares to each side; on closed squares, ε isn't told, but the difference of its sides
-    is.
-    """
-    robot, logs = (
-        Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075),
-        [],
-    )
+def squares(robot: Robot) -> list[RunLog]:
+    """Start and end poses of five squares to each side, as in UMBmark."""
+    logs = []
     for k in range(10):
         turn = np.pi / 8 * (1 if k < 5 else -1)
         commands = np.array([0.5, 0.0] * 4 + [0.0, 0.0]), np.array([0.0, turn] * 4 + [0.0, 0.0])
         drive = drive_of(robot, duration=33.0, commands=commands)
         time, pose = measured(drive, seed=k)
         logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
-    found = answer(*logs, robot=robot)
+    return logs
+
+
+def test_start_and_end_poses():
+    """Closed squares don't tell the mean radius, but its ratios to the others."""
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075)
+    found = answer(*squares(robot), robot=robot)
     require_true(found, robot, offset=0.007)
-    left, right = (
-        found.answer[f"{side}_wheel_radius_multiplier"].value for side in ("left", "right")
-    )
-    assert left - right == pytest.approx(2 * robot.unequal, abs=0.002)
+    values = {name: gain.value for name, gain in found.answer.items()}
+    left, right = (values[f"{side}_wheel_radius_multiplier"] for side in ("left", "right"))
+    assert right / left == pytest.approx(0.995 / 1.01, abs=0.001)
+    apart = values["wheel_separation_multiplier"] / ((left + right) / 2)
+    assert apart == pytest.approx(1.04 / 1.0025, abs=0.001)
+    assert [*found.undetermined] == ["radius_error"]
+    assert found.best == "diff_drive"  # a curvature to each side is no reason for another law
+    assert found.alarms == ()
+
+
+def test_whole_turns_between_rare_poses_that_may_be_others_are_an_alarm():
+    """A wide robot that turned once looks like a narrow one that turned twice."""
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.08, radius_error=0.0, unequal=0.0075)
+    (alarm,) = answer(*squares(robot), robot=robot).alarms
+    assert alarm.kind == "circles"
+    assert "wheel_separation_multiplier of 0.90" in alarm.line
+
+
+def test_rare_positions_without_headings_are_an_alarm():
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0, unequal=0.0075)
+    logs = [replace(log, pose=log.pose * [1, 1, np.nan]) for log in squares(robot)]
+    alarms = answer(*logs, robot=robot).alarms
+    assert any("measure headings" in alarm.line for alarm in alarms)
 
 
 def test_wheels_and_headings_alone():
@@ -147,6 +167,8 @@ def test_wheels_and_headings_alone():
         1 / HUSKY.turn_gain, abs=5e-4
     )
     assert found.drive.look.gains.speed is None
+    for side in ("left", "right"):
+        assert "measure positions" in found.undetermined[f"{side}_wheel_radius_multiplier"]
 
 
 def test_wheels_and_a_gyro_alone():
@@ -164,11 +186,36 @@ def test_wheels_and_a_gyro_alone():
     assert found.alarms == ()
 
 
+@pytest.mark.parametrize("unequal", [0.0, 0.01])
+def test_the_radii_of_sides_that_differ_are_answered(unequal):
+    robot = replace(HUSKY, unequal=unequal)
+    drive = drive_of(robot, slip=0.02)
+    found = answer(log_of(drive, *measured(drive)), robot=robot)
+    require_true(found, robot, offset=0.008, error=0.01)
+    for side, sign in (("left", 1), ("right", -1)):
+        gain = found.answer[f"{side}_wheel_radius_multiplier"]
+        assert abs(gain.value - 1 - robot.radius_error - sign * unequal) <= 1.5 * gain.error
+    assert found.expressible == ("diff_drive" if unequal else "icr_radius")
+    assert ("diff_drive" in found.laws) == (unequal > 0)
+
+
+def test_turns_in_place_tell_no_radius():
+    step = np.arange(40)
+    drive = drive_of(commands=(np.zeros(40), np.where(step % 2, 0.6, -0.6)), hold=3.0)
+    found = answer(log_of(drive, *measured(drive)))
+    for side in ("left", "right"):
+        assert "drive straight" in found.undetermined[f"{side}_wheel_radius_multiplier"]
+    multiplier = found.answer["wheel_separation_multiplier"].value
+    assert multiplier == pytest.approx(1 / HUSKY.turn_gain, abs=0.02)
+
+
 def test_straights_alone_tell_no_multiplier():
     drive = drive_of(commands=(np.tile([0.6, 0.2], 20), np.zeros(40)), hold=3.0)
     found = answer(log_of(drive, *measured(drive)))
     assert [alarm.kind for alarm in found.alarms] == ["turns"]
     assert found.answer["radius_error"].value == pytest.approx(HUSKY.radius_error, abs=1e-3)
+    assert found.undetermined["wheel_separation_multiplier"].endswith("drive turns to both sides")
+    assert np.isnan(found.answer["wheel_separation_multiplier"].value)
 
 
 def test_all_readings_of_a_long_and_a_short_drive_are_used(monkeypatch):

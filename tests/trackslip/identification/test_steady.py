@@ -149,8 +149,8 @@ def test_exact_samples_are_no_trouble(count, told):
 
 def test_parameters_that_the_samples_do_not_determine_are_not_reported():
     straight = samples_of(ConstantIcr(0.045, 0.168, 0.01), np.zeros(8))
-    with pytest.raises(LogError, match="don't determine"):
-        compare_laws(straight, GEOMETRY)
+    with pytest.raises(LogError, match="don't determine offset"):
+        fit_law("icr", straight, GEOMETRY)
     few = compare_laws(samples_of(ConstantIcr(0.045, 0.168, 0.01), KAPPA[:2], noise=1e-4), GEOMETRY)
     assert {"icr", "icr_radius"} <= set(few.laws) <= {"none", "icr", "icr_radius", "turn_loss"}
     assert {warning.split(":")[0] for warning in few.warnings} >= {

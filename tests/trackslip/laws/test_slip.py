@@ -7,7 +7,7 @@ from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
 from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.laws.families import FAMILIES
-from trackslip.laws.icr import ConstantIcr, IcrSides
+from trackslip.laws.icr import ConstantIcr, DiffDrive, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 from trackslip.online.compensation import known_law
 
@@ -21,6 +21,7 @@ LAWS = [
 ]
 SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)
 SIDES = IcrSides(0.04, 0.05, 0.005, 0.012, 0.168)
+RADII = DiffDrive(0.045, 0.005, -0.012, 0.168)
 LOSS_SIDES = TurnLossSides(0.045, 0.005, -0.012, 0.168, 0.3)
 curvatures = st.floats(-4, 4)
 
@@ -77,7 +78,7 @@ def test_sprocket_speeds_undo_the_slip(law, v, kappa):
     np.testing.assert_allclose(body_twist(omega, law(kappa), GEOMETRY), twist, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, LOSS_SIDES])
+@pytest.mark.parametrize("law", [*LAWS, SPEED, RADII, SIDES, LOSS_SIDES])
 @given(
     v=st.floats(0.05, 0.3),
     radius=st.floats(0.5, 1000.0),
@@ -92,7 +93,7 @@ def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwar
 
 
 @pytest.mark.parametrize(
-    "law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES, LAWS[-1], LOSS_SIDES]
+    "law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), RADII, SIDES, LAWS[-1], LOSS_SIDES]
 )
 def test_turning_in_place_and_standing_are_twists_too(law):
     for twist in ([0.0, 0.5], [0.0, -0.5], [0.0, 0.0]):
@@ -128,6 +129,14 @@ def test_a_skidding_robot_keeps_its_curve_and_reaches_every_commanded_twist(v, w
         np.testing.assert_allclose(
             body_twist(omega, law.slip([v, w]), GEOMETRY), [v, w], rtol=1e-9, atol=1e-9
         )
+
+
+@given(v=st.floats(-3, 3), w=st.floats(-9, 9))
+def test_a_differential_drive_has_wheels_at_its_icrs(v, w):
+    """Each wheel, of its own radius, rolls at half the distance of the ICRs from the middle."""
+    left, right = RADII.sprocket_speeds([v, w], GEOMETRY)
+    assert 0.06 * 1.005 * left == pytest.approx(v - 0.213 * w, abs=1e-12)
+    assert 0.06 * 0.988 * right == pytest.approx(v + 0.213 * w, abs=1e-12)
 
 
 def test_special_cases_agree():
