@@ -193,58 +193,70 @@ class _Reader:
         """The readable runs in `rows`: a single run, or several if its clock restarts."""
         runs = list[RunLog]()
         try:
-            rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
-            time = self._values[rows, 0]
-            starts = restarts(time)
-            if (
-                starts.size
-                and np.mean([self._has_both(part) for part in np.split(rows, starts)]) < _MOST
-            ):
-                self.notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
-                rows, starts = rows[np.argsort(time, kind="stable")], starts[:0]
-            if starts.size:
-                k = starts[0]
-                back = (
-                    f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s: read as "
-                    f"{starts.size + 1} runs"
-                )
-                self.notes.append(f"run {name!r}: row {self._place(rows[k])}, column t: {back}")
+            sections = self._cut_at_restarts(name, rows)
         except LogError as error:
             self.refused.append(Refused.of(name, error))
             return []
-        for number, section in enumerate(np.split(rows, starts), start=1):
-            part = f"{name}, part {number}" if starts.size else name
+        for number, section in enumerate(sections, start=1):
+            part = f"{name}, part {number}" if len(sections) > 1 else name
             runs += self._drives(part, section, self._metadata.get(name, {}))
         return runs
+
+    def _cut_at_restarts(self, name: str, rows: np.ndarray) -> list[np.ndarray]:
+        """The rows of a run without those that are damaged, cut where its clock restarts, or sorted
+        if they just aren't in the order of time.
+        """
+        rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
+        time = self._values[rows, 0]
+        starts = restarts(time)
+        if not starts.size:
+            return [rows]
+        sections = np.split(rows, starts)
+        if np.mean([self._has_both(section) for section in sections]) < _MOST:
+            self.notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
+            return [rows[np.argsort(time, kind="stable")]]
+        k = starts[0]
+        back = f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s"
+        self.notes.append(
+            f"run {name!r}: row {self._place(rows[k])}, column t: {back}: read as "
+            f"{len(sections)} runs"
+        )
+        return sections
 
     def _drives(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> list[RunLog]:
         """The readable runs in `rows` whose clock doesn't restart: several if it has gaps."""
         runs = list[RunLog]()
         try:
-            rows = self._in_order(name, self._joined(self._by_time(rows)))
-            time = self._values[rows, 0]
-            starts = gaps(time, name)
-            read = np.flatnonzero(np.isfinite(self._values[rows[:, None], _OMEGA]).all(axis=1))
-            # before and after the encoder readings, poses may have a clock of their own
-            ends = read[[0, -1]] if read.size else (0, 0)
-            starts = starts[(starts > ends[0]) & (starts <= ends[1])]
-            if starts.size:
-                k = starts[0]
-                ahead = f"goes on from {time[k - 1]:.12g} s to {time[k]:.12g} s"
-                self.notes.append(
-                    f"run {name!r}: row {self._place(rows[k])}, column t: {ahead}: cut into "
-                    f"{starts.size + 1} runs there"
-                )
+            sections = self._cut_at_gaps(name, rows)
         except LogError as error:
             self.refused.append(Refused.of(name, error))
             return []
-        for number, section in enumerate(np.split(rows, starts), start=1):
-            part = f"{name}, part {number}" if starts.size else name
+        for number, section in enumerate(sections, start=1):
+            part = f"{name}, part {number}" if len(sections) > 1 else name
             try:
                 runs.append(self._run(part, section, metadata))
             except LogError as error:
                 self.refused.append(Refused.of(part, error))
         return runs
+
+    def _cut_at_gaps(self, name: str, rows: np.ndarray) -> list[np.ndarray]:
+        """The rows of a run in the order of time, cut where its encoders have a gap."""
+        rows = self._in_order(name, self._joined(self._by_time(rows)))
+        time = self._values[rows, 0]
+        starts = gaps(time, name)
+        read = np.flatnonzero(np.isfinite(self._values[rows[:, None], _OMEGA]).all(axis=1))
+        # before and after the encoder readings, poses may have a clock of their own
+        ends = read[[0, -1]] if read.size else (0, 0)
+        starts = starts[(starts > ends[0]) & (starts <= ends[1])]
+        if not starts.size:
+            return [rows]
+        k = starts[0]
+        ahead = f"goes on from {time[k - 1]:.12g} s to {time[k]:.12g} s"
+        self.notes.append(
+            f"run {name!r}: row {self._place(rows[k])}, column t: {ahead}: cut into "
+            f"{starts.size + 1} runs there"
+        )
+        return np.split(rows, starts)
 
     def _has_both(self, rows: np.ndarray) -> bool:
         """True if the rows contain both encoder readings and poses, like a drive, not readings of a
@@ -257,7 +269,10 @@ class _Reader:
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
         omega, read = self._encoder(name, rows)
-        beyond = self._beyond(np.setdiff1d(rows, read, assume_unique=True))
+        is_beyond = np.zeros(len(self._values), bool)
+        is_beyond[rows] = True
+        is_beyond[read] = False
+        beyond = self._beyond(rows[is_beyond[rows]])
         rows = read
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
