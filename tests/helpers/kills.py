@@ -18,7 +18,7 @@ from experiments.cli import run_module
 from trackslip.replacement import DRAFT, LOCK, MOVING, STORE
 
 OPERATIONS = ("mkdir", "rename", "replace", "unlink", "rmdir")
-RESUME = {"train": ["--resume"]}
+CHECKPOINT = "checkpoint.npz"  # of an unfinished training, which resumes on request
 
 
 def run(arguments: list[str], out: Path, stop_at: int = 0, number: int = 0) -> tuple[int, str]:
@@ -91,7 +91,7 @@ def failures(arguments: list[str], number: int, folder: Path) -> tuple[int, dict
         if code not in ((-9,) if number == 9 else (130, 0)) or "Traceback" in errors:
             found[operation] = f"stopped: {code} {errors}"
             continue
-        resume = RESUME.get(arguments[0], []) if (out / STORE).exists() else []
+        resume = ["--resume"] if (out / STORE / CHECKPOINT).exists() else []
         code, errors = run([*arguments, *resume], out)
         complete = code == 2 and "contains results; --overwrite" in errors
         if code != 0 and not complete:
