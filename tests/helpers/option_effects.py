@@ -104,6 +104,10 @@ NO_BAG = {
     f"bag.{name}": "~ always refused: the log is no bag; tests of trackslip.bags check it"
     for name in ("encoders", "left", "right", "reversed", "poses", "imu", "plate", "scan")
 }
+NO_LAYOUT = {
+    f"table.{name}": "~ the log has the documented columns; tests of trackslip.logs check it"
+    for name in ("columns", "ticks_per_turn", "odom_half_gauge", "odom_radius")
+}
 
 
 @dataclass(frozen=True)
@@ -269,6 +273,7 @@ CASES = {
         "identify {grid}",
         RESULTS
         | NO_BAG
+        | NO_LAYOUT
         | {
             "path": "~ the log",
             "where": "~ tests of identify check it",
@@ -296,6 +301,7 @@ CASES = {
         "evaluate {wander} --law {laws}",
         RESULTS
         | NO_BAG
+        | NO_LAYOUT
         | {name: f"--robot shipped | {words}" for name, words in GROUND.items()}
         | {
             "path": "~ the log",
@@ -320,6 +326,7 @@ CASES = {
         "calibrate --threads 1",
         RESULTS
         | NO_BAG
+        | NO_LAYOUT
         | EVEN_GROUND
         | {
             "target": "--target {samples}",
@@ -430,7 +437,9 @@ CASES = {
     ),
     "log": Case(
         "log {samples}",
-        NO_BAG | {"path": "~ the log", "out": PLACE, "overwrite": PLACE, "max_memory": MEMORY},
+        NO_BAG
+        | NO_LAYOUT
+        | {"path": "~ the log", "out": PLACE, "overwrite": PLACE, "max_memory": MEMORY},
     ),
     "view": Case(
         "view {wander} --save x.rrd",
