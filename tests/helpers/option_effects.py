@@ -224,7 +224,9 @@ CASES = {
         RESULTS
         | {
             "turns": "--turns 10 --measured 8",
+            "drove": "--drove 10 --measured 8",
             "measured": "--turns 10 --measured 8",
+            "unit": "--turns 10 --measured 8 | --unit rad",
             "multiplier": "--turns 10 --measured 8 | --multiplier 1.2",
             "robot": "--robot husky",
             "half_gauge": "--half-gauge 0.2",
@@ -443,7 +445,8 @@ CASES = {
     ),
     "view": Case(
         "view {wander} --save x.rrd",
-        {
+        NO_LAYOUT
+        | {
             "path": "~ the log",
             "run": "~ tests of recordings check it",
             "web": SCREEN,
