@@ -31,7 +31,8 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.kinematics import Array
-from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Points, Rows, Scan, places_of
+from trackslip.localization.rows import Rows
+from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Points, Scan, places_of
 
 # signs of the bearings of the right and left edge from the middle
 _OUTWARDS: Final = np.array([[-1.0], [1.0]])

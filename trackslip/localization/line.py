@@ -11,7 +11,8 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import in_axes
-from trackslip.localization.scan import Cluster, Plate, PoseEstimate, Scan, extract_plate
+from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 
 # angle between the line of sight and the two initial headings beside it [rad]
 _BESIDE: Final = np.radians(2.0)

@@ -26,14 +26,14 @@ from trackslip.localization.likelihood import (
     viewing_angle,
 )
 from trackslip.localization.line import starts
+from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.localization.rows import Rows
 from trackslip.localization.scan import (
     FINER_GAPS,
     MAX_GAP,
     MIN_RETURNS,
     Cluster,
     Plate,
-    PoseEstimate,
-    Rows,
     Scan,
     best_of_each,
     candidates,

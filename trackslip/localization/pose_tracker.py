@@ -16,7 +16,8 @@ from scipy.interpolate import interp1d
 
 from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
 from trackslip.localization.likelihood import EDGE_ON, viewing_angle
-from trackslip.localization.scan import Locator, PoseEstimate, Scan
+from trackslip.localization.pose_estimate import Locator, PoseEstimate
+from trackslip.localization.scan import Scan
 from trackslip.restorable import Restorable
 
 GATE_POSITION: Final = 0.10

@@ -18,16 +18,9 @@ from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import PlateBeams, PlateLikelihood
 from trackslip.localization.plate import PlateLocator
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_POSITION, GROWTH
-from trackslip.localization.scan import (
-    Cluster,
-    Plate,
-    PoseEstimate,
-    Scan,
-    extract_plate,
-    returns_at,
-    returns_of,
-)
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate, returns_at, returns_of
 
 # number of scans for the background, equal sprocket turns apart because a robot may rest
 _KEY_SCANS: Final = 400

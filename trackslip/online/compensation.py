@@ -16,7 +16,7 @@ from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable
 

@@ -7,7 +7,7 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady import compare_laws, fit_law
 from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.online.compensation import MAX_CRAB_ANGLE, LoadedLaw, LoadedOnlineIcr
 from trackslip.online.filter import FilterTuning
 
