@@ -15,9 +15,10 @@ from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
+from trackslip.drives.conditioning import drives_of
+from trackslip.drives.encoders import interval_means
+from trackslip.drives.first_look import first_look
 from trackslip.errors import InvalidValueError, LogError, require_within
-from trackslip.identification.first_look import first_look
-from trackslip.identification.preparation import drives_of, interval_means
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.se2 import Mounting

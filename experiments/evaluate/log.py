@@ -11,8 +11,9 @@ from experiments.calibrate.calibration import read_log_of
 from experiments.common.log_options import size_in_bytes
 from experiments.evaluate.config import Config
 from trackslip import se2
+from trackslip.drives.conditioning import drives_of
+from trackslip.drives.encoders import interval_means
 from trackslip.errors import LogError, counted
-from trackslip.identification.preparation import drives_of, interval_means
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
 from trackslip.kinematics import RobotGeometry

@@ -16,12 +16,12 @@ from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives
 from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
+from trackslip.drives.conditioning import drives_of
+from trackslip.drives.first_look import Look, first_look
 from trackslip.errors import InvalidValueError
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import TODAY
-from trackslip.identification.first_look import Look, first_look
 from trackslip.identification.law_fit import DriveFit, fit_drives
-from trackslip.identification.preparation import drives_of
 from trackslip.identification.source import Source
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws

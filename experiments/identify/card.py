@@ -8,9 +8,10 @@ from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Answer
 from experiments.identify import tables
 from trackslip.identification.answer import TOO_LITTLE
-from trackslip.identification.comparison import REFERENCE, FittedLaw, Gain
+from trackslip.identification.comparison import REFERENCE, FittedLaw
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.result import Identification
+from trackslip.intervals import Gain
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
 

@@ -20,7 +20,7 @@ from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
 from sim.calibration.targets import Target
 from sim.loop import Progress
 from trackslip.errors import InvalidValueError, require
-from trackslip.identification.comparison import newton_steps
+from trackslip.intervals import newton_steps
 from trackslip.kinematics import Array
 
 _STEP = 0.05  # step for finite differences [standard deviations of the prior]

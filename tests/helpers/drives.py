@@ -8,10 +8,10 @@ from law_motion import WHITE, LawMotion, SlipVariation, driven_by_law
 
 from sim.wander.motion import Driver, joined_log, track_commands
 from sim.wander.pose_source import PoseSource
+from trackslip.drives.conditioning import drives_of
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import DriveFit, fit_drives
 from trackslip.identification.path import DriveModel
-from trackslip.identification.preparation import drives_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES

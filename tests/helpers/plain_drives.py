@@ -12,11 +12,11 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip import se2
-from trackslip.identification.comparison import Gain
+from trackslip.drives.conditioning import drives_of
+from trackslip.drives.first_look import Look, first_look
 from trackslip.identification.drive_comparison import compare_drives
-from trackslip.identification.first_look import Look, first_look
-from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification
+from trackslip.intervals import Gain
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.icr import ConstantIcr

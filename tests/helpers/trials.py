@@ -15,9 +15,9 @@ import numpy as np
 from scipy.stats import binom, binomtest
 
 from experiments.common.check import Check, checks_table
+from trackslip.drives.conditioning import drives_of
 from trackslip.errors import TrackslipError
 from trackslip.identification.law_fit import fit_drives
-from trackslip.identification.preparation import drives_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 

@@ -15,9 +15,9 @@ from plain_drives import HUSKY, Drive, drive_of, log_of, measured
 from trials import LAW, Estimate, Estimates, identified, outcomes, plausible_shares, share_text
 
 from experiments.common.table import Table
+from trackslip.drives.conditioning import drives_of
 from trackslip.identification.answer import combined
 from trackslip.identification.law_fit import fit_drives
-from trackslip.identification.preparation import drives_of
 from trackslip.laws.turn_loss import TurnLoss
 from trackslip.logs.runlog import RunLog
 

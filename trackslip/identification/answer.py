@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from trackslip.identification.comparison import FittedLaw, Gain
+from trackslip.identification.comparison import FittedLaw
+from trackslip.intervals import Gain
 from trackslip.laws.families import DIFF_DRIVE
 
 NO_POSITIONS: Final = "no positions were measured"

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
-from scipy.special import stdtrit
 
 from trackslip.errors import counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
 
-FEWEST_BLOCKS: Final = 6  # least number of independent parts of driving for an interval
 # least number of different curvatures over which laws are compared: over two, all laws with two
 # parameters predict the same
 FEWEST_CURVATURES: Final = 4
-_SINGULAR: Final = 1e-12  # ratio to the largest eigenvalue below which the data determine nothing
-# least number of effective blocks for which Student's t is meaningful
-_FEWEST_EFFECTIVE: Final = 3.0
 REFERENCE: Final = "icr_radius"
 """The law that is fitted first, as the start for other laws; it is also the best law if laws can't
 be compared.
@@ -29,23 +24,6 @@ LEAST_ERROR: Final = 1e-3
 """Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or
 relative].
 """
-
-
-class Gain(NamedTuple):
-    """A value with a 95 % interval; both ends are NaN if there is too little driving."""
-
-    value: float
-    low: float
-    high: float
-
-    @property
-    def error(self) -> float:
-        """Half the width of the interval."""
-        return (self.high - self.low) / 2
-
-    def to_json(self) -> dict[str, float | None]:
-        """The value and both ends of the interval, with None for NaN."""
-        return {name: None if np.isnan(value) else value for name, value in self._asdict().items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,45 +58,6 @@ def uncertainty(
         "interval95": dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True)),
         "correlation": correlation,
     }
-
-
-def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
-    """Newton steps (G, f) of f parameters from the minimum without each of G data parts to the
-    minimum with all data.
-
-    `rest` (G, f, f) has the normal equations without each part, `score` (G, f) the right-hand side
-    from each part. Steps are 0 where the remaining data determine nothing.
-    """
-    scale = np.sqrt(np.maximum(np.einsum("gaa->ga", rest), 1e-200))
-    inverse = np.linalg.pinv(
-        rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True
-    )
-    return np.asarray(np.einsum("gab,gb->ga", inverse, score / scale) / scale)
-
-
-def cr3(apart: Array) -> Array:
-    """Covariance (f, f) of parameters from their changes `apart` (G, f) without each block; NaN for
-    too few blocks.
-
-    CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.
-    """
-    if len(apart) < FEWEST_BLOCKS:
-        return np.full((apart.shape[1],) * 2, np.nan)
-    return (1 - 1 / len(apart)) * apart.T @ apart
-
-
-def student(blocks: Array, normal: Array) -> Array:
-    """Student's t (f,) for 95 % intervals of f parameters, from normal equations: per block (G, f,
-    f) and total (f, f).
-
-    A parameter that few blocks determine has few degrees of freedom: the effective number of
-    blocks, from their shares of the information, minus one (G. W. Imbens and M. Kolesár, *Robust
-    Standard Errors in Small Samples*, 2016).
-    """
-    inverse = np.linalg.inv(normal)
-    share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
-    effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
-    return np.asarray(stdtrit(np.maximum(effective, _FEWEST_EFFECTIVE) - 1, 0.975))
 
 
 Fit = TypeVar("Fit", bound=FittedLaw)

@@ -11,13 +11,12 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.first_look import Alarm, Look
 from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
-    FEWEST_BLOCKS,
     REFERENCE,
     Choice,
     Comparison,
-    Gain,
     choose,
     different_curvatures,
     few_curvatures,
@@ -26,10 +25,10 @@ from trackslip.identification.comparison import (
     uncertainty,
 )
 from trackslip.identification.far_poses import are_far_apart, other_separations
-from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.law_fit import DriveFit, fit_drives, prior_means
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs, PredictionErrors
+from trackslip.intervals import FEWEST_BLOCKS, Gain
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting

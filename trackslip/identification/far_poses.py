@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
+from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs
-from trackslip.identification.preparation import Drives
 from trackslip.identification.windows import WindowFit
 from trackslip.kinematics import Array
 

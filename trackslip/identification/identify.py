@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.drives.conditioning import drives_of
+from trackslip.drives.first_look import first_look
 from trackslip.errors import LogError, require
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import DriveComparison, compare_drives
-from trackslip.identification.first_look import first_look
-from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
 from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs

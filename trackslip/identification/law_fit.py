@@ -10,15 +10,16 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.clocks import clock_of_drive, median_offset
+from trackslip.drives.drive import Drive, Drives
+from trackslip.drives.gains import gains_of
 from trackslip.identification.answer import NO_POSITIONS
-from trackslip.identification.clocks import clock_of_drive, median_offset
-from trackslip.identification.comparison import FEWEST_BLOCKS, REFERENCE, FittedLaw, uncertainty
+from trackslip.identification.comparison import REFERENCE, FittedLaw, uncertainty
 from trackslip.identification.far_poses import OFFSETS, are_far_apart, start_between_far_poses
-from trackslip.identification.gains import gains_of
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise
-from trackslip.identification.preparation import Drives, PreparedDrive
 from trackslip.identification.windows import WindowFit, fit_windows
+from trackslip.intervals import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, family
 from trackslip.se2 import Mounting
@@ -68,7 +69,7 @@ class DriveFit(FittedLaw):
 
 def fit_drives(
     name: str,
-    drives: Sequence[PreparedDrive],
+    drives: Sequence[Drive],
     geometry: RobotGeometry,
     sensor: Mounting | None = None,
     reference: DriveFit | None = None,

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import scipy
 
-from trackslip.identification.preparation import Drives
+from trackslip.drives.drive import Drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import LawFamily
 

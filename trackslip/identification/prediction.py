@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.drive import Drives
 from trackslip.identification.comparison import LEAST_ERROR, Criterion
 from trackslip.identification.path import DriveModel, Path
-from trackslip.identification.preparation import Drives
 from trackslip.identification.windows import WindowFit
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms

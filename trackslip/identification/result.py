@@ -10,13 +10,14 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from trackslip.drives.first_look import Alarm
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.answer import TOO_LITTLE, answer_of, undetermined
-from trackslip.identification.comparison import REFERENCE, Comparison, FittedLaw, Gain
+from trackslip.identification.comparison import REFERENCE, Comparison, FittedLaw
 from trackslip.identification.drive_comparison import DriveComparison
-from trackslip.identification.first_look import Alarm
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady import SteadyComparison
+from trackslip.intervals import Gain
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES

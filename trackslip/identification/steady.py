@@ -30,7 +30,6 @@ from scipy.special import stdtrit
 from trackslip.errors import LogError, counted
 from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
-    FEWEST_BLOCKS,
     LEAST_ERROR,
     REFERENCE,
     Choice,
@@ -38,15 +37,14 @@ from trackslip.identification.comparison import (
     Criterion,
     FittedLaw,
     choose,
-    cr3,
     different_curvatures,
     few_curvatures,
-    newton_steps,
     ranked,
     turns_fast,
     uncertainty,
 )
 from trackslip.identification.samples import REPEATED, SlipSamples
+from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, LawFamily, Parameter, family

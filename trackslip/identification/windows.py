@@ -24,9 +24,9 @@ from typing import Final
 import numpy as np
 from scipy.linalg import eigh
 
-from trackslip.identification.comparison import cr3, newton_steps, student
+from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel, Path
-from trackslip.identification.preparation import Drives
+from trackslip.intervals import cr3, newton_steps, student
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS: Final = 2.0

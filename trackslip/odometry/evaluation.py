@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.drives.poses import measured_poses
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
-from trackslip.identification.preparation import measured_poses
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry

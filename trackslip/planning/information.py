@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.drive import Drive, Drives
+from trackslip.drives.encoders import merged
 from trackslip.errors import require, require_positive
 from trackslip.identification.law_fit import held_parameters
 from trackslip.identification.path import DriveModel
-from trackslip.identification.preparation import Drives, PreparedDrive, merged
 from trackslip.identification.windows import Windows, residuals
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
@@ -65,7 +66,7 @@ class Expectation:
 
 def drive_to_measure(
     speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1
-) -> PreparedDrive:
+) -> Drive:
     """Build a drive with belt speeds (T, 2) [m/s] for periods of 1 / `rate` [s].
 
     `merge` of the periods are combined into one. `radius` is that of the sprockets [m].
@@ -77,13 +78,13 @@ def drive_to_measure(
     pose = np.zeros((len(pose_time), 3))
     if poses.heading is None:
         pose[:, 2] = np.nan
-    return PreparedDrive("plan", edges, omega, pose_time, pose, 1 / poses.rate)
+    return Drive("plan", edges, omega, pose_time, pose, 1 / poses.rate)
 
 
 def expected(
     model: DriveModel,
     values: Array,
-    drives: Sequence[PreparedDrive],
+    drives: Sequence[Drive],
     poses: PoseQuality,
     slip: Sequence[float],
     known: LawErrors | None = None,

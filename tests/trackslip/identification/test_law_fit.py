@@ -6,9 +6,9 @@ from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 from law_motion import WHITE
 from plain_drives import HUSKY, drive_of, log_of, measured
 
+from trackslip.drives.conditioning import drives_of
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import fit_drives
-from trackslip.identification.preparation import drives_of
 from trackslip.laws.base import NoSlip
 from trackslip.laws.families import FAMILIES, drive_laws
 from trackslip.laws.icr import ConstantIcr, IcrSides

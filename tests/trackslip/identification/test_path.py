@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 from drives import drive_log, model
 
+from trackslip.drives.conditioning import drive_of
+from trackslip.drives.drive import Drives
+from trackslip.drives.encoders import interval_means
 from trackslip.identification.path import path_at
-from trackslip.identification.preparation import Drives, drive_of, interval_means
 from trackslip.kinematics import advance
 
 RNG = np.random.default_rng(0)

@@ -5,11 +5,12 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted, model
 from law_motion import WHITE
 
+from trackslip.drives.conditioning import drive_of, drives_of
+from trackslip.drives.drive import Drives
+from trackslip.drives.first_look import first_look
 from trackslip.identification.comparison import FittedLaw, ranked
 from trackslip.identification.drive_comparison import compare_drives
-from trackslip.identification.first_look import first_look
 from trackslip.identification.prediction import HORIZONS, Pairs
-from trackslip.identification.preparation import Drives, drive_of, drives_of
 from trackslip.laws.base import NoSlip
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.icr import ConstantIcr

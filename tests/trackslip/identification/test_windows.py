@@ -6,10 +6,11 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log, fitted, model
 
 from trackslip.bags.drives import load
-from trackslip.identification.first_look import first_look
+from trackslip.drives.conditioning import drive_of, drives_of
+from trackslip.drives.drive import Drive, Drives
+from trackslip.drives.first_look import first_look
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
-from trackslip.identification.preparation import Drives, PreparedDrive, drive_of, drives_of
 from trackslip.identification.windows import LOSS, Residuals, Windows, fit_windows, residuals
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
@@ -39,7 +40,7 @@ def random_drive(seed=0, count=60, gyro=False):
         if gyro
         else None
     )
-    return PreparedDrive(f"random {seed}", edges, omega, time, pose, 0.1, gyro=turned)
+    return Drive(f"random {seed}", edges, omega, time, pose, 0.1, gyro=turned)
 
 
 @pytest.mark.parametrize("gyro", [False, True])

@@ -16,12 +16,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from trackslip.drives.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
+from trackslip.drives.drive import BLOCK, Drive, Drives
+from trackslip.drives.gains import Gains, Steps, gains_of, windows_of
+from trackslip.drives.misread import matches_of, refuse_cells, refuse_readings, refuse_units
 from trackslip.errors import LogError, counted
-from trackslip.identification.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
-from trackslip.identification.comparison import FEWEST_BLOCKS
-from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
-from trackslip.identification.misread import matches_of, refuse_cells, refuse_readings, refuse_units
-from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
+from trackslip.intervals import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
 
 # most successive poses that may be wild or placeholders; a longer series is a path of its own
@@ -73,7 +73,7 @@ class Alarm:
 class Look:
     """Findings from drives before any law is fitted."""
 
-    drives: tuple[PreparedDrive, ...]  # without wild poses, cut at lasting jumps
+    drives: tuple[Drive, ...]  # without wild poses, cut at lasting jumps
     # ratios of measured distances and turns to the wheels', and the sensor's approximate place
     gains: Gains
     clock: float  # encoder clock minus pose clock for the best match, a start value for fits [s]
@@ -93,7 +93,7 @@ class Look:
         return content | {name: gain and gain.to_json() for name, gain in gains}
 
 
-def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look:
+def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
     """Inspect drives; raises LogError, with a one-line remedy, if the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
@@ -147,7 +147,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     )
 
 
-def _checked_clock(drive: PreparedDrive) -> Clock:
+def _checked_clock(drive: Drive) -> Clock:
     """A drive's clock offset; raises LogError if encoders and poses are too far apart for fits to
     align them.
     """
@@ -172,9 +172,7 @@ def _checked_clock(drive: PreparedDrive) -> Clock:
     return clock
 
 
-def _alarms(
-    drives: Sequence[PreparedDrive], gains: Gains, duration: float, matches: Array
-) -> list[Alarm]:
+def _alarms(drives: Sequence[Drive], gains: Gains, duration: float, matches: Array) -> list[Alarm]:
     """Reasons to doubt any law fitted to the drives."""
     alarms = list[Alarm]()
     match = float(np.abs(matches).mean()) if len(matches) else 1.0
@@ -217,7 +215,7 @@ def _alarms(
     return alarms
 
 
-def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: float) -> list[str]:
+def _notes(drives: Sequence[Drive], gains: Gains, left: float, right: float) -> list[str]:
     """Remarks on the log's content; `left` and `right` are the sums of turns to each side [rad]."""
     headed, placed = (np.mean([np.isfinite(d.pose[:, k]).any() for d in drives]) for k in (2, 0))
     interval = float(np.median([drive.interval for drive in drives]))
@@ -257,8 +255,8 @@ def _notes(drives: Sequence[PreparedDrive], gains: Gains, left: float, right: fl
 
 
 def without_jumps(
-    drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
-) -> tuple[list[PreparedDrive], list[str]]:
+    drive: Drive, geometry: RobotGeometry, gains: Gains, clock: float
+) -> tuple[list[Drive], list[str]]:
     """Drop wild poses and cut the drive at lasting jumps; returns all parts that are long enough,
     and notes.
     """
@@ -274,7 +272,7 @@ def without_jumps(
         return [drive], []
     good = np.ones(len(drive.time), bool)
     good[wild] = False
-    parts = list[PreparedDrive]()
+    parts = list[Drive]()
     for first, end in pairwise([0, *lasting.tolist(), len(drive.time)]):
         rows = np.flatnonzero(good[first:end]) + first
         if (
@@ -286,7 +284,7 @@ def without_jumps(
 
 
 def _jumps(
-    drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: float
+    drive: Drive, geometry: RobotGeometry, gains: Gains, clock: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices of wild poses and of the first pose after each lasting jump, judged by dead reckoning
     with gains.
@@ -327,7 +325,7 @@ def _jumps(
     return steps.rows[wild], steps.rows[lasting]
 
 
-def _part(drive: PreparedDrive, rows: np.ndarray, clock: float) -> PreparedDrive:
+def _part(drive: Drive, rows: np.ndarray, clock: float) -> Drive:
     """The drive limited to some rows of poses, and to encoder intervals within three seconds of
     these poses.
     """

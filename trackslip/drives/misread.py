@@ -11,9 +11,10 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.conditioning import FEW
+from trackslip.drives.drive import Drive, Drives
+from trackslip.drives.gains import Gains, Window, rms, windows_of
 from trackslip.errors import LogError, counted
-from trackslip.identification.gains import Gains, Window, rms, windows_of
-from trackslip.identification.preparation import FEW, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
 # largest relative deviation of a gain from a wrong unit's factor: tracks slip no more, except on
@@ -27,7 +28,7 @@ _BETTER: Final = 0.2
 _SLOW: Final = 0.2
 
 
-def refuse_cells(drive: PreparedDrive) -> None:
+def refuse_cells(drive: Drive) -> None:
     """Refuse single speeds that no wheel reaches, such as those from a counter that restarts."""
     for name, speed in zip(("omega_l", "omega_r"), np.abs(drive.omega).T, strict=True):
         around = np.maximum(np.append(0.0, speed[:-1]), np.append(speed[1:], 0.0))
@@ -45,7 +46,7 @@ def refuse_cells(drive: PreparedDrive) -> None:
 
 
 def refuse_readings(
-    drives: Sequence[PreparedDrive],
+    drives: Sequence[Drive],
     window: Window,
     now: Array,
     geometry: RobotGeometry,
@@ -75,13 +76,13 @@ def refuse_readings(
         )
 
 
-_Reading = tuple[list[PreparedDrive], str, str]
+_Reading = tuple[list[Drive], str, str]
 """Drives with reinterpreted columns, the error message if these match better, and advice to the
 user.
 """
 
 
-def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Reading:
+def _angles(drives: Sequence[Drive], geometry: RobotGeometry) -> _Reading:
     """Reinterpret the speed columns as angles or counters that may wrap: speeds are their scaled
     changes.
     """
@@ -101,7 +102,7 @@ def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Readin
     return others, what, "give their changes over time, in rad/s"
 
 
-def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
+def _other_readings(drives: Sequence[Drive]) -> Iterator[_Reading]:
     """Yield reinterpretations of drives: swapped sides, changed signs and other headings."""
     names = {
         (-1, 1): ("omega_l", "left"),
@@ -148,7 +149,7 @@ def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
             yield others, "column phi runs clockwise by the course of x and y", turn
 
 
-def _with_heading(drive: PreparedDrive, factor: float, offset: float = 0.0) -> PreparedDrive:
+def _with_heading(drive: Drive, factor: float, offset: float = 0.0) -> Drive:
     """The drive with each heading replaced by offset + factor * heading."""
     pose, known = drive.pose.copy(), np.isfinite(drive.pose[:, 2])
     pose[known, 2] = np.unwrap(offset + factor * pose[known, 2])
@@ -178,7 +179,7 @@ def _alike(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.mean(first[known] * second[known]).real / size) if size > 0 else 0.0
 
 
-def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotGeometry) -> None:
+def refuse_units(drives: Sequence[Drive], gains: Gains, geometry: RobotGeometry) -> None:
     """Refuse a speed gain that matches a wrong unit; degrees of longitude shrink with the cosine of
     the latitude.
     """

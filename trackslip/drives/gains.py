@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from trackslip.identification.clocks import GRID
-from trackslip.identification.comparison import Gain, cr3, newton_steps, student
-from trackslip.identification.preparation import Drives
+from trackslip.drives.clocks import GRID
+from trackslip.drives.drive import Drives
+from trackslip.intervals import Gain, cr3, newton_steps, student
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW: Final = 2.0

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from trackslip.identification.preparation import PreparedDrive
+from trackslip.drives.drive import Drive
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.checks import unwrapped
 
@@ -47,7 +47,7 @@ def median_offset(clocks: Iterable[Clock]) -> float:
     )
 
 
-def clock_of_drive(drive: PreparedDrive) -> Clock:
+def clock_of_drive(drive: Drive) -> Clock:
     """The clock offset at which a drive's encoders and poses match best; offsets above NEAR must
     match much better.
     """
