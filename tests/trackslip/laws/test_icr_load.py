@@ -42,6 +42,12 @@ def test_a_robot_slips_uphill_and_is_helped_downhill_whichever_way_it_drives():
     np.testing.assert_allclose(uphill, [1.01 * (1 - 0.02), -1.01 * (1 + 0.02)])
 
 
+def test_before_a_run_the_law_is_that_without_load():
+    law = LoadedLaw(LAW).law()
+    omega = np.array([[1.0, 2.0], [-1.0, 3.0]])
+    np.testing.assert_array_equal(law.twist(omega, GEOMETRY), LAW.twist(omega, GEOMETRY))
+
+
 def test_the_heading_is_corrected_by_the_angle_at_which_the_robot_crabs():
     known = LoadedLaw(LAW)
     known.reset(np.zeros((4, 3)))
