@@ -190,6 +190,7 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
         pose=pose,
         command=None if encoders.command is None else encoders.command[held],
         valid=valid,
+        read=np.isin(time, read),
         truth=None if encoders.truth is None else _truth_at(encoders.truth, read, time, after),
         metadata=encoders.metadata,
     )

@@ -230,6 +230,7 @@ def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
         omega=encoders.values[np.searchsorted(read, stamp)],
         pose=pose,
         valid=None if valid.all() else valid,
+        read=None if len(stamp) == len(read) else np.isin(stamp, read),
         beyond=others if len(others) else None,
         metadata={"bag": {**encoders.about, "poses": poses.source, "start": start / 1e9}},
     )

@@ -42,8 +42,8 @@ class Drive:
     repeated: int = 0  # number of poses left out because they repeat the previous pose
     # number of poses left out because they lie on the line between other poses
     interpolated: int = 0
-    held: bool = False  # true if encoders are read less often than they are logged
     whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
+    notes: tuple[str, ...] = ()  # parts of the log that were left out, one line each
 
     @property
     def has_heading(self) -> bool:

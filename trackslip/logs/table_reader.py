@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
-from trackslip.logs.checks import gaps, in_order, plausible_gyro, restarts, unwrapped
+from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.size import require_runs_fit
@@ -274,6 +274,7 @@ class _Reader:
         is_beyond[read] = False
         beyond = self._beyond(rows[is_beyond[rows]])
         rows = read
+        is_read = np.asarray(np.isfinite(self._values[rows[:, None], _OMEGA]).all(axis=1))
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
         pose[headed, 2] = unwrapped(pose[headed, 2])
@@ -285,7 +286,8 @@ class _Reader:
             pose=pose,
             **_present(self._blocks, rows),
             valid=None if all_valid else valid,
-            gyro=self._gyro(name, rows, np.where(headed, pose[:, 2], np.nan)),
+            read=None if is_read.all() else is_read,
+            gyro=self._gyro(name, rows),
             truth=self._truth_of(rows),
             scans=self._scans.scans(rows, metadata),
             beyond=beyond,
@@ -412,12 +414,9 @@ class _Reader:
         pose[np.isnan(pose[:, :2]).any(axis=1), :2] = np.nan
         return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
-    def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
+    def _gyro(self, name: str, rows: np.ndarray) -> Array | None:
         """Yaw rates (n,), NaN where not measured; None without readings. Empty cells get the next
         reading.
-
-        `heading` (n,) [rad] is NaN where not measured. Raises LogError if headings show that the
-        gyro's unit is wrong.
         """
         time, rate = self._values[rows, 0], self._values[rows, _GYRO]
         self._left_out(name, rows, self._damaged[rows], [_GYRO], "gyro reading")
@@ -427,9 +426,7 @@ class _Reader:
         after = read[np.minimum(np.searchsorted(read, np.arange(len(rows))), len(read) - 1)]
         ahead = time[after] - time
         covered = np.isnan(rate) & self._gyro_empty[rows] & (ahead >= 0) & (ahead <= _GAP)
-        plausible, doubt = plausible_gyro(time, np.where(covered, rate[after], rate), heading, name)
-        self.notes += [doubt] if doubt else []
-        return plausible
+        return np.where(covered, rate[after], rate)
 
     def _truth_of(self, rows: np.ndarray) -> Truth | None:
         parts = _present(self._truth, rows)

@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.drives.encoders import encoders_of
+from trackslip.drives.gyro import mean_yaw_rates, with_usable_gyro
 from trackslip.drives.poses import measured_poses
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
-from trackslip.logs.runlog import MEASURED, RunLog
+from trackslip.logs.runlog import RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
 
@@ -201,9 +203,13 @@ def odometry_errors(
     Raises:
         LogError: if no drive has at least two measured poses during its encoder readings.
     """
-    trajectories, notes = [], []
+    trajectories = list[Trajectory]()
+    notes = list[str]()
     for log in [logs] if isinstance(logs, RunLog) else logs:
         try:
+            if odometry.gyro is not None:
+                log, note = with_usable_gyro(log)
+                notes += [note] if note else []
             trajectories.append(trajectory_of(log, odometry, mounting or Mounting(), clock_offset))
         except LogError as error:
             notes.append(str(error))
@@ -242,10 +248,14 @@ def trajectory_of(
     fewer than two.
     """
 
+    encoders = encoders_of(log)
+
     def by_odometry(at: Array) -> Array:
         time = np.union1d(log.time, at)
-        gyro = None if odometry.gyro is None else _readings(log, time + odometry.gyro.clock)
-        path = odometry.path(time, log.omega[np.searchsorted(log.time, time)], gyro)
+        gyro = None
+        if odometry.gyro is not None:
+            gyro = mean_yaw_rates(log, time + odometry.gyro.clock)
+        path = odometry.path(time, encoders.at(time), gyro)
         return se2.compose(path.pose[np.searchsorted(time, at)], mounting.pose)
 
     return estimated_trajectory(log, by_odometry, odometry.geometry, clock_offset)
@@ -259,32 +269,29 @@ def estimated_trajectory(
 
     Raises LogError for fewer than two poses.
     """
-    rows = np.flatnonzero(log.has_place)
-    repeated = (np.diff(np.nan_to_num(log.pose[rows]), axis=0) == 0).all(axis=1)
-    rows = np.delete(rows, 1 + np.flatnonzero(repeated))
-    time, measured = measured_poses(log.time[rows], log.pose[rows])
+    # the measured positions, at which encoders were read
+    poses = measured_poses(log)
+    placed = np.isfinite(poses.pose[:, 0])
+    time = poses.time[placed]
+    measured = poses.pose[placed]
     at = time + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
     if covered.sum() < 2:
         count = f"{int(covered.sum())} of {counted(len(time), 'measured pose')}"
         raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least 2")
-    time, at, measured = time[covered], at[covered], measured[covered]
+    time = time[covered]
+    at = at[covered]
+    measured = measured[covered]
+
+    # without measured headings, those of the estimate fitted to the positions before
     estimated = estimate(at)
     heading = measured[:, 2]
     if not np.isfinite(heading).any():
         place, estimated_place = (pose[:, 0] + 1j * pose[:, 1] for pose in (measured, estimated))
         heading = trailing_heading(at, place, estimated_place, estimated[:, 2])
-    speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
-    way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
-    return Trajectory(log.run, time, np.interp(at, log.time, way), measured, estimated, heading)
 
-
-def _readings(log: RunLog, time: Array) -> Array | None:
-    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None
-    without a gyro.
-    """
-    if log.gyro_sums is None:
-        return None
-    turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)
-    step = np.diff(time)
-    return np.append(np.nan, np.where(measured >= MEASURED * step, turned / step, np.nan))
+    encoders = encoders_of(log)
+    speed = np.abs(body_twist(encoders.omega, 0.0, geometry)[:, 0])
+    way = np.append(0.0, np.cumsum(speed * np.diff(encoders.edges)))
+    way = np.interp(at, encoders.edges, way)
+    return Trajectory(log.run, time, way, measured, estimated, heading)
