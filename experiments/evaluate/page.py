@@ -81,7 +81,7 @@ class Report:
         )
         drive = max(
             best.errors.trajectories,
-            key=lambda drive: np.ptp(drive.way) * np.ptp(drive.estimated[:, 2]),
+            key=lambda drive: np.ptp(drive.distance) * np.ptp(drive.estimated[:, 2]),
         )
         plots = [
             Plot(

@@ -13,9 +13,9 @@ from trackslip.kinematics import Array
 
 # longest time from a row to the next in a drive: longer than in any log of a driving robot [s]
 LONGEST_STEP: Final = 10.0
-_RESTART = 1.0  # least time by which a restarted clock goes back [s]
+_RESTART: Final = 1.0  # least time by which a restarted clock goes back [s]
 # most successive rows that may have wrong stamps; a longer series belongs to another drive
-_GLITCH = 4
+_GLITCH: Final = 4
 
 
 def restarts(time: Array) -> np.ndarray:

@@ -7,7 +7,7 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady import compare_laws, fit_law
 from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.online.compensation import MAX_CRAB_ANGLE, LoadedLaw, LoadedOnlineIcr
 from trackslip.online.filter import FilterTuning
 
@@ -40,6 +40,12 @@ def test_a_robot_slips_uphill_and_is_helped_downhill_whichever_way_it_drives():
     belts = np.array([[1.0, 1.0], [-1.0, -1.0]])
     uphill = LAW.under((0.2, 0.0)).twist(belts / GEOMETRY.sprocket_radius, GEOMETRY)[:, 0]
     np.testing.assert_allclose(uphill, [1.01 * (1 - 0.02), -1.01 * (1 + 0.02)])
+
+
+def test_before_a_run_the_law_is_that_without_load():
+    law = LoadedLaw(LAW).law()
+    omega = np.array([[1.0, 2.0], [-1.0, 3.0]])
+    np.testing.assert_array_equal(law.twist(omega, GEOMETRY), LAW.twist(omega, GEOMETRY))
 
 
 def test_the_heading_is_corrected_by_the_angle_at_which_the_robot_crabs():

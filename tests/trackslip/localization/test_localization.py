@@ -9,8 +9,9 @@ from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.localization.likelihood import PlateBeams, PlateLikelihood, viewing_angle
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.scan import Plate, PoseEstimate, Scan, extract_plate
+from trackslip.localization.scan import Plate, Scan, extract_plate
 
 LOCATOR, PLATE = PlateLocator(), Plate()
 STEP = np.radians(0.25)
