@@ -110,8 +110,8 @@ def _refuse_zeros(run: str, columns: str, values: Array, measured: str) -> None:
     for a single row.
     """
     zero = (values == 0).all(axis=1)
-    changes = zero[1:] != zero[:-1]
-    alone = int((changes[1:] & changes[:-1]).sum())
+    changes = np.diff(zero.astype(int)) != 0
+    alone = int((changes[1:] & changes[:-1]).sum())  # rows that differ from both neighbours
     if alone > max(FEW, 0.1 * len(zero)):
         raise LogError(
             f"run {run!r}: columns {columns} go to 0 and back {alone:,} times: leave cells empty "
