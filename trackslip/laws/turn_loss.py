@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import require_between
 from trackslip.laws.icr import IcrLaw
 
@@ -36,7 +36,7 @@ class _SpeedLost(IcrLaw):
         reach = self._reach[..., 0]
         v, difference, loss = np.broadcast_arrays(v, reach * w, self.turn_loss)
         mean = _mean_speed(v, difference, loss)
-        belts = mean[..., None] + SIDES * difference[..., None]
+        belts = mean[..., None] + TRACK_SIGNS * difference[..., None]
         return belts / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 import scipy.optimize
 
-from trackslip.kinematics import SIDES, Array, wrap_angle
+from trackslip.kinematics import TRACK_SIGNS, Array, wrap_angle
 from trackslip.planning.limits import DriveLimits, Knowledge
 
 RATE: Final = 50.0  # commands per second; maneuvers last whole command periods [Hz]
@@ -307,7 +307,7 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
     share[[0, -1]] = route.ends if route.pairs > 1 else 1.0
     share /= share.sum()
     remaining = limits.duration - times[:count].sum()
-    to_the_left_and_back = np.outer([1.0, -1.0], SIDES)
+    to_the_left_and_back = np.outer([1.0, -1.0], TRACK_SIGNS)
     pairs = [longest_spin(remaining * part / 2, limits) * to_the_left_and_back for part in share]
     pairs[1::2] = [-pair for pair in pairs[1::2]]
 
@@ -324,7 +324,7 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
 
 def _belt_distances(length: Array, turn: Array, knowledge: Knowledge) -> Array:
     """Distances (n, 2) [m] of the belts for path lengths (n,) [m] and turns (n,) [rad]."""
-    over_ground = length[:, None] + SIDES * knowledge.reach * turn[:, None]
+    over_ground = length[:, None] + TRACK_SIGNS * knowledge.reach * turn[:, None]
     return np.asarray(over_ground / (1 + knowledge.radius_error))
 
 
