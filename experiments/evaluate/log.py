@@ -27,12 +27,13 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     """Read the drives that the options name, with the `known` geometry if neither log nor options
     state one.
     """
-    size, bag = (config.half_gauge, config.sprocket_radius), config.bag.choice()
     reading = ReadOptions(
-        *size,
-        config.gear,
-        bag=bag,
+        half_gauge=config.half_gauge,
+        sprocket_radius=config.sprocket_radius,
+        gear=config.gear,
+        bag=config.bag.choice(),
         multiplier=config.multiplier,
+        layout=config.table.layout(config.half_gauge, config.sprocket_radius),
         max_memory=size_in_bytes("max_memory", config.max_memory),
     )
     source = read_log_of(config.path, reading, known)

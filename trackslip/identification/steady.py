@@ -39,6 +39,7 @@ from trackslip.identification.comparison import (
     choose,
     different_curvatures,
     few_curvatures,
+    nearest_curvatures,
     ranked,
     turns_fast,
     uncertainty,
@@ -419,7 +420,8 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     if answer is None:
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predicted = {name: law.fit.left_out() for name, law in laws.items()}
-    curvatures = different_curvatures(samples.direction(geometry), REPEATED)
+    directions = samples.direction(geometry)
+    curvatures = different_curvatures(directions, nearest_curvatures(directions, REPEATED))
     # over different loads, laws with and without slip under load can be compared all the same
     uncompared = few_curvatures(curvatures, "the samples have") if unloaded else ""
     choice = None if uncompared else choose(laws, lambda some: _ranked(some, predicted))

@@ -13,15 +13,15 @@ from trackslip.kinematics import Array
 
 # longest time from a row to the next in a drive: longer than in any log of a driving robot [s]
 LONGEST_STEP: Final = 10.0
-_RESTART = 1.0  # least time by which a restarted clock goes back [s]
+_RESTART: Final = 1.0  # least time by which a restarted clock goes back [s]
 # most successive rows that may have wrong stamps; a longer series belongs to another drive
-_GLITCH = 4
-_MIN_STEPS = 5  # least number of turns for a comparison
-_DISAGREES = 0.5  # correlation below which two sets of turns are from different motions
+_GLITCH: Final = 4
+_MIN_STEPS: Final = 5  # least number of turns for a comparison
+_DISAGREES: Final = 0.5  # correlation below which two sets of turns are from different motions
 # duration of the turns that are compared with a gyro's: poses may be stamped half a second late [s]
-_TURN_TIME = 2.0
-_MIN_TURN = 0.1  # least rms of the turns for a check of a gyro's axis and unit [rad]
-_SAME_UNIT = (0.5, 2.0)  # limits on the ratio between turns in the same unit [-]
+_TURN_TIME: Final = 2.0
+_MIN_TURN: Final = 0.1  # least rms of the turns for a check of a gyro's axis and unit [rad]
+_SAME_UNIT: Final = (0.5, 2.0)  # limits on the ratio between turns in the same unit [-]
 
 
 def restarts(time: Array) -> np.ndarray:
@@ -92,16 +92,16 @@ def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Arr
     known = np.flatnonzero(np.isfinite(heading))
     if not known.size:
         return None
-    ends = known[
-        np.unique(
-            np.searchsorted(time[known], np.arange(time[known[0]], time[known[-1]], _TURN_TIME))
-        )
-    ]
-    turn, by = (
-        np.diff(np.unwrap(heading[known])[np.searchsorted(known, ends)]),
-        np.diff(turned[..., ends]),
-    )
-    return None if len(turn) < _MIN_STEPS or np.mean(turn**2) < _MIN_TURN**2 else (turn, by)
+    # rows with headings, at least _TURN_TIME apart
+    begin = time[known[0]]
+    grid = np.arange(begin, time[known[-1]], _TURN_TIME)
+    ends = np.unique(np.searchsorted(time[known], grid))
+
+    turn = np.diff(np.unwrap(heading[known])[ends])
+    by = np.diff(turned[..., known[ends]])
+    if len(turn) < _MIN_STEPS or np.mean(turn**2) < _MIN_TURN**2:
+        return None
+    return turn, by
 
 
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
