@@ -133,7 +133,8 @@ class Centrifugal(TurnLoss):
         """
         slow = super().twist(omega, geometry)
         p = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
-        excess = 2 / 3 * (np.cosh(2 / 3 * np.arcsinh(np.sqrt(6.75 * np.abs(p)))) - 1)
+        angle = np.arcsinh(np.sqrt(27 / 4 * np.abs(p)))
+        excess = 2 / 3 * (np.cosh(2 / 3 * angle) - 1)
         factor = 1 + np.copysign(excess, p)
         return np.asarray(slow / factor[..., None])
 
