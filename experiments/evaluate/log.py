@@ -12,7 +12,7 @@ from experiments.common.log_options import size_in_bytes
 from experiments.evaluate.config import Config
 from trackslip import se2
 from trackslip.drives.conditioning import drives_of
-from trackslip.drives.encoders import interval_means
+from trackslip.drives.gyro import with_usable_gyro
 from trackslip.errors import LogError, counted
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
@@ -48,8 +48,11 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
             ]
         prepared, refused = drives_of(drives)
         usable = {drive.name for drive in prepared}
-        drives = [_read_once(log) for log in drives if log.run in usable]
+        drives = [log for log in drives if log.run in usable]
         notes += [*map(str, refused)]
+    checked = [with_usable_gyro(log) for log in drives]
+    drives = [log for log, _ in checked]
+    notes += [note for _, note in checked if note]
     return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes)))
 
 
@@ -67,12 +70,6 @@ def _windows(samples: SlipSamples) -> list[RunLog]:
         RunLog(name, _TIME, omega, pose)
         for name, omega, pose in zip(samples.run, omegas, poses, strict=True)
     ]
-
-
-def _read_once(log: RunLog) -> RunLog:
-    """The log without repeated encoder readings, as fits and replays use it."""
-    means = interval_means(log.time, log.omega)
-    return replace(log, omega=np.concatenate([log.omega[:1], means]))
 
 
 def parts(drives: Sequence[RunLog], count: int, name: str) -> np.ndarray:

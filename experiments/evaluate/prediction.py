@@ -103,7 +103,9 @@ def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
     time, valid = log.time[rows], log.is_valid[rows]
     time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
     valid[[0, -1]] = False
-    return RunLog(log.run, time, log.omega[rows], log.pose[rows], valid=valid)
+    return RunLog(
+        log.run, time, log.omega[rows], log.pose[rows], valid=valid, read=log.is_read[rows]
+    )
 
 
 def winner(predictions: Sequence[Prediction]) -> tuple[Prediction, float, str]:

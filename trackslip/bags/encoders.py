@@ -288,6 +288,7 @@ def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
         omega=encoders.values[next_reading],
         pose=pose,
         valid=None if valid.all() else valid,
+        read=None if len(stamp) == len(read) else np.isin(stamp, read),
         beyond=beyond if len(beyond) else None,
         metadata={"bag": {**encoders.about, "poses": poses.source, "start": start / 1e9}},
     )

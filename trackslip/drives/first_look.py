@@ -199,8 +199,7 @@ def _notes(drives: Sequence[Drive], gains: Gains, left: float, right: float) -> 
         notes.append(
             f"poses are interpolated: {between:,} rows between the measured ones are left out"
         )
-    if any(drive.held for drive in drives):
-        notes.append("encoders are read less often than logged: held readings count once")
+    notes += [line for drive in drives for line in drive.notes]
     if gains.speed is None and placed:
         notes.append(
             "gains of distances can't be determined: the robot hardly drives, or poses are too rare"

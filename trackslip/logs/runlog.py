@@ -93,7 +93,7 @@ class RunLog:
     run: str
     """Name of the run, unique within a file."""
     time: Array  # (T,) [s], ascending in steps of at most LONGEST_STEP
-    omega: Array  # (T, 2) measured sprocket speeds [rad/s]
+    omega: Array  # (T, 2) measured sprocket speeds, means since the previous reading [rad/s]
     # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN where positions or headings weren't
     # measured
     pose: Array
@@ -104,6 +104,9 @@ class RunLog:
     covariance: Array | None = None  # (T, 3, 3) covariance of the pose
     # (T,) bool: true where the pose was measured; None if all poses were measured
     valid: np.ndarray | None = None
+    # (T,) bool: true where the encoders were read; None if they were in every row. A row without a
+    # reading has the speeds of the next reading, which are means over that row, too.
+    read: np.ndarray | None = None
     # (T, 2) required traction per unit load, forwards and to the left [-]
     load: Array | None = None
     # (T,) yaw rate from a gyro, mean since the previous row [rad/s]; NaN where not measured
@@ -205,6 +208,11 @@ class RunLog:
         return np.ones(len(self.time), bool) if self.valid is None else self.valid
 
     @property
+    def is_read(self) -> np.ndarray:
+        """(T,) bool: true where the encoders were read."""
+        return np.ones(len(self.time), bool) if self.read is None else self.read
+
+    @property
     def has_place(self) -> np.ndarray:
         """(T,) bool: true where the position was measured."""
         return self.is_valid & np.isfinite(self.pose[:, 0])
@@ -213,18 +221,6 @@ class RunLog:
     def has_heading(self) -> np.ndarray:
         """(T,) bool: true where the heading was measured."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
-
-    @property
-    def gyro_sums(self) -> Array | None:
-        """Sums (T, 2) up to each row: the gyro's turn [rad] and the time with readings [s]; None
-        without a gyro.
-        """
-        if self.gyro is None:
-            return None
-        rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
-        return np.concatenate(
-            [np.zeros((1, 2)), np.cumsum(rates * np.diff(self.time)[:, None], axis=0)]
-        )
 
     def between(self, first: int, end: int) -> RunLog:
         """The rows from `first` up to, but not including, `end`."""

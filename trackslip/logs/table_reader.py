@@ -24,7 +24,7 @@ from trackslip.logs.angles import (
     odometry_speeds,
     unwrapped_angle,
 )
-from trackslip.logs.checks import gaps, in_order, plausible_gyro, restarts, unwrapped
+from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
 from trackslip.logs.recognition import suggested_columns
@@ -308,12 +308,12 @@ class _Reader:
         return bool(min(encoders, poses) > 1)
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
-        omega, read = self._encoder(name, rows)
+        omega, covered, is_read = self._encoder(name, rows)
         is_beyond = np.zeros(len(self._values), bool)
         is_beyond[rows] = True
-        is_beyond[read] = False
+        is_beyond[covered] = False
         beyond = self._beyond(rows[is_beyond[rows]])
-        rows = read
+        rows = covered
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
         pose[headed, 2] = unwrapped(pose[headed, 2])
@@ -325,7 +325,8 @@ class _Reader:
             pose=pose,
             **_present(self._blocks, rows),
             valid=None if all_valid else valid,
-            gyro=self._gyro(name, rows, np.where(headed, pose[:, 2], np.nan)),
+            read=None if is_read.all() else is_read,
+            gyro=self._gyro(name, rows),
             truth=self._truth_of(rows),
             scans=self._scans.scans(rows, metadata),
             beyond=beyond,
@@ -418,8 +419,9 @@ class _Reader:
             self._note(name, len(rows) - len(ascending), len(rows), "row", reason)
         return rows[ascending]
 
-    def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Sprocket speeds (n, 2), and the rows (n,) from the first encoder reading to the last.
+    def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
+        """Sprocket speeds (n, 2), the rows (n,) from the first encoder reading to the last, and a
+        mask (n,) of those with a reading.
 
         A row without a reading gets the next reading. Speeds are means since the reading before,
         so that rows up to _GAP before the first of them are covered, too.
@@ -445,8 +447,9 @@ class _Reader:
                 self.notes.append(
                     f"run {name!r}: {counted(count, 'row')} {where} encoder reading left out"
                 )
-        next_reading = np.searchsorted(read, np.arange(begin, end))
-        return speeds[next_reading], rows[begin:end]
+        covered = np.arange(begin, end)
+        next_reading = np.searchsorted(read, covered)
+        return speeds[next_reading], rows[covered], np.isin(covered, read)
 
     def _speeds_between(
         self, rows: np.ndarray, time: Array, readings: Array
@@ -537,12 +540,9 @@ class _Reader:
         pose[np.isnan(pose[:, :2]).any(axis=1), :2] = np.nan
         return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
-    def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
+    def _gyro(self, name: str, rows: np.ndarray) -> Array | None:
         """Yaw rates (n,), NaN where not measured; None without readings. Empty cells get the next
         reading.
-
-        `heading` (n,) [rad] is NaN where not measured. Raises LogError if headings show that the
-        gyro's unit is wrong.
         """
         time = self._values[rows, _TIME]
         rate = self._values[rows, _GYRO]
@@ -553,9 +553,7 @@ class _Reader:
         after = read[np.minimum(np.searchsorted(read, np.arange(len(rows))), len(read) - 1)]
         ahead = time[after] - time
         covered = np.isnan(rate) & self._gyro_empty[rows] & (ahead >= 0) & (ahead <= _GAP)
-        plausible, doubt = plausible_gyro(time, np.where(covered, rate[after], rate), heading, name)
-        self.notes += [doubt] if doubt else []
-        return plausible
+        return np.where(covered, rate[after], rate)
 
     def _truth_of(self, rows: np.ndarray) -> Truth | None:
         parts = _present(self._truth, rows)

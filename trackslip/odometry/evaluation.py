@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.drives.encoders import encoders_of
+from trackslip.drives.gyro import mean_yaw_rates, with_usable_gyro
 from trackslip.drives.poses import measured_poses
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
-from trackslip.logs.runlog import MEASURED, RunLog
+from trackslip.logs.runlog import RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
 
@@ -239,6 +241,9 @@ def odometry_errors(
     drives = [logs] if isinstance(logs, RunLog) else logs
     for log in drives:
         try:
+            if odometry.gyro is not None:
+                log, note = with_usable_gyro(log)
+                notes += [note] if note else []
             drive = trajectory_of(log, odometry, mounting or Mounting(), clock_offset)
         except LogError as error:
             notes.append(str(error))
@@ -291,14 +296,15 @@ def trajectory_of(
     fewer than two.
     """
 
+    encoders = encoders_of(log)
+
     def by_odometry(at: Array) -> Array:
         # rows at the times of readings and of poses; a reading is a mean since the row before it
-        time = np.union1d(log.time, at)
-        omega = log.omega[np.searchsorted(log.time, time)]
+        time = np.union1d(encoders.edges, at)
         gyro = None
         if odometry.gyro is not None:
-            gyro = _readings(log, time + odometry.gyro.clock)
-        path = odometry.path(time, omega, gyro)
+            gyro = mean_yaw_rates(log, time + odometry.gyro.clock)
+        path = odometry.path(time, encoders.at(time), gyro)
         rows = np.searchsorted(time, at)
         return se2.compose(path.pose[rows], mounting.pose)
 
@@ -313,15 +319,12 @@ def estimated_trajectory(
 
     Raises LogError for fewer than two poses.
     """
-    # poses that repeat the one before were not measured anew; headings alone may stay the same
-    if log.has_place.any():
-        rows = np.flatnonzero(log.has_place)
-        changes = np.diff(np.nan_to_num(log.pose[rows]), axis=0)
-        is_repeated = (changes == 0).all(axis=1)
-        rows = np.delete(rows, 1 + np.flatnonzero(is_repeated))
-    else:
-        rows = np.flatnonzero(log.has_heading)
-    time, measured = measured_poses(log.time[rows], log.pose[rows])
+    # measured positions or, where there are none, headings
+    poses = measured_poses(log)
+    is_placed = np.isfinite(poses.pose[:, 0])
+    used = is_placed if is_placed.any() else np.isfinite(poses.pose[:, 2])
+    time = poses.time[used]
+    measured = poses.pose[used]
 
     # those in the time of the encoders
     encoder_time = time + clock_offset
@@ -343,29 +346,14 @@ def estimated_trajectory(
         heading = trailing_heading(encoder_time, place, estimated_place, estimated[:, 2])
 
     # the middle of tracks without slip
-    speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
-    sums = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
-    distance = np.interp(encoder_time, log.time, sums)
+    encoders = encoders_of(log)
+    speed = np.abs(body_twist(encoders.omega, 0.0, geometry)[:, 0])
+    sums = np.append(0.0, np.cumsum(speed * np.diff(encoders.edges)))
     return Trajectory(
         name=log.run,
         time=time,
-        distance=distance,
+        distance=np.interp(encoder_time, encoders.edges, sums),
         measured=measured,
         estimated=estimated,
         heading=heading,
     )
-
-
-def _readings(log: RunLog, time: Array) -> Array | None:
-    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None
-    without a gyro.
-    """
-    if log.gyro_sums is None:
-        return None
-    turn_sums, time_sums = log.gyro_sums.T
-    turn = np.diff(np.interp(time, log.time, turn_sums))
-    measured_time = np.diff(np.interp(time, log.time, time_sums))
-    step = np.diff(time)
-    is_measured = measured_time >= MEASURED * step
-    rate = np.where(is_measured, turn / step, np.nan)
-    return np.append(np.nan, rate)
