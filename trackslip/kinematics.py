@@ -17,8 +17,8 @@ from trackslip.se2 import Array as Array
 from trackslip.se2 import advance as advance
 from trackslip.se2 import wrap_angle as wrap_angle
 
-SIDES: Final = np.array([-1.0, 1.0])
-"""Signs (2,) in the track speeds v + SIDES * b * w: the left track is slower if w > 0."""
+TRACK_SIGNS: Final = np.array([-1.0, 1.0])
+"""Signs (2,) in the track speeds v + TRACK_SIGNS * b * w: the left track is slower if w > 0."""
 GEARS: Final = (1e-4, 1e4)
 """Allowed range of turns of an encoder per turn of the sprocket [-]."""
 # allowed range of a robot's dimensions; other values are mistakes in the units [m]
@@ -42,7 +42,7 @@ class RobotGeometry:
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) (..., 2) of the track centres over the ground [m/s] at twists (..., 2)."""
     twist = np.asarray(twist, float)
-    return np.asarray(twist[..., :1] + SIDES * half_gauge * twist[..., 1:])
+    return np.asarray(twist[..., :1] + TRACK_SIGNS * half_gauge * twist[..., 1:])
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:

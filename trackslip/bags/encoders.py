@@ -15,7 +15,7 @@ from trackslip.bags.open import Bag, Topic, header_of, listed
 from trackslip.bags.stamps import Readings, seconds, without_bursts
 from trackslip.bags.topics import JOINT_STATE, WHEELS, Sides, encoder_topics
 from trackslip.bags.wheel_odometry import odometry_angles_in
-from trackslip.errors import LogError
+from trackslip.errors import LogError, require
 from trackslip.kinematics import Array
 from trackslip.logs.angles import COUNTERS, continuous, mean_speeds, unwrapped_angle
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
@@ -72,14 +72,23 @@ def read_encoders(
     odometry's geometry.
     """
     topics, names = encoder_topics(bag, choice)
-    if names == WHEELS:
+    is_odometry = names == WHEELS
+    is_joints = topics[0].type == JOINT_STATE
+    stated = f"topic {topics[0].name} states " + ("an odometry" if is_odometry else "angles")
+    if is_odometry or is_joints:
+        ticks = layout.ticks_per_turn
+        require(ticks is None, "ticks_per_turn", ticks, f"left out: {stated}")
+    if not is_odometry:
+        odometry = layout.odometry
+        require(odometry is None, "odometry", odometry, f"left out: {stated}, no odometry")
+    if is_odometry:
         geometry = known_odometry(layout, f"the speeds of topic {topics[0].name}")
         by_side = odometry_angles_in(bag, topics[0].name, geometry, notes)
         angles = {
             name: replace(by_side, values=by_side.values[:, side])
             for side, (name,) in enumerate(names)
         }
-    elif topics[0].type == JOINT_STATE:
+    elif is_joints:
         angles = _joint_angles(bag, topics, names, notes)
     else:
         angles = _counter_angles(bag, topics, names, known_ticks(layout), notes)

@@ -46,7 +46,7 @@ from trackslip.identification.comparison import (
 )
 from trackslip.identification.samples import REPEATED, SlipSamples
 from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, LawFamily, Parameter, family
 from trackslip.laws.icr import DiffDrive
@@ -193,7 +193,7 @@ class Fit:
         """
         speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
         to_tracks = (
-            np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
+            np.column_stack([np.ones(2), TRACK_SIGNS * geometry.half_gauge]) / speed[:, None, None]
         )
         known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
         measurement, vectors = np.linalg.eigh(to_tracks @ known @ to_tracks.swapaxes(1, 2))

@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry, track_speeds
 from trackslip.laws.base import SlipLaw, require_between
 
 MAX_COMPLIANCE: Final = 1.2
@@ -81,7 +81,7 @@ class _ConstantIcrs(IcrLaw):
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         twist = np.asarray(twist, float)
-        arms = SIDES * self._reach
+        arms = TRACK_SIGNS * self._reach
         belts = twist[..., :1] + arms * twist[..., 1:]
         return belts / (geometry.sprocket_radius * self._scale)
 
@@ -89,7 +89,7 @@ class _ConstantIcrs(IcrLaw):
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         belts = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
         left, right = np.moveaxis(belts, -1, 0)
-        arms = SIDES * self._reach
+        arms = TRACK_SIGNS * self._reach
         left_arm = arms[..., 0]
         right_arm = arms[..., 1]
         w = (right - left) / (right_arm - left_arm)

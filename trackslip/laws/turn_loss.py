@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import require_between
 from trackslip.laws.icr import IcrLaw
 
@@ -36,7 +36,7 @@ class _SpeedLost(IcrLaw):
         reach = self._reach[..., 0]
         v, difference, loss = np.broadcast_arrays(v, reach * w, self.turn_loss)
         mean = _mean_speed(v, difference, loss)
-        belts = mean[..., None] + SIDES * difference[..., None]
+        belts = mean[..., None] + TRACK_SIGNS * difference[..., None]
         return belts / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -133,7 +133,8 @@ class Centrifugal(TurnLoss):
         """
         slow = super().twist(omega, geometry)
         p = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
-        excess = 2 / 3 * (np.cosh(2 / 3 * np.arcsinh(np.sqrt(6.75 * np.abs(p)))) - 1)
+        angle = np.arcsinh(np.sqrt(27 / 4 * np.abs(p)))
+        excess = 2 / 3 * (np.cosh(2 / 3 * angle) - 1)
         factor = 1 + np.copysign(excess, p)
         return np.asarray(slow / factor[..., None])
 

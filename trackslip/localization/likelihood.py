@@ -118,8 +118,9 @@ class PlateBeams:
         edges.
         """
         interval = np.maximum(1, self.count // most)
-        place_in_scan = np.arange(len(self.range)) - np.repeat(self.first, self.count)
-        kept = np.flatnonzero(place_in_scan % np.repeat(interval, self.count) == 0)
+        number_in_scan = np.arange(len(self.range)) - np.repeat(self.first, self.count)
+        is_kept = number_in_scan % np.repeat(interval, self.count) == 0
+        kept = np.flatnonzero(is_kept)
         count = np.ceil(self.count / interval).astype(int)
         return PlateBeams(
             u=self.u.take(kept, axis=1),

@@ -102,6 +102,11 @@ class PlateSolution(Rows):
 class PlateLocator:
     """Locator that fits the rectangle to each scan; poses are valid if they explain the returns and
     are precise.
+
+    Each scan passes through these steps: clusters of returns that may be the plate; for each a
+    likelihood, maximised from the expected pose or from several (`_solve`); the cluster with the
+    highest score; where that is doubtful, clusters with finer gaps, and returns selected anew by
+    the fitted pose (`_located`); at last the checks that make a pose valid (`_is_valid`).
     """
 
     plate: Plate = field(default_factory=Plate)
@@ -131,6 +136,7 @@ class PlateLocator:
         these are known.
         """
         if near is None:
+            # without expected poses, whatever is doubtful may be another object altogether
             found = self._best(scan, MAX_GAP)
             is_doubtful = found.doubtful | ~np.isfinite(found.misfit)
             is_failed = is_doubtful
@@ -139,7 +145,7 @@ class PlateLocator:
             is_failed = found.misfit > _MAX_MISFIT
             is_doubtful = found.doubtful | is_failed
 
-        # a close object may be in the same cluster: smaller gaps separate it from the plate
+        # a close object may be in the same cluster: smaller gaps may separate it from the plate
         failed = np.flatnonzero(is_failed)
         if failed.size:
             part = replace(scan, ranges=scan.ranges[failed])
@@ -281,10 +287,9 @@ def _widened(covariance: Array, pose: Array, weight: Array, short_distance: floa
 
     # the variance by the edges, relative to that of the likelihood
     ratio = 1 / np.maximum(information * covariance[:, 0, 0], _MIN_DIVISOR)
-    factor = np.sqrt(np.where(is_widened, np.maximum(ratio, 1.0), 1.0))
-    covariance[:, 0, :] *= factor[:, None]
-    covariance[:, :, 0] *= factor[:, None]
-    return covariance
+    scale = np.ones((len(pose), 3))
+    scale[:, 0] = np.sqrt(np.where(is_widened, np.maximum(ratio, 1.0), 1.0))
+    return np.asarray(covariance * scale[:, :, None] * scale[:, None, :])
 
 
 def _misfit(fit: Evaluation, cluster: Cluster) -> Array:

@@ -160,21 +160,21 @@ def _common_jump(time: Array, counts: Array, jumps: np.ndarray) -> float | None:
     Sizes are round numbers of ticks more often than not.
     """
     step = np.diff(counts)
-    before = step[np.maximum(jumps - 1, 0)]
-    after = step[np.minimum(jumps + 1, len(step) - 1)]
-    sizes = np.abs(step[jumps] - (before + after) / 2)
+    rate = step / np.diff(time)
+    before = rate[np.maximum(jumps - 1, 0)]
+    after = rate[np.minimum(jumps + 1, len(rate) - 1)]
+    interval = np.diff(time)[jumps]
+    motion = (before + after) / 2 * interval
+    doubt = float(np.median(np.abs(after - before) / 2 * interval)) + _SLACK
+    sizes = np.abs(step[jumps] - motion)
     slack = _usual_steps(time, step)[jumps] + _SLACK
     size = float(np.median(sizes))
-    if (
-        len(jumps) < 2
-        or (np.abs(sizes - size) > slack).any()
-        or np.ptp(counts) > size + slack.max()
-    ):
-        return None
     span = float(np.ptp(counts))
+    if len(jumps) < 2 or (np.abs(sizes - size) > slack).any() or span > size + slack.max():
+        return None
     for unit in (1000.0, 100.0, 10.0):
         rounded = unit * round(size / unit)
-        if abs(rounded - size) <= _SLACK and rounded > span:
+        if abs(rounded - size) <= doubt and rounded > span:
             return rounded
     return float(round(max(size, span + 1)))
 

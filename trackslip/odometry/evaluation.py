@@ -55,11 +55,13 @@ class Trajectory:
     @property
     def placed(self) -> Array:
         """Estimated poses (K, 3), aligned at the first pose with a heading or, without headings, at
-        all positions.
+        all positions. Without positions, the first pose is at the origin.
         """
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
         first = int(np.isfinite(self.measured[:, 2]).argmax())
+        if not np.isfinite(self.measured[:, 0]).any():
+            return from_pose(self.estimated, np.nan_to_num(self.measured), first)
         return from_pose(self.estimated, self.measured, first)
 
 
@@ -111,7 +113,8 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Arr
     known headings.
 
     The rows are the distance driven [m], the distance between the estimated and the measured end
-    [m], and the absolute error of the turn [rad], which is NaN where no turn was measured.
+    [m], and the absolute error of the turn [rad]; errors are NaN where no position, or no turn, was
+    measured.
     """
     has_heading = np.isfinite(drive.heading[start])
     start = start[has_heading]
@@ -166,7 +169,8 @@ def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
 
-    The poses lie in the plane z = 0. NaN headings, which were not measured, are written as 0.
+    The poses lie in the plane z = 0. NaN positions and headings, which were not measured, are
+    written as 0.
 
     Raises:
         InvalidValueError: if the numbers of times and poses differ.
@@ -179,8 +183,8 @@ def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
         raise InvalidValueError("pose", pose.shape, allowed)
 
     # the columns: t, x, y, z, and a quaternion x, y, z, w for the rotation about z
-    x, y, heading = pose.T
-    half_heading = np.nan_to_num(heading, nan=0.0) / 2
+    x, y, heading = np.where(np.isnan(pose), 0.0, pose).T
+    half_heading = heading / 2
     zero = np.zeros(len(time))
     columns = [time, x, y, zero, zero, zero, np.sin(half_heading), np.cos(half_heading)]
     lines = [
@@ -296,7 +300,6 @@ def trajectory_of(
 
     def by_odometry(at: Array) -> Array:
         # rows at the times of readings and of poses; a reading is a mean since the row before it
-        time = np.union1d(log.time, at)
         time = np.union1d(encoders.edges, at)
         gyro = None
         if odometry.gyro is not None:
@@ -316,11 +319,12 @@ def estimated_trajectory(
 
     Raises LogError for fewer than two poses.
     """
-    # measured positions
+    # measured positions or, where there are none, headings
     poses = measured_poses(log)
     is_placed = np.isfinite(poses.pose[:, 0])
-    time = poses.time[is_placed]
-    measured = poses.pose[is_placed]
+    used = is_placed if is_placed.any() else np.isfinite(poses.pose[:, 2])
+    time = poses.time[used]
+    measured = poses.pose[used]
 
     # those in the time of the encoders
     encoder_time = time + clock_offset

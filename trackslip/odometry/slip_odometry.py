@@ -16,8 +16,8 @@ covariance at every pose, and step-by-step odometry equals the odometry of a who
 bit.
 
 Turns come from gyro readings where these exist, since errors of laws persist, unlike noise. While
-the sprockets stand still and the gyro reads almost nothing, the robot doesn't turn, and the mean
-reading is the gyro's bias.
+the sprockets stand still and the gyro reads almost nothing, the robot is at rest: the mean reading
+is the gyro's bias, and turns come from the law, by which it hardly turns.
 """
 
 from __future__ import annotations
@@ -227,13 +227,13 @@ class SlipOdometry:
         `gyro` (T, ...) are mean yaw rates from a gyroscope [rad/s], NaN without a reading.
 
         An arc starts at the heading phi and lasts for the time h, with the speed v and the yaw rate
-        w. In its own frame, the robot has the velocity u = v - i c v w, where c is `drift`. So it
-        turns by t = w h, and moves by
+        w. In its own frame, the robot has the velocity u = v - i c v w, forwards and to the left,
+        where c is `drift`. So it turns by t = w h, and moves by
 
             m = u h q(t) exp(i phi)        q(t) = sin(t) / t + i (1 - cos(t)) / t
 
-        With the derivatives v', w' and phi' by a parameter, those of the turn and the displacement
-        are
+        With the derivatives v' and w' by a parameter, and phi' of the heading at the start, those
+        of the turn and the displacement are
 
             t' = w' h
             u' = v' - i c (v' w + v w')

@@ -61,7 +61,7 @@ class Expectation:
 
     # standard errors of the law's and the extra parameters by name, in their units
     stderr: Mapping[str, float]
-    held: tuple[str, ...]  # parameters that the drive doesn't determine
+    undetermined: tuple[str, ...]  # parameters that the drive doesn't determine
 
 
 def drive_to_measure(
@@ -125,8 +125,8 @@ def expected(
         for name, error, is_determined in zip(names, errors, determined, strict=True)
         if is_determined
     }
-    undetermined = [name for name in names if name not in stderr]
-    return Expectation(stderr, (*held, *undetermined))
+    too_imprecise = [name for name in names if name not in stderr]
+    return Expectation(stderr, undetermined=(*held, *too_imprecise))
 
 
 def _covariance(
