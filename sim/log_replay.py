@@ -222,7 +222,7 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
     """Times and angles of each sprocket, which turns at its first speed before the log and at its
     last after it.
     """
-    encoders = encoders_of(log)
+    encoders = encoders_of(log).smooth()
     before = log.time[:1] - 2 * RUN_UP
     after = log.time[-1:] + _BEYOND
     time = np.concatenate([before, encoders.edges, after])
