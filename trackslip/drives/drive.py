@@ -220,6 +220,14 @@ class Drives:
         turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))
         return radius * np.interp(self.time, self.edges, turned)
 
+    def middle_distance(self, radius: float) -> Array:
+        """Distance (K,) driven by the middle of the tracks up to each pose [m], without slip, for a
+        sprocket radius [m].
+        """
+        speed = np.abs(self.omega.mean(axis=1))
+        turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))
+        return radius * np.interp(self.time, self.edges, turned)
+
     def blocks(self, length: float) -> np.ndarray:
         """Number (K,) of each pose's block of driving, from 0 without gaps: each has poses.
 
