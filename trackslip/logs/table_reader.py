@@ -20,6 +20,7 @@ from trackslip.logs.angles import (
     encoder_kind,
     mean_speeds,
     odometry_angles,
+    odometry_jump,
     odometry_speeds,
     unwrapped_angle,
 )
@@ -460,7 +461,13 @@ class _Reader:
             read = np.flatnonzero(np.isfinite(readings).all(axis=1))
             if len(read) < 2:
                 raise self._no_row_has_both()
-            self._refuse_jump(rows[read], time[read], readings[read])
+            jump = odometry_jump(time[read], readings[read])
+            if jump is not None:
+                row, distance = jump
+                raise LogError(
+                    f"row {self._place(rows[read[row]])}, columns odom_x, odom_y: jump by "
+                    f"{distance:.3g} m: was the odometry reset? Cut the log there"
+                )
             geometry = known_odometry(self._layout, f"columns {', '.join(self._kind.value)}")
             return read, mean_speeds(time[read], odometry_angles(readings[read], geometry))
 
@@ -501,18 +508,6 @@ class _Reader:
                 "restart? Cut the log there"
             )
         return angle
-
-    def _refuse_jump(self, rows: np.ndarray, time: Array, pose: Array) -> None:
-        """Raise LogError if poses (n, 3) of odometry jump, as when the odometry is reset."""
-        step = np.diff(pose[:, :2], axis=0)
-        distance = np.append(0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1])))
-        _, restart = continuous(time, 1e3 * distance, ())
-        if restart is not None:
-            jump = distance[restart] - distance[restart - 1]
-            raise LogError(
-                f"row {self._place(rows[restart])}, columns odom_x, odom_y: jump by {jump:.3g} m: "
-                "was the odometry reset? Cut the log there"
-            )
 
     def _no_row_has_both(self) -> LogError:
         """The error for a run without a reading of all columns of the encoders."""
