@@ -68,7 +68,14 @@ class Replay:
         )
         pose = se2.compose(frame, seen)
         return RunLog(
-            of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about
+            run=of.run,
+            time=of.time,
+            omega=of.omega,
+            pose=pose,
+            command=of.command,
+            read=of.read,
+            truth=truth,
+            metadata=about,
         )
 
     def _at(self, states: Array, robot: Any, time: Array) -> Array:

@@ -197,6 +197,7 @@ class RunLog:
             omega=np.stack(omega, axis=-1)[next_reading],
             pose=pose_of_row,
             valid=None if valid.all() else valid,
+            read=None if len(rows) == len(time) else np.isin(rows, time),
             gyro=rate,
             beyond=beyond if len(beyond) else None,
             metadata={} if geometry is None else {"geometry": asdict(geometry)},

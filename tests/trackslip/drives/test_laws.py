@@ -176,6 +176,16 @@ def test_rows_per_sensor_or_joined_give_the_same_drive(log):
     require_same(drive_in(table(log, split)), drive_in(table(log, joined)))
 
 
+@given(logs())
+def test_arrays_of_each_sensor_give_the_same_drive(log):
+    log = log.between(np.argmax(log.is_read), len(log.time))  # poses before are beyond the readings
+    read, seen = log.is_read, log.is_valid
+    encoders = log.time[read], *log.omega[read].T
+    poses = log.time[seen], *log.pose[seen].T
+    of_arrays = drive_of(RunLog.from_arrays(encoders, poses))
+    require_same(of_arrays, drive_in(table(log, np.column_stack([read, seen]))))
+
+
 @given(logs(kinds=("smooth", "random")))
 def test_empty_cells_may_be_filled_with_the_next_reading(log):
     filled = np.column_stack([np.ones(len(log.time), bool), log.is_valid])
