@@ -1,9 +1,11 @@
+import os
 import shlex
 import signal
 import subprocess
 import sys
 
 import pytest
+from bags import write_bag
 
 from experiments.cli import commands, config_module, main, parse
 
@@ -96,3 +98,20 @@ def test_an_argument_that_is_not_utf_8_is_refused(refused, line, field):
     line = refused(*line)
     assert line.startswith(f"{field} = ")
     assert line.endswith("must be text in UTF-8")
+
+
+NOT_UTF_8 = os.fsdecode(b"run \xff")
+
+
+def test_bags_whose_names_are_not_utf_8_are_refused(refused, tmp_path):
+    write_bag(tmp_path / "bags" / NOT_UTF_8, "sqlite3", [])
+    line = refused("log", str(tmp_path / "bags"))
+    assert line.endswith("its path must be text in UTF-8: rename it")
+
+
+def test_results_may_lie_in_a_folder_that_is_not_utf_8(tmp_path, monkeypatch):
+    folder = tmp_path / NOT_UTF_8
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    main(["predict", "--out", "theory"])
+    assert (folder / "theory" / "summary.json").is_file()

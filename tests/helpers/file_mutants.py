@@ -9,7 +9,7 @@ import contextlib
 import io
 import json
 import os
-import re
+import random
 import resource
 import shutil
 import signal
@@ -19,9 +19,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+from mutants import mutant
 
 from experiments.cli import main  # imported before processes are forked
+from experiments.train.training import UNFINISHED
 
 ROOT = Path(__file__).parents[2]
 LOGS = ROOT / "examples" / "logs"
@@ -30,12 +31,6 @@ MOST_SECONDS = 60.0
 MOST_MEMORY = 4e9  # resident [bytes]
 ADDRESSES = 16_000_000_000  # limit on the address space, which includes what isn't used [bytes]
 
-HOSTILE = (
-    *(b"", b"0", b"-1", b"1e308", b"-1e308", b"nan", b"inf", b"1e-320", b"9" * 40, b"2147483648"),
-    *(b"9223372036854775808", b"null", b"None", b"true", b"[]", b"{}", b'""', b"'", b'"', b"\x00"),
-    *(b"%s%n%p", b"../../etc/passwd", b"/dev/zero", b"\x1b[2J", b"\xff\xfe", b"\xf0\x9f\xa4\x96"),
-    *(b"1,5", b"1 2 3", b"x" * 5000, b"[[[[[[[[", b"__import__('os')", b"\r\n\r\n", b"1970-01-01"),
-)
 DATASET = """title = "Warthog on grass"
 log = "log.parquet"
 source = "github.com/norlab-ulaval/DRIVE"
@@ -47,84 +42,25 @@ row = "robot"
 quantity = "position_median"
 most = 9.0
 """
-TOKEN = re.compile(rb"[-+.\w]+|\"[^\"\n]*\"|'[^'\n]*'")
+
+
+SHORT = ("--reference", "circle", "--circle-duration", "2")
+TRAINING = (
+    *("train", "--robots", "2", "--horizon", "32", "--batch", "32", "--epochs", "1"),
+    *("--network", "8", "--references", "slalom", "--threads", "1"),
+)
 
 
 @dataclass(frozen=True)
 class Kind:
     """A sound example of a kind of file, and the command lines that read it, with FILE for its
-    path.
+    path, FOLDER for that of its folder, and UNFINISHED for a folder of results with the file as its
+    checkpoint.
     """
 
     example: Path
     commands: tuple[tuple[str, ...], ...]
     binary: bool = False
-
-
-def mutant(content: bytes, rng: np.random.Generator, binary: bool) -> bytes:
-    """`content` with one to three changes of its bytes, tokens or lines."""
-    for _ in range(rng.integers(1, 4)):
-        change = rng.choice(_BINARY if binary else _TEXT)
-        content = change(content, rng) if content else content
-    return content
-
-
-def _flip(content: bytes, rng: np.random.Generator) -> bytes:
-    changed = bytearray(content)
-    for place in rng.integers(0, len(changed), rng.integers(1, 9)):
-        changed[place] = rng.integers(256)
-    return bytes(changed)
-
-
-def _cut(content: bytes, rng: np.random.Generator) -> bytes:
-    return content[: rng.integers(len(content))]
-
-
-def _repeat(content: bytes, rng: np.random.Generator) -> bytes:
-    a, b = sorted(rng.integers(0, len(content) + 1, 2))
-    return content[:b] + content[a:]
-
-
-def _remove(content: bytes, rng: np.random.Generator) -> bytes:
-    a = int(rng.integers(len(content)))
-    return content[:a] + content[a + int(rng.integers(1, 200)) :]
-
-
-def _insert(content: bytes, rng: np.random.Generator) -> bytes:
-    a = int(rng.integers(len(content) + 1))
-    return content[:a] + HOSTILE[rng.integers(len(HOSTILE))] + content[a:]
-
-
-def _number(content: bytes, rng: np.random.Generator) -> bytes:
-    """A length, count or offset of a binary format is replaced by another."""
-    width = int(rng.choice([1, 2, 4, 8]))
-    a = int(rng.integers(max(1, len(content) - width)))
-    value = int(rng.choice([0, 1, 2**7, 2**15, 2**31 - 1, 2**31, 2**32 - 1, 2**62])) % 256**width
-    return content[:a] + value.to_bytes(width, "little") + content[a + width :]
-
-
-def _token(content: bytes, rng: np.random.Generator) -> bytes:
-    """A token becomes a hostile one or another token of the file."""
-    tokens = list(TOKEN.finditer(content))
-    if not tokens:
-        return _insert(content, rng)
-    old = tokens[rng.integers(len(tokens))]
-    other = tokens[rng.integers(len(tokens))].group()
-    new = other if rng.random() < 0.3 else HOSTILE[rng.integers(len(HOSTILE))]
-    return content[: old.start()] + new + content[old.end() :]
-
-
-def _line(content: bytes, rng: np.random.Generator) -> bytes:
-    """A line is removed, repeated or moved."""
-    lines = content.splitlines(keepends=True)
-    line = lines.pop(rng.integers(len(lines)))
-    for _ in range(rng.integers(3)):
-        lines.insert(int(rng.integers(len(lines) + 1)), line)
-    return b"".join(lines)
-
-
-_BINARY = (_flip, _flip, _number, _number, _cut, _repeat, _remove, _insert)
-_TEXT = (_token, _token, _token, _line, _flip, _cut, _repeat, _insert)
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
@@ -141,14 +77,13 @@ def kinds(folder: Path) -> dict[str, Kind]:
     _run("grid", "--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--out", grid)
     found = folder / "found"
     _run("identify", grid, "--out", found)
-    short = ("--reference", "circle", "--circle-duration", "2")
-    _run("track", *short, "--bag", "--out", folder / "track")
+    _run("track", *SHORT, "--bag", "--out", folder / "track")
     (folder / "path.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n2,1\n")
     (folder / "ground.toml").write_text("along = 0.7\nacross = 0.6\nshear = 0.01\n")
     (folder / "dataset.toml").write_text(DATASET)
     (folder / "posts.toml").write_text("posts = [{x = 1, y = 2.0}]\n")
     track = ("track", "--localization", "truth")
-    circle = (*track, *short)
+    circle = (*track, *SHORT)
     bags = _bags(folder)
     return {
         "csv": Kind(
@@ -180,6 +115,23 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "dataset": Kind(folder / "dataset.toml", (("evaluate", "FILE"),)),
         "mcap": Kind(next((folder / "track").rglob("*.mcap")), (("log", "FILE"),), binary=True),
         **bags,
+        **_trained(folder),
+    }
+
+
+def _trained(folder: Path) -> dict[str, Kind]:
+    """A learned policy and the checkpoint of its training, if stable-baselines3 is installed."""
+    try:
+        import stable_baselines3  # noqa: F401
+    except ImportError:
+        return {}
+    out = folder / "policy"
+    _run(*TRAINING, "--steps", "64", "--out", out)
+    track = ("track", "--controller", "ppo:FOLDER", *SHORT)
+    resume = (*TRAINING, "--steps", "128", "--resume", "--out", "UNFINISHED")
+    return {
+        "policy": Kind(out / "policy.npz", (track,), binary=True),
+        "checkpoint": Kind(out / "checkpoint.npz", (resume,), binary=True),
     }
 
 
@@ -224,6 +176,11 @@ def outcome(kind: Kind, content: bytes, command: tuple[str, ...], folder: Path) 
     file.write_bytes(content)
     robot = file.with_suffix(".toml")
     places = {"FILE": str(file), "FOLDER": str(beside), "ROBOT": str(robot)}
+    if "UNFINISHED" in command:
+        places["UNFINISHED"] = str(folder / "unfinished")
+        checkpoint = folder / "unfinished" / UNFINISHED
+        checkpoint.parent.mkdir(parents=True)
+        checkpoint.write_bytes(content)
     arguments = [places.get(word, word) for word in command]
     child = os.fork()
     if child == 0:
@@ -294,9 +251,9 @@ def failures(count: int, seed: int, names: list[str], keep: Path | None = None) 
         for number in range(count):
             name = chosen[number % len(chosen)]
             kind = all_kinds[name]
-            rng = np.random.default_rng([seed, number, *name.encode()])
+            rng = random.Random(f"{seed} {number} {name}")
             content = mutant(kind.example.read_bytes(), rng, kind.binary)
-            command = kind.commands[rng.integers(len(kind.commands))]
+            command = rng.choice(kind.commands)
             with tempfile.TemporaryDirectory(dir=place) as folder:
                 failure = outcome(kind, content, command, Path(folder))
                 if failure and keep:

@@ -300,6 +300,8 @@ def _refusing(path: Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise LogError(f"{path}: {error.strerror or first_line(error)}") from error
+    except UnicodeEncodeError as error:  # readers pass paths on as UTF-8
+        raise LogError(f"{path}: its path must be text in UTF-8: rename it") from error
     except Exception as error:  # for damaged files, readers raise exceptions of any type
         reason = first_line(error).rstrip(".")
         repair = _REPAIRS.get(path.suffix, "ros2 bag reindex {file}").format(

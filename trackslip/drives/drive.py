@@ -6,7 +6,7 @@ Encoders and poses have their own clocks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
@@ -19,6 +19,8 @@ BLOCK: Final = 10.0
 """Least duration of a block of driving; slip in different blocks is assumed to be independent
 [s].
 """
+_POSES_PER_SECOND: Final = 2.0  # rate at which windows of poses have their usual duration [Hz]
+_PAUSE: Final = 5.0  # pause between drives on the common time axis [s]
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class Drive:
     time: Array  # (K,) times of the poses, by the pose clock [s]
     pose: Array  # (K, 3) measured poses [m, m, rad]; NaN where not measured, heading unwrapped
     interval: float  # usual time between poses [s]
-    gyro: Array | None = None  # (T, 3) times by the encoder clock [s] and `RunLog.gyro_sums`
+    # (T, 3) times by the encoder clock [s], and sums up to them as in `gyro.turn_sums`
+    gyro: Array | None = None
     # commanded sprocket speeds, if constant throughout [rad/s]
     command: tuple[float, ...] | None = None
     # (B, 4) times and poses outside the encoder readings, used to align clocks
@@ -53,18 +56,69 @@ class Drive:
         return np.stack([np.interp(time, self.edges, np.append(0.0, side)) for side in turned.T])
 
     def blocks(self, time: Array, least: float = BLOCK) -> np.ndarray:
-        """Index (n,) of the block of driving at each pose time (n,); blocks last about `least`
-        [s].
+        """Number (n,) of the block of driving at each pose time (n,).
+
+        Blocks have equal durations of about `least` [s]; none contains both ends of a drive that
+        lasts much longer. A block without poses has a number, too: `Drives.blocks` leaves it out.
         """
-        begin, end = self.time[[0, -1]]
-        count = max(1, round((end - begin) / least))
-        return np.minimum(((time - begin) / max(end - begin, 1e-9) * count).astype(int), count - 1)
+        begin = self.time[0]
+        duration = max(self.time[-1] - begin, 1e-9)
+        count = max(1, round(duration / least))
+        number = ((time - begin) / duration * count).astype(int)
+        return np.minimum(number, count - 1)
 
     def span(self, length: float) -> float:
         """Duration of windows in the drive [s]: `length`, or longer to hold as many poses as
         `length` does at 2 Hz.
         """
-        return length * max(1.0, 2 * self.interval)
+        return length * max(1.0, _POSES_PER_SECOND * self.interval)
+
+    def with_poses(self, rows: np.ndarray) -> Drive:
+        """The drive with the poses in `rows` (n,) only."""
+        pose = self.pose[rows].copy()
+        headed = np.isfinite(pose[:, 2])
+        pose[headed, 2] = np.unwrap(pose[headed, 2])  # a heading left out may have added a turn
+        return replace(self, time=self.time[rows], pose=pose)
+
+    def cut(self, begin: float, end: float, clock: float = 0.0, around: float = 0.0) -> Drive:
+        """The drive from `begin` to `end`, by the pose clock [s].
+
+        `clock` is the encoder clock minus the pose clock; encoders and gyro continue for `around`
+        before and after the poses, if they were read there [s]. An interval that contains an end is
+        shortened to it, so that the angles between any two times within remain the same.
+        """
+        first, last = np.clip(
+            [begin + clock - around, end + clock + around], self.edges[0], self.edges[-1]
+        )
+        inner = self.edges[(self.edges > first) & (self.edges < last)]
+        edges = np.unique(np.concatenate([[first], inner, [last]]))
+        interval = np.searchsorted(self.edges, edges[1:]) - 1
+        return replace(
+            self.with_poses(_within(self.time, begin, end)),
+            edges=edges,
+            omega=self.omega[interval],
+            gyro=None if self.gyro is None else _cut_sums(self.gyro, first, last),
+            beyond=None if self.beyond is None else _cut_poses(self.beyond, begin, end),
+        )
+
+
+def _within(time: Array, begin: float, end: float) -> np.ndarray:
+    """Rows of the times (n,) from `begin` to `end` [s]."""
+    return np.flatnonzero((time >= begin) & (time <= end))
+
+
+def _cut_poses(poses: Array, begin: float, end: float) -> Array | None:
+    """The rows (n, 4) of times and poses from `begin` to `end` [s]; None if there are none."""
+    rows = _within(poses[:, 0], begin, end)
+    return poses[rows] if len(rows) else None
+
+
+def _cut_sums(gyro: Array, begin: float, end: float) -> Array:
+    """Times and sums (T, 3) from `begin` to `end` [s], interpolated at both."""
+    inner = gyro[_within(gyro[:, 0], begin, end), 0]
+    time = np.unique(np.concatenate([[begin], inner, [end]]))
+    turned, measured = (np.interp(time, gyro[:, 0], sums) for sums in gyro.T[1:])
+    return np.column_stack([time, turned, measured])
 
 
 @dataclass(frozen=True)
@@ -88,25 +142,23 @@ class Drives:
     @classmethod
     def of(cls, drives: Sequence[Drive]) -> Drives:
         """Join drives in succession."""
-        # with a pause
-        length = np.array([drive.edges[-1] - drive.edges[0] + 5.0 for drive in drives])
-        shifts = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
-        shifted, gyros = [*zip(drives, shifts.tolist(), strict=True)], list[Array]()
-        for drive, later in shifted:
-            if drive.gyro is not None:
-                gyros.append(
-                    drive.gyro + np.append(later, gyros[-1][-1, 1:] if gyros else (0.0, 0.0))
-                )
+        # the time axis begins at 0 with the first drive
+        durations = np.array([drive.edges[-1] - drive.edges[0] + _PAUSE for drive in drives])
+        starts = np.cumsum(durations) - durations
+        shifts = [start - drive.edges[0] for start, drive in zip(starts, drives, strict=True)]
+        shifted = list(zip(drives, shifts, strict=True))
+
+        # the interval from the last edge of a drive to the first of the next is its pause
+        standing = np.zeros((1, 2))
+        speeds = [np.concatenate([drive.omega, standing]) for drive in drives]
         pose = np.concatenate([drive.pose for drive in drives])
         return cls(
-            tuple(drives),
-            edges=np.concatenate([drive.edges + later for drive, later in shifted]),
-            omega=np.concatenate(
-                [np.append(drive.omega, np.zeros((1, 2)), axis=0) for drive in drives]
-            )[:-1],
+            drives=tuple(drives),
+            edges=np.concatenate([drive.edges + shift for drive, shift in shifted]),
+            omega=np.concatenate(speeds)[:-1],
             begins=np.cumsum([0, *(len(drive.edges) for drive in drives[:-1])]),
-            gyro=np.concatenate(gyros) if gyros else None,
-            time=np.concatenate([drive.time + later for drive, later in shifted]),
+            gyro=_joined_sums(shifted),
+            time=np.concatenate([drive.time + shift for drive, shift in shifted]),
             place=np.nan_to_num(pose[:, 0]) + 1j * np.nan_to_num(pose[:, 1]),
             heading=np.nan_to_num(pose[:, 2]),
             known=np.isfinite(pose[:, [0, 2]]).T,
@@ -117,9 +169,10 @@ class Drives:
         """Index (K,) of the encoder interval in each pose's drive that contains `time` (K,), or is
         nearest to it.
         """
+        # a drive's last interval lies before the pause, which lies before the next drive
         last = np.append(self.begins[1:] - 2, len(self.omega) - 1)
-        row = np.searchsorted(self.edges, time, side="right") - 1
-        return np.clip(row, self.begins[self.drive], last[self.drive])
+        interval = np.searchsorted(self.edges, time, side="right") - 1
+        return np.clip(interval, self.begins[self.drive], last[self.drive])
 
     @cached_property
     def drive(self) -> np.ndarray:
@@ -142,21 +195,36 @@ class Drives:
 
     def way(self, radius: float) -> Array:
         """Mean distance (K,) driven by the belts up to each pose [m], for a sprocket radius [m]."""
-        turned = np.append(0.0, np.cumsum(np.abs(self.omega).mean(axis=1) * np.diff(self.edges)))
+        speed = np.abs(self.omega).mean(axis=1)
+        turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))
         return radius * np.interp(self.time, self.edges, turned)
 
     def blocks(self, length: float) -> np.ndarray:
-        """Index (K,) of each pose's block of driving; blocks are no shorter than windows of
-        `length` [s].
+        """Number (K,) of each pose's block of driving, from 0 without gaps: each has poses.
 
-        A drive with a single block shares the previous drive's last block if both have the same
-        constant command.
+        Blocks are no shorter than windows of `length` [s]. A drive with a single block shares the
+        previous drive's last block if both have the same constant command.
         """
-        blocks, count, before = [], 0, None
+        blocks = list[np.ndarray]()
+        count = 0
+        command: tuple[float, ...] | None = None  # of the previous drive
         for drive in self.drives:
-            block = drive.blocks(drive.time, max(BLOCK, drive.span(length)))
-            if block[-1] == 0 and drive.command is not None and drive.command == before:
-                count -= 1
-            blocks.append(count + block)
-            count, before = int(blocks[-1][-1]) + 1, drive.command
+            number = drive.blocks(drive.time, max(BLOCK, drive.span(length)))
+            _, own = np.unique(number, return_inverse=True)  # without blocks that have no poses
+            shared = own[-1] == 0 and drive.command is not None and drive.command == command
+            first = count - 1 if shared else count
+            blocks.append(first + own)
+            count = first + int(own[-1]) + 1
+            command = drive.command
         return np.concatenate(blocks)
+
+
+def _joined_sums(shifted: Sequence[tuple[Drive, float]]) -> Array | None:
+    """`Drive.gyro` of drives (G, 3), each later by its shift [s]; sums continue across drives."""
+    parts = list[Array]()
+    before: Array = np.zeros(2)  # sums up to the end of the previous drive
+    for drive, shift in shifted:
+        if drive.gyro is not None:
+            parts.append(drive.gyro + np.append(shift, before))
+            before = parts[-1][-1, 1:]
+    return np.concatenate(parts) if parts else None

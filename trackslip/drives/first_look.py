@@ -3,62 +3,25 @@ driving can determine.
 
 Unusable logs are refused in one line that names the quantity, its value and a remedy. Other
 findings are only reported: a gain far from 1 is no error, as wheels may slip on ice or be smaller
-than assumed. Poses that leave the wheels' path and soon return are wild and left out; where poses
-stay off it, as after a relocalisation, the drive is cut.
+than assumed. Drives are cut where their poses jump.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, Final
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from trackslip.drives.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
 from trackslip.drives.drive import BLOCK, Drive, Drives
 from trackslip.drives.gains import Gains, Steps, gains_of, windows_of
+from trackslip.drives.jumps import without_jumps
 from trackslip.drives.misread import matches_of, refuse_cells, refuse_readings, refuse_units
-from trackslip.errors import LogError, counted
+from trackslip.errors import LogError
 from trackslip.intervals import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
-
-# most successive poses that may be wild or placeholders; a longer series is a path of its own
-MOST_WILD: Final = 3
-_NOISE: Final = 0.1  # largest share of outlying motions; above it, all outliers count as noise
-# limit for jumps [robust standard deviations]: bursts of slip reach 6, relocalisations exceed 10
-_OUTLYING: Final = 10.0
-
-
-Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]
-"""Maps the indices (n,) of the first and last poses of n motions to deviations from the wheels'
-path (2, n), and to the largest deviations that slip explains (2, n) [m, rad].
-"""
-
-
-def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], list[int]]:
-    """Find the wild poses among `count` poses and the first pose after each lasting jump; returns
-    their indices.
-
-    A motion isn't a jump if slip explains its deviation to within `limit` (2,) [m, rad].
-    """
-    step, limit = np.arange(1, count), limit[:, None]
-    size, slip = missed(step - 1, step)
-    outlying = step[(size - slip > limit).any(axis=0)]
-    wild, lasting, last = list[int](), list[int](), 0
-    for k in outlying.tolist() if len(outlying) <= max(1, _NOISE * count) else []:
-        if k <= last:
-            continue
-        after = np.arange(k + 1, min(k + 1 + MOST_WILD, count))
-        size, slip = missed(np.full(len(after), k - 1), after)
-        back = after[(size - slip <= limit).all(axis=0)]
-        if back.size:
-            last = int(back[0])
-            wild += range(k, last)
-        else:
-            lasting.append(k)
-    return wild, lasting
 
 
 @dataclass(frozen=True)
@@ -252,93 +215,3 @@ def _notes(drives: Sequence[Drive], gains: Gains, left: float, right: float) -> 
             f"turns to the {side} only: unequal sides can't be distinguished from the turns"
         )
     return notes
-
-
-def without_jumps(
-    drive: Drive, geometry: RobotGeometry, gains: Gains, clock: float
-) -> tuple[list[Drive], list[str]]:
-    """Drop wild poses and cut the drive at lasting jumps; returns all parts that are long enough,
-    and notes.
-    """
-    wild, lasting = _jumps(drive, geometry, gains, clock)
-    notes, cut = [], ": the drive is cut there"
-    for rows, what, then in ((wild, "wild pose", ""), (lasting, "lasting jump", cut)):
-        if len(rows):
-            said = f"{counted(len(rows), what)} {'of its poses' if then else 'left out'}"
-            notes.append(
-                f"run {drive.name!r}: {said}, first at t = {drive.time[rows[0]]:.12g} s{then}"
-            )
-    if not notes:
-        return [drive], []
-    good = np.ones(len(drive.time), bool)
-    good[wild] = False
-    parts = list[Drive]()
-    for first, end in pairwise([0, *lasting.tolist(), len(drive.time)]):
-        rows = np.flatnonzero(good[first:end]) + first
-        if (
-            len(rows) > MOST_WILD
-            and np.ptp(drive.angles(drive.time[rows[[0, -1]]] + clock), axis=1).any()
-        ):
-            parts.append(_part(drive, rows, clock))
-    return parts, notes
-
-
-def _jumps(
-    drive: Drive, geometry: RobotGeometry, gains: Gains, clock: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of wild poses and of the first pose after each lasting jump, judged by dead reckoning
-    with gains.
-
-    A deviation isn't a jump if complete slip of the wheels or a stamp that is off by one step can
-    explain it.
-    """
-    steps = Steps.of(Drives.of([drive]), geometry, clock, margin=NEAR)
-    speed, turn = gains.factors
-    heading = turn * (steps.turn - steps.turn[:1])
-    ahead = np.exp(0.5j * (heading[1:] + heading[:-1]))
-    path = np.append(0.0, np.cumsum(speed * np.diff(steps.distance) * ahead)) + gains.arm * np.exp(
-        1j * heading
-    )
-    path = path * np.exp(-1j * gains.heading)
-    driven = np.append(
-        np.zeros((2, 1)),
-        np.cumsum(np.abs(np.diff([speed * steps.distance, heading])), axis=1),
-        axis=1,
-    )
-
-    def missed(first: np.ndarray, then: np.ndarray) -> tuple[Array, Array]:
-        by_wheels, moved = path[then] - path[first], steps.place[then] - steps.place[first]
-        turned = np.abs(steps.heading[then] - steps.heading[first] - heading[then] + heading[first])
-        aside = np.abs(moved - by_wheels * np.exp(1j * (steps.heading - heading)[first]))
-        if np.isnan(steps.heading).any():
-            aside = np.abs(np.abs(moved) - np.abs(by_wheels))
-        begin, end = np.maximum(first - 1, 0), np.minimum(then + 1, len(steps.time) - 1)
-        return np.nan_to_num([aside, turned]), driven[:, end] - driven[:, begin]
-
-    if len(steps.time) < 2:
-        return steps.rows[:0], steps.rows[:0]
-    step = np.arange(1, len(steps.time))
-    # jumps small enough for a robust loss [m, rad]
-    harmless = np.array([0.3 * geometry.half_gauge, 0.2])
-    limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed(step - 1, step)[0], axis=1), harmless)
-    wild, lasting = find_jumps(len(steps.time), missed, limit)
-    return steps.rows[wild], steps.rows[lasting]
-
-
-def _part(drive: Drive, rows: np.ndarray, clock: float) -> Drive:
-    """The drive limited to some rows of poses, and to encoder intervals within three seconds of
-    these poses.
-    """
-    first, last = drive.time[rows[[0, -1]]] + clock + np.array([-3.0, 3.0])
-    begin = max(int(np.searchsorted(drive.edges, first)) - 1, 0)
-    end = min(int(np.searchsorted(drive.edges, last)) + 1, len(drive.edges))
-    pose = drive.pose[rows].copy()
-    headed = np.isfinite(pose[:, 2])
-    pose[headed, 2] = np.unwrap(pose[headed, 2])  # a wild heading may have added a turn
-    return replace(
-        drive,
-        edges=drive.edges[begin:end],
-        omega=drive.omega[begin : end - 1],
-        time=drive.time[rows],
-        pose=pose,
-    )
