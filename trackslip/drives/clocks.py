@@ -1,5 +1,5 @@
-"""The offset between the encoder and pose clocks, from the correlations of distances and of turns at
-all time shifts.
+"""The offset between the encoder and pose clocks, from the correlations of distances and of turns
+at all time shifts.
 
 The offset is independent of gains and of the signs of turns. It is searched over the whole length
 of a drive: poses that are close together give speeds and yaw rates on a common time grid, poses
@@ -26,7 +26,9 @@ GRID: Final = 0.1  # step of the common time grid, and the clock error that gain
 # half the time over which velocities are computed: noise of 2 cm then becomes 3 cm/s [s]
 _HALF: Final = 0.5
 _FITS: Final = 0.5  # least share of the variance that a credible clock offset explains
-_APART: Final = 3.0  # least difference to another offset: drivers change speed every few seconds [s]
+_APART: Final = (
+    3.0  # least difference to another offset: drivers change speed every few seconds [s]
+)
 # least log-likelihood ratio of the best offset to all others; between unrelated motions, the best
 # of all offsets is ahead of the second best by 3 in 1 % of drives
 _EVIDENCE: Final = 5.0
@@ -53,7 +55,7 @@ class _Shares(NamedTuple):
 
     offset: Array  # (S,) ascending [s]
     share: Array  # (S,) share of the variance in distances and turns that the wheels explain
-    count: float  # number of independent motions
+    motions: float  # number of independent motions
 
 
 def median_offset(clocks: Iterable[Clock]) -> float:
@@ -73,7 +75,7 @@ def clock_of_drive(drive: Drive) -> Clock:
     shares = _of_rare_poses(drive, time, pose) if rare else _of_dense_poses(drive, time, pose)
     if shares is None:
         return Clock(0.0)
-    offset, share, count = shares
+    offset, share, motions = shares
     apart = max(_APART, 1.5 * drive.interval)
     near = np.abs(offset) <= NEAR
 
@@ -81,7 +83,7 @@ def clock_of_drive(drive: Drive) -> Clock:
     best = int(np.argmax(share))
     others = share[np.abs(offset - offset[best]) > apart].max(initial=0.0)
     rest = 1 - share[best]
-    ahead = _ahead(share[best], others, count)
+    ahead = _ahead(share[best], others, motions)
     distinct = bool(share[best] >= _FITS and 1 - others >= 2 * rest and ahead >= _EVIDENCE)
     if not distinct:
         best = int(np.argmax(np.where(near, share, -1.0)))
@@ -89,18 +91,18 @@ def clock_of_drive(drive: Drive) -> Clock:
         return Clock(0.0, float(share[best]) if near.any() else 0.0)
 
     far = share[np.abs(offset) > max(NEAR, apart)].max(initial=0.0)
-    checked = bool(near[best] and _ahead(share[best], far, count) >= _EVIDENCE)
+    checked = bool(near[best] and _ahead(share[best], far, motions) >= _EVIDENCE)
     exact = _top_of_parabola(offset, share, best)
     found = Clock(exact, float(share[best]), distinct, checked)
     return _refined(found, drive, time, pose) if rare else found
 
 
-def _ahead(share: float, other: float, count: float) -> float:
+def _ahead(share: float, other: float, motions: float) -> float:
     """Log-likelihood ratio of an offset to another, from the shares of the variance that they
-    explain in `count` independent motions.
+    explain in `motions` independent motions.
     """
     least = 1e-9
-    return 0.5 * count * math.log(max(1 - other, least) / max(1 - share, least))
+    return 0.5 * motions * math.log(max(1 - other, least) / max(1 - share, least))
 
 
 def _all_poses(drive: Drive) -> tuple[Array, Array]:

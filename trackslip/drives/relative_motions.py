@@ -19,7 +19,7 @@ in units of which s make a metre of the wheels.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -318,9 +318,9 @@ class _Model:
             damping /= 5
             if gained < _CONVERGED:
                 break
-        size = np.abs(rest.value[:-6].reshape(3, -1))
+        size: Array = np.abs(rest.value[:-6].reshape(3, -1))
         known = self._placed | self._headed
-        explained = float((size < 2).all(axis=0)[known].mean())
+        explained = float(np.mean(np.all(size < 2, axis=0)[known]))
         speed = float(np.exp(values[0])) if self._determines_speed(rest) else None
         return RelativeFit(loss, explained, speed, float(np.exp(values[0] + values[1])))
 
