@@ -343,6 +343,8 @@ def _turns(time: Array, pose: Array) -> _Steps:
         turn = wrap_angle(np.diff(pose[headed, 2]))
         return _without_outliers(_Steps(at[:-1], at[1:], turn))
     placed = np.isfinite(pose[:, 0])
+    if placed.sum() <= 2:
+        return _Steps(time[:0], time[:0], time[:0])
     place = pose[placed, 0] + 1j * pose[placed, 1]
     chord = np.diff(place)
     middle = (time[placed][1:] + time[placed][:-1]) / 2

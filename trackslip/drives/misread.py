@@ -38,6 +38,7 @@ _LIKELIER: Final = 6.0
 _MOSTLY: Final = (
     0.5  # least share of relative motions that a reading explains if it leaves no doubt
 )
+_SETTLED: Final = 0.85  # least share of relative motions that the log as it is explains, if right
 _HARDLY: Final = 0.3  # share of explained motions below which wheels and poses don't go together
 _MOVING: Final = 0.05  # least rms of the wheels' motions in windows that tell anything [m or rad]
 # rms belt speed at which no robot turns by an ambiguous angle between two poses [m/s]
@@ -105,6 +106,17 @@ class Matching:
         return cls(windows, matches, far, _of_relative_motions(far), spacing)
 
     @property
+    def settled(self) -> bool:
+        """True if nothing is misread: all quantities match, or the motions are those of a robot
+        that can exist.
+        """
+        if self.far is not None:
+            low, high = _TURN_RATIOS
+            possible = low <= self.far.turn_ratio <= high
+            return possible and self.far.explained >= _SETTLED
+        return len(self.matches) > 0 and float(self.matches.min()) > _CLEARLY
+
+    @property
     def goes_together(self) -> bool | None:
         """False if wheels and poses hardly go together; None if it can't be told."""
         if self.far is not None:
@@ -159,8 +171,6 @@ def reading_checks(
     """Check whether another reading of the columns matches better than the log as it is."""
     rare = are_rare(drives)
     evidence = now.evidence
-    # nothing is misread if all quantities match
-    settled = now.far is None and len(now.matches) > 0 and float(now.matches.min()) > _CLEARLY
     readings = [_angles(drives, geometry), *_other_readings(drives, now)]
     score = evidence.score if evidence is not None else 0.0
     found = [_evidence(reading.drives, geometry, clock, rare) for reading in readings]
@@ -170,7 +180,7 @@ def reading_checks(
     rivals = scores if evidence is not None else scores[:1]
     best = int(np.argmax(rivals))
     other = found[best]
-    if other is not None and other.clear and scores[best] > score + 1 and not settled:
+    if other is not None and other.clear and scores[best] > score + 1 and not now.settled:
         before = evidence.figure if evidence is not None else "by 0.00"
         agree = "agree" if rare else "correlate"
         figures = f"wheels and poses {agree} {before}, else {other.figure}"
@@ -181,7 +191,8 @@ def reading_checks(
     for subject in dict.fromkeys(reading.subject for reading in readings):
         of_subject = [k for k, reading in enumerate(readings) if reading.subject == subject]
         worse = evidence is not None and all(scores[k] < score - 1 for k in of_subject)
-        if worse or settled:
+        # unlike correlations, relative motions may be those of two robots
+        if worse or (now.settled and not rare):
             checks.append(Check(subject, Verdict.HOLDS))
         else:
             checks.append(Check(subject, Verdict.UNKNOWN, now.why_unknown))

@@ -32,7 +32,9 @@ _MOST_MOTIONS: Final = 300  # most motions that choose the starts
 # slip and errors of poses that are expected, relative to the way and the turn [-]
 _SCATTER: Final = 0.03
 _STARTS: Final = 3  # number of gains of turns from which fits start
-_GAINS: Final = (0.002, 3.0)  # gains of turns that are tried: of speeds in deg/s, or of 3 : 1 gears
+# gains of turns that are tried, from those of speeds in deg/s to those of speeds in m/s
+_GAINS: Final = (0.002, 40.0)
+_MOST_TURN: Final = 100.0  # most that a robot turns between two poses [rad]
 _ROUNDS: Final = 15  # number of steps of a fit
 # standard deviations of the priors of log s, log g / s, u, y [rad] and a [half gauges]
 _PRIOR: Final = np.array([3.0, 0.4, 0.03, 0.7, 2.0, 2.0])
@@ -106,6 +108,7 @@ class RelativeFit:
     explained: float  # share of the motions that are explained to within twice their scatter
     speed: float | None  # s, the gain of distances; None if the motions don't determine it
     turn: float  # g, the gain of turns
+    turn_ratio: float  # g / s, the inverse of the separation multiplier
 
 
 def fitted(motions: RelativeMotions, geometry: RobotGeometry) -> RelativeFit | None:
@@ -171,13 +174,14 @@ class _Model:
         some = np.flatnonzero(self._headed)
         some = some[:: max(1, len(some) // _MOST_MOTIONS)]
         if not len(some):
-            starts = [self._start(gain) for gain in np.geomspace(0.1, high, 12).tolist()]
+            starts = [self._start(gain) for gain in np.geomspace(10 * low, high, 30).tolist()]
             losses = [self._loss(self._residuals(start)) for start in starts]
             return [starts[k] for k in np.argsort(losses)[:_STARTS]]
 
         # finer than the distance between two minima, which are a circle apart
-        step = 0.5 / max(float(np.quantile(self._swept[some], 0.9)), 1.0)
-        grid = np.arange(low, high, step)
+        swept = max(float(np.quantile(self._swept[some], 0.9)), 1e-6)
+        step = min(0.5 / swept, 0.5)
+        grid = np.arange(low, min(high, max(3.0, _MOST_TURN / swept)), step)
         turn = self._between(self._turn)[some]
         missed = wrap_angle(self._turned[some] - grid[:, None] * turn)
         scale = self._heading_scale(grid[:, None])[:, some]
@@ -322,7 +326,13 @@ class _Model:
         known = self._placed | self._headed
         explained = float(np.mean(np.all(size < 2, axis=0)[known]))
         speed = float(np.exp(values[0])) if self._determines_speed(rest) else None
-        return RelativeFit(loss, explained, speed, float(np.exp(values[0] + values[1])))
+        return RelativeFit(
+            loss=loss,
+            explained=explained,
+            speed=speed,
+            turn=float(np.exp(values[0] + values[1])),
+            turn_ratio=float(np.exp(values[1])),
+        )
 
     def _determines_speed(self, rest: _Residuals) -> bool:
         """True if the motions determine the gain of distances."""
