@@ -32,6 +32,7 @@ _APART: Final = (
 # least log-likelihood ratio of the best offset to all others; between unrelated motions, the best
 # of all offsets is ahead of the second best by 3 in 1 % of drives
 _EVIDENCE: Final = 5.0
+_FEWEST_STEPS: Final = 10  # least number of steps from pose to pose that tell an offset
 _MOST_STEPS: Final = 400  # most steps from pose to pose that are compared with the wheels
 _MOST_CELLS: Final = 1_000_000  # most steps times offsets at a time, to limit memory
 _LONGEST: Final = 200_000  # most points of a time grid
@@ -85,16 +86,25 @@ def clock_of_drive(drive: Drive) -> Clock:
     rest = 1 - share[best]
     ahead = _ahead(share[best], others, motions)
     distinct = bool(share[best] >= _FITS and 1 - others >= 2 * rest and ahead >= _EVIDENCE)
+    if near.any() and not near[best]:
+        nearest = float(share[near].max())
+        distinct &= _ahead(share[best], nearest, motions) >= _EVIDENCE
     if not distinct:
         best = int(np.argmax(np.where(near, share, -1.0)))
-    if share[best] < _FITS or not (distinct or near.any()):
+    # between poses far apart, an offset that isn't distinct is no better than none
+    credible = distinct or (near.any() and not rare)
+    if share[best] < _FITS or not credible:
         return Clock(0.0, float(share[best]) if near.any() else 0.0)
 
     far = share[np.abs(offset) > max(NEAR, apart)].max(initial=0.0)
     checked = bool(near[best] and _ahead(share[best], far, motions) >= _EVIDENCE)
     exact = _top_of_parabola(offset, share, best)
     found = Clock(exact, float(share[best]), distinct, checked)
-    return _refined(found, drive, time, pose) if rare else found
+    if not rare:
+        return found
+    found = _refined(found, drive, time, pose)
+    # the offsets up to NEAR are as likely as one that is slightly above
+    return replace(found, offset=float(np.clip(found.offset, -NEAR, NEAR))) if near[best] else found
 
 
 def _ahead(share: float, other: float, motions: float) -> float:
@@ -290,7 +300,7 @@ def _of_rare_poses(drive: Drive, time: Array, pose: Array) -> _Shares | None:
     offset = step * np.arange(math.floor(first / step), math.floor(first / step) + count + 1)
     distances = _distances(time, pose)
     turns = _turns(time, pose)
-    if max(len(distances.value), len(turns.value)) < 4:
+    if max(len(distances.value), len(turns.value)) < _FEWEST_STEPS:
         return None
     shares = _shares_at(drive, distances, turns, offset)
     return _Shares(offset, shares, max(len(distances.value), len(turns.value)))
@@ -374,7 +384,7 @@ def _shared_by_steps(
     negative.
     """
     shares = np.zeros(len(offset))
-    if len(steps.value) < 4:
+    if len(steps.value) < _FEWEST_STEPS:
         return shares
     at_once = max(1, _MOST_CELLS // len(steps.value))
     fitting = min(1.0, np.ptp(edges) / (steps.end[-1] - steps.begin[0])) * len(steps.value)
@@ -395,7 +405,7 @@ def _shared_by_steps(
         covariance = mean(by * steps.value) - mean_by * mean_value
         if positive:
             covariance = covariance.clip(min=0.0)
-        enough = count >= max(4, 0.5 * fitting)
+        enough = count >= max(_FEWEST_STEPS, 0.5 * fitting)
         enough &= variance > 0.1 * steps.value.var()
         enough &= variance_by > 1e-12
         product = np.where(enough, variance * variance_by, 1.0)

@@ -22,6 +22,7 @@ from trackslip.drives.gains import WINDOW, Gains, Steps, gains_of
 from trackslip.drives.jumps import without_jumps
 from trackslip.drives.misread import (
     Matching,
+    Ratios,
     counts_check,
     degrees_check,
     reading_checks,
@@ -100,12 +101,18 @@ def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
     # sides, directions, units and counts
     gains = gains_of(Drives.of(covered), geometry, clock)
     matching = Matching.of(covered, geometry, clock)
-    checks = [_clock_check(drives, clocks, matching), degrees_check(covered, matching, gains)]
+    checks = [
+        _clock_check(drives, clocks, matching),
+        degrees_check(covered, matching, Ratios.of(matching, gains)),
+    ]
     _refuse(checks)
     checks += reading_checks(covered, matching, geometry, clock)
     _refuse(checks)
-    speed = matching.far.speed if matching.far is not None else gains.speed and gains.speed.value
-    checks += [units_check(covered, matching, gains, geometry), counts_check(covered, speed)]
+    ratios = Ratios.of(matching, gains)
+    checks += [
+        units_check(covered, matching, ratios, geometry),
+        counts_check(covered, ratios.speed),
+    ]
     _refuse(checks)
 
     # parts between jumps
@@ -115,7 +122,10 @@ def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
         raise LogError(
             f"run {drives[0].name!r}: its poses jump so often that too few lie between jumps"
         )
-    checks += [_match_check(Matching.of(parts, geometry, clock)), _scale_check(gains, checks)]
+    checks += [
+        _match_check(Matching.of(parts, geometry, clock)),
+        _scale_check(ratios, matching, checks),
+    ]
     left, right = _turns(covered, gains, geometry)
     duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))
     notes = [
@@ -217,31 +227,35 @@ def _match_check(matching: Matching) -> Check:
     return Check(subject, Verdict.FAILS, line, alarm="match")
 
 
-def _scale_check(gains: Gains, checks: Sequence[Check]) -> Check:
+def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) -> Check:
     """Check that the gains of distances and of turns are possible, unless a unit is known to be
     wrong.
+
+    Gains of turns that unequal radii may cause, on straight drives, tell nothing.
     """
     subject = "gains"
     known = any(check.verdict is Verdict.FAILS for check in checks)
-    if known or (gains.speed is None and gains.turn is None):
-        return Check(subject, Verdict.HOLDS)
     low, high = _POSSIBLE_GAINS
-    speed = gains.speed
-    turn = gains.turn
-    moves_wrong = speed is not None and not low <= abs(speed.value) <= high
-    turns_wrong = turn is not None and not low <= abs(turn.value) <= high
-    if not (moves_wrong or turns_wrong):
+    speed = ratios.speed
+    turn = ratios.turn if matching.turns_tell else None
+    moves_wrong = speed is not None and not low <= speed <= high
+    turns_wrong = turn is not None and not low <= turn <= high
+    if known or not (moves_wrong or turns_wrong):
         return Check(subject, Verdict.HOLDS)
-    moves = f"move {speed.value:.3g}" if speed is not None else ""
-    turns = f"turn {turn.value:.3g}" if turn is not None else ""
+    moves = [f"move {speed:.3g}"] if speed is not None else []
+    turns = [f"turn {turn:.3g}"] if turn is not None else []
     # a wrong unit of omega changes both gains
-    if moves_wrong and (turns_wrong or turn is None):
+    if speed is None:
+        cause = "the units of phi and omega, the gear and half_gauge"
+    elif turn is None:
+        cause = "the units of x, y and omega, the gear and sprocket_radius"
+    elif moves_wrong and turns_wrong:
         cause = "the unit of omega, the gear and sprocket_radius"
     elif moves_wrong:
-        cause = "the unit of x and y"
+        cause = "the unit of x and y, and sprocket_radius"
     else:
-        cause = "the unit of phi and half_gauge"
-    both = " and ".join(part for part in (moves, turns) if part)
+        cause = "the unit of phi, and half_gauge"
+    both = " and ".join([*moves, *turns])
     line = f"the poses {both} times as far as the wheels: check {cause}"
     return Check(subject, Verdict.FAILS, line, alarm="units")
 

@@ -28,6 +28,8 @@ from trackslip.kinematics import Array, RobotGeometry
 # largest relative deviation of a gain from a wrong unit's factor: tracks slip no more, except on
 # ice
 _EXACTLY: Final = 0.05
+# the same for units of x and y if turns show that those of omega are right
+_ROUGHLY: Final = 0.2
 # least correlation that leaves no doubt; swapped sides reach 0.6 in two-minute drives
 _CLEARLY: Final = 0.8
 # least increase in the sum of the correlations for which another reading counts as better
@@ -41,6 +43,7 @@ _MOSTLY: Final = (
 _SETTLED: Final = 0.85  # least share of relative motions that the log as it is explains, if right
 _HARDLY: Final = 0.3  # share of explained motions below which wheels and poses don't go together
 _MOVING: Final = 0.05  # least rms of the wheels' motions in windows that tell anything [m or rad]
+_UNEQUAL: Final = 0.05  # largest relative difference between the radii of both sides
 # rms belt speed at which no robot turns by an ambiguous angle between two poses [m/s]
 _SLOW: Final = 0.2
 # ratio of turns in degrees to those of the wheels: a robot turns as far as its wheels, or less
@@ -48,7 +51,9 @@ _DEGREES: Final = 3.0
 # ratios of the gain of turns to that of distances, of any robot: its separation multiplier is 0.8
 # to 5
 _TURN_RATIOS: Final = (0.2, 1.25)
+_QUATERNION: Final = (0.9, 1.01)  # limits on the largest z of a quaternion, with rounding
 _PER_DEGREE: Final = 111_320.0  # metres per degree of latitude
+_EXTENT: Final = 0.1  # largest extent of a drive: 10 km [degrees]
 _HIGHEST_LATITUDE: Final = 80.0  # highest latitude at which robots drive [degrees]
 # share of rows with new speeds above which these are no commands that are held for a second
 _HELD_ROWS: Final = 0.1
@@ -88,7 +93,9 @@ class Matching:
 
     windows: Window  # motion in windows
     matches: Array  # (m,) `matches_of` the windows
+    turning: float  # motion of the belts in turns, relative to that of the robot
     far: RelativeFit | None  # the fit to relative motions, if poses are far apart
+    other_unit: RelativeFit | None  # the same with a wrong unit of omega, if that is likelier
     evidence: Evidence | None  # None if the log has none
     spacing: str  # the number of poses and their distance in time, in words
 
@@ -97,13 +104,16 @@ class Matching:
         """Compare wheels and poses of drives."""
         windows = windows_of(Drives.of(drives), geometry, clock)
         matches = matches_of(windows)
+        turning = geometry.half_gauge * rms(windows.turn) / max(rms(windows.distance), 1e-9)
         interval = float(np.median([drive.interval for drive in drives]))
         poses = counted(sum(len(drive.time) for drive in drives), "pose")
         spacing = f"{poses}, {interval:.3g} s apart"
         if not are_rare(drives):
-            return cls(windows, matches, None, _of_windows(matches), spacing)
-        far = fitted(RelativeMotions.of(drives, clock), geometry)
-        return cls(windows, matches, far, _of_relative_motions(far), spacing)
+            return cls(windows, matches, turning, None, None, _of_windows(matches), spacing)
+        motions = RelativeMotions.of(drives, clock)
+        far = fitted(motions, geometry)
+        unit = _in_other_unit(motions, geometry, far)
+        return cls(windows, matches, turning, far, unit, _of_relative_motions(far), spacing)
 
     @property
     def settled(self) -> bool:
@@ -111,17 +121,21 @@ class Matching:
         that can exist.
         """
         if self.far is not None:
-            low, high = _TURN_RATIOS
-            possible = low <= self.far.turn_ratio <= high
-            return possible and self.far.explained >= _SETTLED
+            return self.far.explained >= _SETTLED
         return len(self.matches) > 0 and float(self.matches.min()) > _CLEARLY
 
     @property
     def goes_together(self) -> bool | None:
         """False if wheels and poses hardly go together; None if it can't be told."""
-        if self.far is not None:
-            return self.far.explained >= _HARDLY
+        far = self.other_unit or self.far
+        if far is not None:
+            return far.explained >= _HARDLY
         return float(np.abs(self.matches).mean()) >= 0.5 if len(self.matches) else None
+
+    @property
+    def turns_tell(self) -> bool:
+        """True if the wheels turn the robot by more than unequal radii may."""
+        return rms(self.windows.turn) > _MOVING and self.turning > _UNEQUAL
 
     @property
     def why_unknown(self) -> str:
@@ -133,6 +147,20 @@ class Matching:
         if rms(self.windows.distance) <= _MOVING:
             return "the robot hardly drives"
         return "the motion hardly varies"
+
+
+def _in_other_unit(
+    motions: RelativeMotions, geometry: RobotGeometry, fit: RelativeFit | None
+) -> RelativeFit | None:
+    """The likeliest fit to relative motions with a wrong unit of omega; None if `fit`, that to the
+    log as it is, is as likely or explains most motions.
+    """
+    if fit is None or fit.explained >= _MOSTLY:
+        return None
+    units = [unit for unit in _units(geometry) if unit.of_speeds]
+    others = [fitted(motions, geometry, unit.factor) for unit in units]
+    likelier = [other for other in others if other and other.loss < fit.loss - _LIKELIER]
+    return min(likelier, key=lambda other: other.loss, default=None)
 
 
 def are_rare(drives: Sequence[Drive]) -> bool:
@@ -180,11 +208,20 @@ def reading_checks(
     rivals = scores if evidence is not None else scores[:1]
     best = int(np.argmax(rivals))
     other = found[best]
-    if other is not None and other.clear and scores[best] > score + 1 and not now.settled:
+    unit = _of_relative_motions(now.other_unit)
+    least = max(score, unit.score if unit is not None else -np.inf) + 1
+    if other is not None and other.clear and scores[best] > least and not now.settled:
         before = evidence.figure if evidence is not None else "by 0.00"
         agree = "agree" if rare else "correlate"
         figures = f"wheels and poses {agree} {before}, else {other.figure}"
         line = f"{readings[best].what} ({figures}): {readings[best].advice}"
+        # what explains the log as well
+        alike = {
+            reading.subject: f", or, if {reading.what}, {reading.advice}"
+            for k, reading in enumerate(readings)
+            if reading.subject != readings[best].subject and scores[k] > scores[best] - 1
+        }
+        line += "".join(alike.values())
         return [Check(readings[best].subject, Verdict.FAILS, line)]
 
     checks = list[Check]()
@@ -205,7 +242,11 @@ def _quaternion_check(
     """Check that phi isn't the z of a quaternion; empty if it isn't within -1 to 1."""
     phi = np.concatenate([drive.pose[:, 2] for drive in drives])
     clear = now.evidence is not None and now.evidence.clear
-    if clear or not np.isfinite(phi).any() or np.nanmax(np.abs(phi)) > 1.01:
+    if clear or not np.isfinite(phi).any():
+        return []
+    # a robot that turns by a circle has every z
+    low, high = _QUATERNION
+    if not low <= np.nanmax(np.abs(phi)) <= high:
         return []
     for drive in drives:
         left, right = drive.angles(drive.edges) * geometry.sprocket_radius
@@ -365,39 +406,43 @@ class _Unit:
 
     factor: float  # how much farther the poses seem to move by it than the wheels
     line: str  # the column, its unit and the remedy
+    of_speeds: bool = False  # true if it is a unit of omega
     of_positions: bool = False  # true if turns are as in the right unit
 
 
 @dataclass(frozen=True)
-class _Ratios:
+class Ratios:
     """Ratios of measured distances and turns to the wheels'; None if unknown."""
 
     speed: float | None
     turn: float | None
 
     @classmethod
-    def of(cls, now: Matching, gains: Gains) -> _Ratios:
+    def of(cls, now: Matching, gains: Gains) -> Ratios:
         """The ratios from relative motions between poses far apart, else from windows."""
         speed = abs(gains.speed.value) if gains.speed is not None else None
         turn = abs(gains.turn.value) if gains.turn is not None else None
-        if now.far is None:
+        far = now.other_unit or now.far
+        if far is None:
             return cls(speed, turn)
-        return cls(now.far.speed if now.far.speed is not None else speed, now.far.turn)
+        return cls(far.speed if far.speed is not None else speed, far.turn)
 
 
-def degrees_check(drives: Sequence[Drive], now: Matching, gains: Gains) -> Check:
+def degrees_check(drives: Sequence[Drive], now: Matching, ratios: Ratios) -> Check:
     """Check that positions aren't degrees of longitude and latitude, which shrink with the cosine
     of the latitude.
     """
     subject = "positions in metres"
-    speed = _Ratios.of(now, gains).speed
+    speed = ratios.speed
     if speed is None:
         return Check(subject, Verdict.UNKNOWN, _why_no_distances(drives, now))
     place = np.concatenate([drive.pose[:, :2] for drive in drives])
     x, y = np.nanmean(place, axis=0)
+    extent = float(np.max(np.nanmax(place, axis=0) - np.nanmin(place, axis=0)))
     # at most: either x or y may be the latitude
     latitude = min(max(abs(x), abs(y)), _HIGHEST_LATITUDE)
-    if not 0.8 <= _PER_DEGREE * speed <= 1.2 / np.cos(np.radians(latitude)):
+    highest = 1.2 / np.cos(np.radians(latitude))
+    if extent > _EXTENT or not 0.8 <= _PER_DEGREE * speed <= highest:
         return Check(subject, Verdict.HOLDS)
     line = (
         f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude: give "
@@ -413,14 +458,13 @@ def _why_no_distances(drives: Sequence[Drive], now: Matching) -> str:
 
 
 def units_check(
-    drives: Sequence[Drive], now: Matching, gains: Gains, geometry: RobotGeometry
+    drives: Sequence[Drive], now: Matching, ratios: Ratios, geometry: RobotGeometry
 ) -> Check:
     """Check that the gain of distances matches no wrong unit.
 
     The gain of turns tells units of x and y, on which it doesn't depend, from those of omega and t.
     """
     subject = "units"
-    ratios = _Ratios.of(now, gains)
     speed = ratios.speed
     if speed is None:
         return Check(subject, Verdict.UNKNOWN, _why_no_distances(drives, now))
@@ -428,7 +472,7 @@ def units_check(
         unit
         for unit in _units(geometry)
         if abs(unit.factor - 1) > 0.2
-        and abs(speed / unit.factor - 1) <= _EXACTLY
+        and abs(speed / unit.factor - 1) <= _tolerance(unit, ratios.turn)
         and _turns_agree(unit, speed, ratios.turn)
     ]
     if not near:
@@ -443,20 +487,29 @@ def _units(geometry: RobotGeometry) -> list[_Unit]:
     """Wrong units that occur in logs."""
     radius = geometry.sprocket_radius
     wheels = "omega_l and omega_r look like"
+    of_speeds = {
+        np.radians(1): "deg/s: multiply them by pi/180",
+        2 * np.pi / 60: "rpm: multiply them by 2 pi/60",
+        2 * np.pi: "turns per second: multiply them by 2 pi",
+        1 / radius: f"m/s: divide them by sprocket_radius = {radius:g} m",
+        1e-3 / radius: f"mm/s: divide them by sprocket_radius = {1000 * radius:g} mm",
+    }
     return [
-        _Unit(np.radians(1), f"{wheels} deg/s: multiply them by pi/180"),
-        _Unit(2 * np.pi / 60, f"{wheels} rpm: multiply them by 2 pi/60"),
-        _Unit(2 * np.pi, f"{wheels} turns per second: multiply them by 2 pi"),
-        _Unit(1 / radius, f"{wheels} m/s: divide them by sprocket_radius = {radius:g} m"),
-        _Unit(
-            1e-3 / radius, f"{wheels} mm/s: divide them by sprocket_radius = {1000 * radius:g} mm"
-        ),
+        *(_Unit(factor, f"{wheels} {line}", of_speeds=True) for factor, line in of_speeds.items()),
         _Unit(1000.0, "x and y look like mm: divide them by 1000", of_positions=True),
         _Unit(100.0, "x and y look like cm: divide them by 100", of_positions=True),
         _Unit(1e-3, "t looks like ms: divide it by 1000"),
         _Unit(1e-6, "t looks like µs: divide it by 1e6"),
         _Unit(1e-9, "t looks like ns: divide it by 1e9"),
     ]
+
+
+def _tolerance(unit: _Unit, turn: float | None) -> float:
+    """Largest relative deviation of the gain of distances from a unit's factor.
+
+    If turns show that omega is right, only x and y can be wrong.
+    """
+    return _ROUGHLY if unit.of_positions and turn is not None else _EXACTLY
 
 
 def _turns_agree(unit: _Unit, speed: float, turn: float | None) -> bool:

@@ -6,7 +6,7 @@ pose as seen from the first. The path has its own gain of turns g, from which th
 multiplier follows, and its own difference between the radii u, because both errors are amplified by
 every circle:
 
-    phi(t) = g turn(t) + u way(t) / b,    P = integral of exp(i phi) d way,
+    phi(t) = g turn(t) + s u way(t) / b,    P = integral of exp(i phi) d way,
 
 where turn [rad] and way [m] are those of equal wheels without slip and b is the half gauge. A
 sensor at the place a of the robot, turned by y, sees the motion
@@ -31,10 +31,10 @@ _MOST_POINTS: Final = 3000  # most points of the integrated path, to limit time
 _MOST_MOTIONS: Final = 300  # most motions that choose the starts
 # slip and errors of poses that are expected, relative to the way and the turn [-]
 _SCATTER: Final = 0.03
+_LARGEST_RATIO: Final = 1.5  # largest g / s of robots, and of x and y in cm or mm
 _STARTS: Final = 3  # number of gains of turns from which fits start
-# gains of turns that are tried, from those of speeds in deg/s to those of speeds in m/s
-_GAINS: Final = (0.002, 40.0)
-_MOST_TURN: Final = 100.0  # most that a robot turns between two poses [rad]
+# least and largest gain of turns of robots: skid steering with a multiplier of 6, and wrong gears
+_GAINS: Final = (0.15, 2.4)
 _ROUNDS: Final = 15  # number of steps of a fit
 # standard deviations of the priors of log s, log g / s, u, y [rad] and a [half gauges]
 _PRIOR: Final = np.array([3.0, 0.4, 0.03, 0.7, 2.0, 2.0])
@@ -111,11 +111,17 @@ class RelativeFit:
     turn_ratio: float  # g / s, the inverse of the separation multiplier
 
 
-def fitted(motions: RelativeMotions, geometry: RobotGeometry) -> RelativeFit | None:
+def fitted(
+    motions: RelativeMotions, geometry: RobotGeometry, factor: float = 1.0
+) -> RelativeFit | None:
     """The best fit of the wheels' path to relative motions, from several gains of turns; None if
     there are fewer than four motions or the wheels stand still.
+
+    Gains of turns are those of robots times a `factor`, that of a wrong unit of omega. They are
+    limited, as are those of distances, because a robot that hardly moves explains closed squares as
+    well as one that drives them.
     """
-    model = _Model(motions, geometry)
+    model = _Model(motions, geometry, factor)
     if model.count < _FEWEST or not model.driven.any():
         return None
     fits = [model.fit(start) for start in model.starts()]
@@ -141,7 +147,8 @@ class _Residuals(NamedTuple):
 class _Model:
     """The wheels' path and its fit by the parameters (log s, log g / s, u, y, a)."""
 
-    def __init__(self, motions: RelativeMotions, geometry: RobotGeometry) -> None:
+    def __init__(self, motions: RelativeMotions, geometry: RobotGeometry, factor: float) -> None:
+        self._gains = factor * _GAINS[0], factor * _GAINS[1]
         left, right = motions.angle * geometry.sprocket_radius
         way = (left + right) / 2
         self._half_gauge = geometry.half_gauge
@@ -170,18 +177,18 @@ class _Model:
         """Start values: the gains of turns that explain the headings best, each with the gain of
         distances that explains the lengths of the motions best.
         """
-        low, high = _GAINS
+        low, high = self._gains
         some = np.flatnonzero(self._headed)
         some = some[:: max(1, len(some) // _MOST_MOTIONS)]
         if not len(some):
-            starts = [self._start(gain) for gain in np.geomspace(10 * low, high, 30).tolist()]
+            starts = [self._start(gain) for gain in np.geomspace(low, high, 12).tolist()]
             losses = [self._loss(self._residuals(start)) for start in starts]
             return [starts[k] for k in np.argsort(losses)[:_STARTS]]
 
         # finer than the distance between two minima, which are a circle apart
         swept = max(float(np.quantile(self._swept[some], 0.9)), 1e-6)
-        step = min(0.5 / swept, 0.5)
-        grid = np.arange(low, min(high, max(3.0, _MOST_TURN / swept)), step)
+        step = min(0.5 / swept, 0.1 * (high - low))
+        grid = np.arange(low, high, step)
         turn = self._between(self._turn)[some]
         missed = wrap_angle(self._turned[some] - grid[:, None] * turn)
         scale = self._heading_scale(grid[:, None])[:, some]
@@ -200,7 +207,7 @@ class _Model:
             moved = np.abs(self._moved[self._placed])
             values[0] = np.log(max(_median_ratio(moved, path), 1e-9))
         values[1] = np.log(gain) - values[0]
-        return values
+        return self._limited(values)
 
     def _path(self, gain: float, unequal: float) -> _Path:
         """The motions by the wheels' path, with derivatives."""
@@ -226,7 +233,8 @@ class _Model:
         """The residuals for parameters (6,)."""
         speed = np.exp(values[0])
         gain = np.exp(values[0] + values[1])
-        unequal, yaw = values[2:4]
+        unequal = speed * values[2]
+        yaw = values[3]
         arm = values[4] + 1j * values[5]  # [half gauges]
         path = self._path(gain, unequal)
         turn = gain * self._between(self._turn)
@@ -234,14 +242,18 @@ class _Model:
         around = turn + unequal * bend
 
         unit = speed * np.exp(-1j * yaw)
+        # the unit of x and y, by which turns don't change: log g / s tells it from that of omega
+        metre = np.exp(_USUAL_RATIO - values[1])
         circled = np.exp(1j * np.where(self._headed, self._turned, around)) - 1
-        lever = unit * self._half_gauge * circled
-        explained = unit * path.place + arm * lever
+        lever = metre * self._half_gauge * np.exp(-1j * yaw) * circled
+        moved_middle = unit * path.place
+        explained = moved_middle + arm * lever
         by_turn = unit * gain * path.by_gain
+        by_bend = unit * path.by_unequal
         slopes = [
-            explained + by_turn,  # by log s
-            by_turn,  # by log g / s
-            unit * path.by_unequal,
+            moved_middle + by_turn + unequal * by_bend,  # by log s
+            by_turn - arm * lever,  # by log g / s
+            speed * by_bend,  # by u
             -1j * explained,  # by the sensor's yaw
             lever,  # by the sensor's place ahead
             1j * lever,  # and to the left
@@ -254,13 +266,13 @@ class _Model:
             slope = slope - 1j * explained[:, None] * self._turns_of_frames(slope, explained)
         missed = np.where(self._placed, moved - explained, 0.0)
         slope[~self._placed] = 0.0
-        place_scale = speed * (_SCATTER * self.driven + 0.02 * self._half_gauge)
+        place_scale = _SCATTER * (speed * self.driven + metre * self._half_gauge)
 
         off = np.where(self._headed, wrap_angle(self._turned - around), 0.0)
         heading_slope = np.zeros((len(off), 6))
-        heading_slope[:, 0] = turn
+        heading_slope[:, 0] = around
         heading_slope[:, 1] = turn
-        heading_slope[:, 2] = bend
+        heading_slope[:, 2] = speed * bend
         heading_slope[~self._headed] = 0.0
 
         scale = np.concatenate([place_scale, place_scale, self._heading_scale(gain)])
@@ -309,7 +321,7 @@ class _Model:
             normal = rest.slope.T @ (weight[:, None] * rest.slope)
             damped = normal + damping * np.diag(np.diag(normal))
             step = np.linalg.solve(damped, rest.slope.T @ (weight * rest.value))
-            moved = values + np.clip(step, -1.0, 1.0)
+            moved = self._limited(values + np.clip(step, -1.0, 1.0))
             then = self._residuals(moved)
             lower = self._loss(then)
             if lower >= loss:
@@ -333,6 +345,15 @@ class _Model:
             turn=float(np.exp(values[0] + values[1])),
             turn_ratio=float(np.exp(values[1])),
         )
+
+    def _limited(self, values: Array) -> Array:
+        """Values (6,) with both gains within their limits."""
+        limited = values.copy()
+        low, high = np.log(self._gains)
+        gain = np.clip(values[0] + values[1], low, high)
+        limited[1] = min(values[1], np.log(_LARGEST_RATIO))
+        limited[0] = gain - limited[1]
+        return limited
 
     def _determines_speed(self, rest: _Residuals) -> bool:
         """True if the motions determine the gain of distances."""
