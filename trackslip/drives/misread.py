@@ -153,9 +153,9 @@ def _in_other_unit(
     motions: RelativeMotions, geometry: RobotGeometry, fit: RelativeFit | None
 ) -> RelativeFit | None:
     """The likeliest fit to relative motions with a wrong unit of omega; None if `fit`, that to the
-    log as it is, is as likely or explains most motions.
+    log as it is, is as likely or explains the motions.
     """
-    if fit is None or fit.explained >= _MOSTLY:
+    if fit is None or fit.explained >= _SETTLED:
         return None
     units = [unit for unit in _units(geometry) if unit.of_speeds]
     others = [fitted(motions, geometry, unit.factor) for unit in units]
@@ -228,8 +228,7 @@ def reading_checks(
     for subject in dict.fromkeys(reading.subject for reading in readings):
         of_subject = [k for k, reading in enumerate(readings) if reading.subject == subject]
         worse = evidence is not None and all(scores[k] < score - 1 for k in of_subject)
-        # unlike correlations, relative motions may be those of two robots
-        if worse or (now.settled and not rare):
+        if worse:
             checks.append(Check(subject, Verdict.HOLDS))
         else:
             checks.append(Check(subject, Verdict.UNKNOWN, now.why_unknown))
