@@ -31,6 +31,7 @@ _MOST_POINTS: Final = 3000  # most points of the integrated path, to limit time
 _MOST_MOTIONS: Final = 300  # most motions that choose the starts
 # slip and errors of poses that are expected, relative to the way and the turn [-]
 _SCATTER: Final = 0.03
+_TIMING: Final = 0.2  # error of the clocks' offset that is expected between poses far apart [s]
 _LARGEST_RATIO: Final = 1.5  # largest g / s of robots, and of x and y in cm or mm
 _STARTS: Final = 3  # number of gains of turns from which fits start
 # least and largest gain of turns of robots: skid steering with a multiplier of 6, and wrong gears
@@ -58,6 +59,7 @@ class RelativeMotions(NamedTuple):
     last: np.ndarray  # (n,) point at which a motion ends
     moved: np.ndarray  # (n,) motion, complex [m]; NaN if unknown
     turned: Array  # (n,) turn [rad], modulo whole circles; NaN if unknown
+    duration: Array  # (n,) time that the motion takes [s]
     framed: bool  # true if the headings are known
 
     @classmethod
@@ -96,6 +98,7 @@ class RelativeMotions(NamedTuple):
             np.searchsorted(points, time[end]),
             moved * np.exp(-1j * heading[begin]) if framed else moved,
             turn,
+            np.where(same, time[end] - time[begin], np.inf),
             framed,
         )
 
@@ -158,6 +161,7 @@ class _Model:
         self._first = motions.first
         self._last = motions.last
         self._framed = motions.framed
+        self._scatter = _SCATTER + _TIMING / np.maximum(motions.duration, _TIMING)
         self._moved = np.nan_to_num(motions.moved)
         self._turned = np.nan_to_num(motions.turned)
         self._placed = np.isfinite(motions.moved)
@@ -266,7 +270,7 @@ class _Model:
             slope = slope - 1j * explained[:, None] * self._turns_of_frames(slope, explained)
         missed = np.where(self._placed, moved - explained, 0.0)
         slope[~self._placed] = 0.0
-        place_scale = _SCATTER * (speed * self.driven + metre * self._half_gauge)
+        place_scale = self._scatter * speed * self.driven + _SCATTER * metre * self._half_gauge
 
         off = np.where(self._headed, wrap_angle(self._turned - around), 0.0)
         heading_slope = np.zeros((len(off), 6))
@@ -287,7 +291,7 @@ class _Model:
     def _heading_scale(self, gain: Array | float) -> Array:
         """Expected errors (..., n) of the turns, for gains of turns (..., 1) [rad]."""
         by_way = 0.2 * _SCATTER * self.driven / self._half_gauge
-        return np.minimum(gain * (_SCATTER * self._swept + by_way) + 0.02, np.pi)
+        return np.minimum(gain * (self._scatter * self._swept + by_way) + 0.02, np.pi)
 
     def _frames(self, explained: np.ndarray) -> np.ndarray:
         """Directions (n,) of the frames in which motions (n,) by the wheels fit those measured from
