@@ -12,7 +12,14 @@ from typing import Annotated, ClassVar
 import numpy as np
 import tyro
 
-from experiments.common.log_options import Bag, BagOptions, MaxMemory, size_in_bytes
+from experiments.common.log_options import (
+    Bag,
+    BagOptions,
+    LayoutOptions,
+    MaxMemory,
+    TableLayout,
+    size_in_bytes,
+)
 from experiments.common.options import Exclusion, Needs, Options, default_is
 from experiments.common.results import RUNS_FILE, require_new, write_output
 from experiments.common.table import MISSING, Table, number
@@ -34,6 +41,7 @@ from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import column_names
+from trackslip.logs.table_reader import ReadRuns
 
 EXAMPLES = (
     ("a bag's topics, and the log that identify would read", "trackslip log run.mcap"),
@@ -62,6 +70,8 @@ class Config(Options):
     """Results folder, .parquet or .csv log, or ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    table: TableLayout = field(default_factory=LayoutOptions)
+    """Names and units of a table's columns."""
     max_memory: MaxMemory = None
     """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
     out: Annotated[Path | None, default_is("none", "FILE")] = None
@@ -86,9 +96,12 @@ class Config(Options):
 def run(config: Config) -> None:
     """Print what the log contains, or write it as a table."""
     choice = config.bag.choice()
+    layout = config.table.layout()
     max_memory = size_in_bytes("max_memory", config.max_memory)
     if config.out is not None:
-        _write(config.path, choice, max_memory, config.out, config.overwrite)
+        for target in _written(config.out):
+            require_new(target, config.overwrite)
+        _write(read_runs_of(config.path, choice, max_memory, layout), choice, config.out)
         return
     bags = open_bags(config.path, max_memory) if holds_bags(config.path) else []
     damage = [note for bag in bags for note in bag.notes]
@@ -98,7 +111,7 @@ def run(config: Config) -> None:
     runs: list[Sequence[str]] = []
     scanners: list[str] = []
     try:
-        read = runs_of(config.path, choice, max_memory)
+        read = runs_of(config.path, choice, max_memory, layout)
         for log in read:
             columns |= dict.fromkeys(column_names(log))
             runs.append(_cells(log))
@@ -204,16 +217,17 @@ def _print_warnings(lines: Sequence[str]) -> None:
         print(f"warning: {line}")
 
 
-def _write(
-    path: Path, choice: BagChoice, max_memory: int | None, file: Path, overwrite: bool
-) -> None:
-    """Write the runs to `file`, and for CSV also a file with units; raises OutputError for files
-    that exist.
-    """
-    parquet, units = file.suffix.lower() == ".parquet", file.with_suffix(".columns.csv")
-    for target in (file,) if parquet else (file, units):
-        require_new(target, overwrite)
-    read = read_runs_of(path, choice, max_memory)
+def _written(file: Path) -> tuple[Path, ...]:
+    """The files that are written for the log `file`: a CSV file comes with the columns' units."""
+    if file.suffix.lower() == ".parquet":
+        return (file,)
+    return file, file.with_suffix(".columns.csv")
+
+
+def _write(read: ReadRuns, choice: BagChoice, file: Path) -> None:
+    """Write the runs to `file`, and for CSV also a file with units."""
+    parquet = file.suffix.lower() == ".parquet"
+    units = _written(file)[-1]
 
     def write_both(draft: Path) -> None:  # writes both files or neither
         write_csv(read.runs, draft)

@@ -1,11 +1,15 @@
-"""`trackslip predict`: compute slip from theory, without simulating."""
+"""`trackslip predict`: compute slip from theory, without simulating, or multipliers from turns and
+distances measured by hand.
+"""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final, Literal
 
 from experiments.common.choices import SHIPPED
 from experiments.common.options import (
+    Bound,
     Distinct,
     Excludes,
     Exclusion,
@@ -28,7 +32,7 @@ from sim.drive.drive import MAX_FORCE, Pull
 from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.files import FORMAT
 from trackslip.identification.source import MULTIPLIERS
 from trackslip.paper import OBSERVED_RADII
@@ -38,17 +42,49 @@ EXAMPLES = (
     ("the shipped robot", "trackslip predict"),
     ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
     (
-        "turns counted by hand: 10 by odometry, 7.9 really",
-        "trackslip predict --turns 10 --measured 7.9",
+        "turns counted by hand: 10 by odometry to each side, 7.9 and 8.1 really",
+        "trackslip predict --turns 10 -10 --measured 7.9 -8.1",
+    ),
+    (
+        "a distance by tape: 10 m by odometry, 9.8 m really",
+        "trackslip predict --drove 10 --measured 9.8",
     ),
     (
         "a robot of another size",
         "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2",
     ),
 )
-_HEADER = ("radius driven [m]", "outer slip", "inner slip", "D [mm]", "ICRs, left | right [mm]")
-_GRAVITY = 9.81  # [m/s^2]
-_ROBOTS = default_is("the robot's", "FLOAT")
+_HEADER: Final = (
+    "radius driven [m]",
+    "outer slip",
+    "inner slip",
+    "D [mm]",
+    "ICRs, left | right [mm]",
+)
+_GRAVITY: Final = 9.81  # [m/s^2]
+_ROBOTS: Final = default_is("the robot's", "FLOAT")
+
+
+_OF_THEORY: Final = (
+    *("contact_length", "friction_ratio", "friction", "shear", "slope", "uphill"),
+    *("pull", "pull_height", "com_x", "sprocket_radius", "radius_error", "radii"),
+    *("out", "overwrite"),
+)
+"""Options without effect on what is computed from turns or distances by hand."""
+_UNITS: Final = {
+    "turns": {"turn": 1.0, "deg": 1 / 360, "rad": 1 / (2 * math.pi)},
+    "drove": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+}
+"""Units of turns and distances, with their factors to turns and metres."""
+_LIKE: Final = 0.01  # relative difference of directions up to which they count as alike [-]
+
+
+class ByHand(Bound):
+    """Finite numbers other than 0."""
+
+    def _check_number(self, name: str, number: float) -> None:
+        if not (math.isfinite(number) and number != 0 and abs(number) <= 1e6):
+            raise InvalidValueError(name, number, "a finite number other than 0, up to 1e6")
 
 
 @dataclass(frozen=True)
@@ -58,15 +94,25 @@ class Config(ResultsOptions):
 
     With --shear, --slope or --pull, slips depend on radius and load; the law then fits their mean
     over the radii. With --turns and --measured, turns counted by hand give
-    wheel_separation_multiplier and D; nothing else is computed.
+    wheel_separation_multiplier and D; with --drove and --measured, distances by tape give the
+    wheel_radius_multipliers; nothing else is computed.
     """
 
-    turns: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
-    """Turns on the spot according to wheel odometry, as commanded or as counted; needs --measured
-    [-].
+    turns: Annotated[tuple[float, ...] | None, ByHand(), default_is("none", "FLOAT ...")] = None
+    """Turns on the spot according to wheel odometry, as commanded or as counted, negative to the
+    right; needs --measured [turn].
     """
-    measured: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
-    """Turns that the robot actually made meanwhile; needs --turns [-]."""
+    drove: Annotated[tuple[float, ...] | None, ByHand(), default_is("none", "FLOAT ...")] = None
+    """Distances straight ahead according to wheel odometry, negative backwards; needs --measured
+    [m].
+    """
+    measured: Annotated[tuple[float, ...] | None, ByHand(), default_is("none", "FLOAT ...")] = None
+    """What the robot actually turned or drove each time; needs --turns or --drove [turn or m]."""
+    unit: Annotated[
+        Literal["turn", "deg", "rad", "m", "cm", "mm"] | None,
+        default_is("turn or m", "{turn,deg,rad,m,cm,mm}"),
+    ] = None
+    """Unit of --turns (turn, deg, rad) or --drove (m, cm, mm), and of --measured."""
     multiplier: Annotated[float, Within(*MULTIPLIERS)] = 1.0
     """wheel_separation_multiplier that the odometry used; needs --turns [-]."""
     robot: RobotSource = SHIPPED
@@ -111,16 +157,10 @@ class Config(ResultsOptions):
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("uphill",), "slope"),
         Needs(("pull_height",), "pull"),
-        Needs(("measured", "multiplier"), "turns"),
-        Needs(("turns",), "measured"),
-        Excludes(
-            (
-                *("contact_length", "friction_ratio", "friction", "shear", "slope", "uphill"),
-                *("pull", "pull_height", "com_x", "sprocket_radius", "radius_error", "radii"),
-                *("out", "overwrite"),
-            ),
-            "turns",
-        ),
+        Needs(("multiplier",), "turns"),
+        Needs(("turns", "drove", "unit"), "measured"),
+        Excludes(("drove", *_OF_THEORY), "turns"),
+        Excludes(("robot", "half_gauge", *_OF_THEORY), "drove"),
     )
 
     def __post_init__(self) -> None:
@@ -130,31 +170,27 @@ class Config(ResultsOptions):
             raise InvalidValueError(
                 "friction", self.friction, "left out without --slope and --pull"
             )
+        if self.measured is not None:
+            _check_by_hand(self)
 
 
 def run(config: Config) -> None:
     """Compute the slips, and store and print them."""
-    robot, ground, load = predicted_world(config)
-    if config.turns is not None and config.measured is not None:
-        multiplier = config.multiplier * config.turns / config.measured
-        Within(*MULTIPLIERS).check("turns / measured × multiplier", multiplier)
-        offset = 1e3 * robot.half_gauge * (multiplier - 1)
-        print(
-            f"wheel_separation_multiplier  {multiplier:.3f}, where odometry had "
-            f"{config.multiplier:g}"
-        )
-        print(
-            f"D  {offset:.1f} mm for half_gauge = {robot.half_gauge:g} m, if the sprockets' "
-            "radius is right (ε = 0)"
-        )
+    if config.turns is not None:
+        _print_turns(config)
         return
+    if config.drove is not None:
+        _print_distances(config)
+        return
+    robot, ground, load = predicted_world(config)
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
-    # nominal: for slips of the nominal sprocket
-    loss, nominal = float(turns.loss.mean()), 1 + config.radius_error
+    loss = float(turns.loss.mean())
+    nominal = 1 + config.radius_error  # for slips of the nominal sprocket
     law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
     ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
-    slip, straight = 1 - nominal * (1 - turns.slip), float(1 - nominal * ahead)
+    slip = 1 - nominal * (1 - turns.slip)
+    straight = float(1 - nominal * ahead)
     varies = ground.shear > 0 or config.slope != 0 or config.pull != 0
     summary = {
         "format": FORMAT,
@@ -192,6 +228,104 @@ def run(config: Config) -> None:
         f"{'mean ' if varies else ''}D = {1e3 * law['offset']:.2f} mm; use it with --laws "
         f"{config.out}"
     )
+
+
+def _check_by_hand(config: Config) -> None:
+    """Raise InvalidValueError unless each turn or distance was measured, in a unit of its kind."""
+    name = "turns" if config.turns is not None else "drove"
+    counted = getattr(config, name)
+    measured = config.measured or ()
+    require(counted is not None, "measured", measured, "left out without --turns or --drove")
+    what = f"as many numbers as --{name} has, {len(counted)}"
+    require(len(measured) == len(counted), "measured", measured, what)
+    for number, real in zip(counted, measured, strict=True):
+        sign = "positive" if number > 0 else "negative"
+        require(real * number > 0, "measured", real, f"{sign}, like {number:g} of --{name}")
+    allowed = _UNITS[name]
+    require(config.unit in (None, *allowed), "unit", config.unit, f"{', '.join(allowed)} ({name})")
+
+
+def _print_turns(config: Config) -> None:
+    """Print the multiplier and D from turns counted by hand."""
+    assert config.turns is not None
+    assert config.measured is not None
+    robot, _, _ = predicted_world(config)
+    ratios = _ratios(config.turns, config.measured, config.multiplier)
+    multiplier = ratios["both"]
+    Within(*MULTIPLIERS).check("turns / measured × multiplier", multiplier)
+    offset = 1e3 * robot.half_gauge * (multiplier - 1)
+    print(
+        f"wheel_separation_multiplier  {multiplier:.3f}, where odometry had {config.multiplier:g}"
+    )
+    total = sum(map(abs, config.measured)) * _UNITS["turns"][config.unit or "turn"]
+    print(
+        f"D  {offset:.1f} mm for half_gauge = {robot.half_gauge:g} m, if the sprockets' radius is "
+        f"right (ε = 0); a tenth of a turn miscounted changes the multiplier by "
+        f"{multiplier * 0.1 / total:.2g}"
+    )
+    if {"positive", "negative"} <= ratios.keys():
+        left = ratios["positive"]
+        right = ratios["negative"]
+        print(f"to the left {left:.3f}, to the right {right:.3f}: {_likeness(left, right)}")
+        if not _are_alike(left, right):
+            print(
+                "radii that differ turn a robot alike to both sides: count again, from standstill "
+                "to standstill; if the sides still differ, the slip does, as on a slope or with a "
+                "load off the middle, and one multiplier is only their mean"
+            )
+
+
+def _print_distances(config: Config) -> None:
+    """Print the multipliers of the radii and ε from distances measured by hand."""
+    assert config.drove is not None
+    assert config.measured is not None
+    ratios = _ratios(config.measured, config.drove, 1.0)
+    multiplier = ratios["both"]
+    Within(*MULTIPLIERS).check("measured / drove", multiplier)
+    print(f"left_wheel_radius_multiplier   {multiplier:.4f}, times that which odometry had")
+    print(f"right_wheel_radius_multiplier  {multiplier:.4f}, times that which odometry had")
+    total = sum(map(abs, config.drove)) * _UNITS["drove"][config.unit or "m"]
+    print(
+        f"ε  {100 * (multiplier - 1):+.2f} %, the mean of both sides: distances don't tell them "
+        f"apart; 1 cm measured wrong changes it by {1 / total:.2g} %"
+    )
+    if {"positive", "negative"} <= ratios.keys():
+        ahead = ratios["positive"]
+        back = ratios["negative"]
+        print(f"forwards {ahead:.4f}, backwards {back:.4f}: {_likeness(ahead, back)}")
+        if not _are_alike(ahead, back):
+            print(
+                "radii are the same in both directions: measure again; if the directions still "
+                "differ, the slip does, as on a slope"
+            )
+
+
+def _ratios(above: tuple[float, ...], below: tuple[float, ...], times: float) -> dict[str, float]:
+    """Ratios of the sums of `above` (n,) and `below` (n,), `times` a factor: of both directions,
+    and of the positive and the negative numbers, if there are any.
+    """
+    pairs = list(zip(above, below, strict=True))
+    directions = {
+        "both": pairs,
+        "positive": [pair for pair in pairs if pair[0] > 0],
+        "negative": [pair for pair in pairs if pair[0] < 0],
+    }
+    return {
+        name: times * sum(abs(a) for a, _ in some) / sum(abs(b) for _, b in some)
+        for name, some in directions.items()
+        if some
+    }
+
+
+def _are_alike(first: float, second: float) -> bool:
+    """Whether two multipliers differ by no more than counting by hand makes them differ."""
+    return abs(first - second) <= _LIKE * min(first, second)
+
+
+def _likeness(first: float, second: float) -> str:
+    """By how much two multipliers differ, in words."""
+    difference = 100 * abs(first - second) / min(first, second)
+    return f"they differ by {difference:.1f} %"
 
 
 def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:

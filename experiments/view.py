@@ -2,7 +2,7 @@
 
 import shlex
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from shutil import copyfile
@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from experiments.common.leftovers import temporary
-from experiments.common.log_options import MaxMemory, size_in_bytes
+from experiments.common.log_options import LayoutOptions, MaxMemory, TableLayout, size_in_bytes
 from experiments.common.options import Distinct, Excludes, Exclusion, Options, default_is
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
@@ -42,6 +42,8 @@ class Config(Options):
     """Show the runs in the browser, until interrupted."""
     save: Annotated[Path | None, default_is("none", "FILE")] = None
     """Write an .rrd file instead, for `rerun FILE`."""
+    table: TableLayout = field(default_factory=LayoutOptions)
+    """Names and units of a table's columns."""
     max_memory: MaxMemory = None
     """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
 
@@ -59,7 +61,8 @@ def run(config: Config) -> None:
     """Read runs, choose some of them, and show or save them."""
     recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
     if recording.is_file():  # the recording shows the course, which is not in the log
-        for option, value in (("run", config.run), ("max_memory", config.max_memory)):
+        given = {"run": config.run, "max_memory": config.max_memory, **vars(config.table)}
+        for option, value in given.items():
             if value:
                 raise InvalidValueError(
                     option, value, f"left out: {config.path} has one run, with its recording"
@@ -74,6 +77,7 @@ def run(config: Config) -> None:
         config.path,
         BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC,
         size_in_bytes("max_memory", config.max_memory),
+        config.table.layout(),
     )
     chosen, count = viewer.choose(runs, config.run, config.path)
     for line in runs.warnings:

@@ -16,7 +16,7 @@ from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.drives.conditioning import drives_of
-from trackslip.drives.encoders import interval_means
+from trackslip.drives.encoders import encoders_of
 from trackslip.drives.first_look import first_look
 from trackslip.errors import InvalidValueError, LogError, require_within
 from trackslip.kinematics import Array, RobotGeometry, body_twist
@@ -222,11 +222,13 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
     """Times and angles of each sprocket, which turns at its first speed before the log and at its
     last after it.
     """
-    means = interval_means(log.time, log.omega)
-    time = np.concatenate([[log.time[0] - 2 * RUN_UP], log.time, [log.time[-1] + _BEYOND]])
-    speeds = np.concatenate([log.omega[:1], means, means[-1:]])
-    angles = np.append(np.zeros((1, 2)), np.cumsum(speeds * np.diff(time)[:, None], axis=0), axis=0)
-    return [(time, side) for side in angles.T]
+    encoders = encoders_of(log).smooth()
+    before = log.time[:1] - 2 * RUN_UP
+    after = log.time[-1:] + _BEYOND
+    time = np.concatenate([before, encoders.edges, after])
+    speeds = np.concatenate([log.omega[:1], encoders.omega, encoders.omega[-1:]])
+    turned = np.cumsum(speeds * np.diff(time)[:, None], axis=0)
+    return [(time, np.append(0.0, side)) for side in turned.T]
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:

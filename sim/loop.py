@@ -24,7 +24,7 @@ from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
 from trackslip.laws.base import SlipLaw
-from trackslip.localization.scan import Locator
+from trackslip.localization.pose_estimate import Locator
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference

@@ -14,8 +14,9 @@ from sim.run_recorder import RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.stopwatch import Stopwatch
 from trackslip.kinematics import Array
+from trackslip.localization.pose_estimate import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import EVERY, Follower, Tracker
-from trackslip.localization.scan import Cluster, Locator, PoseEstimate, extract_plate
+from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.restorable import Restorable
 

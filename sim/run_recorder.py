@@ -16,7 +16,7 @@ from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 FAILURE = "failure"

@@ -36,8 +36,8 @@ from .laws.turn_loss import Centrifugal as Centrifugal
 from .laws.turn_loss import TurnLoss as TurnLoss
 from .laws.turn_loss import TurnLossSides as TurnLossSides
 from .localization.plate import PlateLocator as PlateLocator
+from .localization.pose_estimate import PoseEstimate as PoseEstimate
 from .localization.scan import Plate as Plate
-from .localization.scan import PoseEstimate as PoseEstimate
 from .logs.runlog import RunLog as RunLog
 from .metrics import TrackingErrors as TrackingErrors
 from .metrics import body_errors as body_errors

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import field, fields
 from numbers import Integral, Real
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Final
 
-_LONG = 200  # length above which a value is abbreviated in messages [characters]
+_MAX_SHOWN: Final = 200  # length above which a value is abbreviated in messages [characters]
 
 
 class TrackslipError(Exception):
@@ -39,8 +39,8 @@ class InvalidValueError(TrackslipError, ValueError):
             else value
         )
         shown = repr(plain)  # the repr of NumPy floats and paths includes the type
-        if len(shown) > _LONG:
-            shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
+        if len(shown) > _MAX_SHOWN:
+            shown = f"{shown[: _MAX_SHOWN // 2]} ... {shown[-_MAX_SHOWN // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
 

@@ -21,12 +21,16 @@ from trackslip.errors import LogError, first_line
 from trackslip.memory import size_text
 from trackslip.replacement import MANIFEST, complete_for_reading
 
-# largest text file, which takes 3 GB of memory if it is JSON made of empty lists [bytes]
-_MOST: Final = 100_000_000
+FORMAT: Final = 1
+"""Format of manifests, laws and runs from this version. The number increases when older versions
+cannot read them.
+"""
 MOST_ARRAYS: Final = 100_000_000
 """Most memory for the arrays in a file, a hundred times those of a trained policy [bytes]."""
-_POINTER = b"version https://git-lfs.github.com/spec/"
-_DIGITS = 18  # largest number of digits with which every integer fits in 64 bits
+# largest text file, which takes 3 GB of memory if it is JSON made of empty lists [bytes]
+_MAX_TEXT: Final = 100_000_000
+_LFS_POINTER: Final = b"version https://git-lfs.github.com/spec/"  # beginning of a Git LFS pointer
+_MAX_DIGITS: Final = 18  # largest number of digits with which every integer fits in 64 bits
 
 
 def regular_file(path: Path) -> Path:
@@ -40,14 +44,13 @@ def regular_file(path: Path) -> Path:
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "not a regular file")
     with path.open("rb") as file:
-        if file.read(len(_POINTER)) == _POINTER:
-            raise OSError(
-                errno.EINVAL, "a Git LFS pointer instead of the file; `git lfs pull` fetches it"
-            )
+        if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
+            problem = "a Git LFS pointer instead of the file; `git lfs pull` fetches it"
+            raise OSError(errno.EINVAL, problem)
     return path
 
 
-def read_text(path: Path, most: int = _MOST) -> str:
+def read_text(path: Path, most: int = _MAX_TEXT) -> str:
     """Read the text of a file in UTF-8, without the byte order mark.
 
     Raises OSError if `path` is not a regular file or has more than `most` bytes, UnicodeDecodeError
@@ -81,27 +84,28 @@ def read_npz(path: Path, most: int = MOST_ARRAYS) -> dict[str, np.ndarray]:
         members = archive.infolist()
         size = sum(member.file_size for member in members)
         if size > most:
-            raise LogError(
-                f"{path}: unpacks to {size_text(size)}, must be at most {size_text(most)}"
-            )
+            sizes = f"unpacks to {size_text(size)}, must be at most {size_text(most)}"
+            raise LogError(f"{path}: {sizes}")
         arrays = {}
         for member in members:
+            # the header first, as its numbers decide how much memory is taken
             with archive.open(member) as file:
                 if _array_size(file) > member.file_size:
                     raise ValueError(f"{member.filename} states more numbers than it holds")
             with archive.open(member) as file:
-                name = member.filename.removesuffix(".npy")
-                arrays[name] = np.lib.format.read_array(file, allow_pickle=False)
+                array = np.lib.format.read_array(file, allow_pickle=False)
+            arrays[member.filename.removesuffix(".npy")] = array
     return arrays
 
 
 def _array_size(file: IO[bytes]) -> int:
     """Size of the array in a .npy file, as its header states it [bytes]."""
-    read_header = {
+    readers = {
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
-    }[np.lib.format.read_magic(file)]
-    shape, _, dtype = read_header(file)
+    }
+    version = np.lib.format.read_magic(file)
+    shape, _, dtype = readers[version](file)
     return math.prod(shape) * dtype.itemsize
 
 
@@ -110,10 +114,10 @@ def reason(error: Exception) -> str:
     match error:
         case KeyError():
             return f"{error.args[0]} is missing"
-        case OverflowError() | RecursionError():
-            return (
-                "a number is too large" if isinstance(error, OverflowError) else "nested too deeply"
-            )
+        case OverflowError():
+            return "a number is too large"
+        case RecursionError():
+            return "nested too deeply"
         case TypeError() | AttributeError() | LookupError():
             return "a part has another form than expected"
         case UnicodeDecodeError():
@@ -123,13 +127,8 @@ def reason(error: Exception) -> str:
 
 
 def _integer(digits: str) -> int | float:
-    return int(digits) if len(digits) <= _DIGITS else float(digits)
-
-
-FORMAT = 1
-"""Format of manifests, laws and runs from this version. The number increases when older versions
-cannot read them.
-"""
+    """An integer in a JSON file; a float if it may not fit in 64 bits."""
+    return int(digits) if len(digits) <= _MAX_DIGITS else float(digits)
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
@@ -143,11 +142,9 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
     if version not in range(1, FORMAT + 1):
         versions = content.get("versions")
         writer = versions.get("trackslip") if isinstance(versions, Mapping) else None
-        by = f"trackslip {writer}" if writer else "a newer trackslip"
-        this = f"trackslip {installed_version()}"
-        raise LogError(
-            f"{source}: written by {by} in format {version}; {this} reads formats up to {FORMAT}"
-        )
+        written = f"trackslip {writer}" if writer else "a newer trackslip"
+        installed = f"trackslip {installed_version()} reads formats up to {FORMAT}"
+        raise LogError(f"{source}: written by {written} in format {version}; {installed}")
 
 
 def installed_version() -> str:

@@ -7,6 +7,7 @@ axes are arbitrary.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +17,12 @@ from trackslip.se2 import Array as Array
 from trackslip.se2 import advance as advance
 from trackslip.se2 import wrap_angle as wrap_angle
 
-# (2,) signs in the track speeds v + SIDES * b * w: the left track is slower if w > 0
-SIDES = np.array([-1.0, 1.0])
-
-
-GEARS = (1e-4, 1e4)  # allowed range of turns of an encoder per turn of the sprocket
+TRACK_SIGNS: Final = np.array([-1.0, 1.0])
+"""Signs (2,) in the track speeds v + TRACK_SIGNS * b * w: the left track is slower if w > 0."""
+GEARS: Final = (1e-4, 1e4)
+"""Allowed range of turns of an encoder per turn of the sprocket [-]."""
 # allowed range of a robot's dimensions; other values are mistakes in the units [m]
-_SIZES = (1e-3, 100.0)
+_DIMENSIONS: Final = (1e-3, 100.0)
 
 
 @dataclass(frozen=True)
@@ -35,20 +35,22 @@ class RobotGeometry:
     """r: effective radius of the driving sprockets [m]."""
 
     def __post_init__(self) -> None:
-        require_within("half_gauge", self.half_gauge, *_SIZES, "m")
-        require_within("sprocket_radius", self.sprocket_radius, *_SIZES, "m")
+        require_within("half_gauge", self.half_gauge, *_DIMENSIONS, "m")
+        require_within("sprocket_radius", self.sprocket_radius, *_DIMENSIONS, "m")
 
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) (..., 2) of the track centres over the ground [m/s] at twists (..., 2)."""
     twist = np.asarray(twist, float)
-    return np.asarray(twist[..., :1] + SIDES * half_gauge * twist[..., 1:])
+    return np.asarray(twist[..., :1] + TRACK_SIGNS * half_gauge * twist[..., 1:])
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
     """Body twists (..., 2) from real track speeds (V_l, V_r) (..., 2) [m/s]; Eq. 5."""
     speeds = np.asarray(speeds, float)
-    left, right, twist = speeds[..., 0], speeds[..., 1], np.empty(speeds.shape)
+    left = speeds[..., 0]
+    right = speeds[..., 1]
+    twist = np.empty(speeds.shape)
     twist[..., 0] = (right + left) / 2
     twist[..., 1] = (right - left) / (2 * half_gauge)
     return twist
@@ -58,7 +60,8 @@ def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Ar
     """Body twists (..., 2) from sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2
     and 5.
     """
-    speeds = geometry.sprocket_radius * np.asarray(omega, float) * (1 - np.asarray(slip, float))
+    belts = geometry.sprocket_radius * np.asarray(omega, float)
+    speeds = belts * (1 - np.asarray(slip, float))
     return twist_of_tracks(speeds, geometry.half_gauge)
 
 
@@ -66,9 +69,8 @@ def sprocket_speeds(twist: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) 
     """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2) at slips (..., 2) other than 1;
     Eq. 15.
     """
-    return track_speeds(twist, geometry.half_gauge) / (
-        geometry.sprocket_radius * (1 - np.asarray(slip, float))
-    )
+    speeds = track_speeds(twist, geometry.half_gauge)
+    return speeds / (geometry.sprocket_radius * (1 - np.asarray(slip, float)))
 
 
 def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -77,12 +79,12 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
     The slip of a track whose sprocket is at rest is undefined, NaN.
     """
-    commanded = geometry.sprocket_radius * np.asarray(omega, float)
+    belts = geometry.sprocket_radius * np.asarray(omega, float)
     real = track_speeds(twist, geometry.half_gauge)
-    driven = commanded != 0
+    is_driven = belts != 0
     with np.errstate(over="ignore"):
-        ratio = real / np.where(driven, commanded, 1.0)
-    return np.where(driven, 1 - ratio, np.nan)
+        ratio = real / np.where(is_driven, belts, 1.0)
+    return np.where(is_driven, 1 - ratio, np.nan)
 
 
 def curvature(twist: ArrayLike) -> Array:
@@ -90,11 +92,13 @@ def curvature(twist: ArrayLike) -> Array:
     place, 0 at rest.
     """
     twist = np.asarray(twist, float)
-    v, w = twist[..., 0], twist[..., 1]
+    v = twist[..., 0]
+    w = twist[..., 1]
     if v.all():
         return np.asarray(w / v)
-    safe = np.where(v == 0, 1.0, v)
-    return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
+    stays = v == 0
+    in_place = np.where(w == 0, 0.0, np.copysign(np.inf, w))
+    return np.where(stays, in_place, w / np.where(stays, 1.0, v))
 
 
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:

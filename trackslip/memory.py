@@ -17,10 +17,10 @@ from trackslip.errors import InvalidValueError, LogError
 
 UNKNOWN: Final = 8_000_000_000
 """Memory that a machine is taken to have where the system doesn't say [bytes]."""
-_CONTAINER: Final = Path("/sys/fs/cgroup/memory.max")  # limit of a Linux container
+_CONTAINER_LIMIT: Final = Path("/sys/fs/cgroup/memory.max")  # of a Linux container
 _UNITS: Final = {"KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
-_LEAST: Final = 1_000_000  # least limit that can be chosen [bytes]
-_PIECE: Final = 1_000_000  # size of the pieces in which unpacked data are counted [bytes]
+_MIN_LIMIT: Final = 1_000_000  # least limit that can be chosen [bytes]
+_PIECE_SIZE: Final = 1_000_000  # size of the pieces in which unpacked data are counted [bytes]
 
 
 def half_of_memory() -> int:
@@ -39,7 +39,7 @@ def _physical_memory() -> int:
 def _container_limit() -> list[int]:
     """The limit of a container, if there is one [bytes]."""
     try:
-        return [int(_CONTAINER.read_text())]
+        return [int(_CONTAINER_LIMIT.read_text())]
     except (OSError, ValueError):  # no container, or "max"
         return []
 
@@ -65,10 +65,8 @@ def require_fits(source: object, needed: int, max_memory: int | None = None) -> 
     """
     limit = half_of_memory() if max_memory is None else max_memory
     if needed > limit:
-        raise LogError(
-            f"{source}: reading it may take {size_text(needed)} of memory or more, must be at most "
-            f"{size_text(limit)} (max_memory)"
-        )
+        taken = f"reading it may take {size_text(needed)} of memory or more"
+        raise LogError(f"{source}: {taken}, must be at most {size_text(limit)} (max_memory)")
 
 
 def size_text(size: int) -> str:
@@ -85,16 +83,16 @@ def parse_size(field: str, text: str) -> int:
     """The number of bytes in a size such as 8GB or 500MB; raises InvalidValueError, which names
     `field`, for other texts.
     """
-    number, unit = text[:-2].strip(), text[-2:].upper()
+    number = text[:-2].strip()
+    unit = text[-2:].upper()
     allowed = f"a size of at least 1 MB such as 8GB, in {', '.join(_UNITS)}"
     try:
-        size = float(number) * _UNITS[unit]
-        whole = int(size)
+        size = int(float(number) * _UNITS[unit])
     except (KeyError, ValueError, OverflowError) as error:
         raise InvalidValueError(field, text, allowed) from error
-    if whole < _LEAST:
+    if size < _MIN_LIMIT:
         raise InvalidValueError(field, text, allowed)
-    return whole
+    return size
 
 
 class Decompressor(Protocol):
@@ -124,9 +122,9 @@ def unpacked(decompressor: Decompressor, packed: Iterable[bytes]) -> Iterator[by
     for piece in packed:
         if decompressor.eof:
             raise ValueError("data after the end of its compressed stream")
-        yield decompressor.decompress(piece, _PIECE)
+        yield decompressor.decompress(piece, _PIECE_SIZE)
         while not decompressor.eof and not decompressor.needs_input:
-            yield decompressor.decompress(b"", _PIECE)
+            yield decompressor.decompress(b"", _PIECE_SIZE)
         if decompressor.unused_data:
             raise ValueError("data after the end of its compressed stream")
 

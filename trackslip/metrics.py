@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +14,10 @@ from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
 # time by which an initial error has decayed, and at which the paper's arc begins [s]
-TRANSIENT = 12.0
-LOST = 0.5  # distance from the reference above which a run counts as failed [m]
-_TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
+TRANSIENT: Final = 12.0
+LOST: Final = 0.5  # distance from the reference above which a run counts as failed [m]
+_MIN_YAW_RATE: Final = 1e-6  # yaw rate above which a reference turns [rad/s]
+_TOP_SPEED_ROUNDING: Final = 1e-9  # relative rounding of a set point at the top speed [-]
 
 
 def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
@@ -71,15 +73,23 @@ class Expense:
 
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
     """Compute the errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
-    time, pose = np.asarray(time, float), np.asarray(pose, float)
+    time = np.asarray(time, float)
+    pose = np.asarray(pose, float)
     desired = reference.pose(time)
-    away = pose - desired
-    across = se2.rotate(-desired[:, 2], away[:, :2])[:, 1]
-    distance, heading = np.hypot(away[:, 0], away[:, 1]), wrap_angle(away[:, 2])
+    yaw_rate = reference.twist(time)[:, 1]
+
+    # position errors in the world, as distances and across the reference's heading
+    error = pose - desired
+    distance = np.hypot(error[:, 0], error[:, 1])
+    across = se2.rotate(-desired[:, 2], error[:, :2])[:, 1]
+    heading = wrap_angle(error[:, 2])
+
+    is_settled = time >= TRANSIENT
+    is_turning = np.abs(yaw_rate) > _MIN_YAW_RATE
     return TrackingErrors(
         rms_position=rms(distance),
-        rms_position_after_12s=rms(distance[time >= TRANSIENT]),
-        rms_position_arc=rms(distance[np.abs(reference.twist(time)[:, 1]) > _TURNING]),
+        rms_position_after_12s=rms(distance[is_settled]),
+        rms_position_arc=rms(distance[is_turning]),
         rms_heading=rms(heading),
         cross_track=rms(across),
         max_position=float(distance.max()),
@@ -98,13 +108,19 @@ def expense(log: RunLog, top_speed: float) -> Expense:
     if log.command is None or log.truth is None or log.truth.saturated is None:
         raise ValueError(f"run {log.run!r}: has no commands, or no truth about its motors")
     step = np.diff(log.time)
-    held = log.command[:-1]  # a command is held until the next row
-    at_top = np.abs(held).max(axis=1) > top_speed * (1 - 1e-9)
-    saturated = np.maximum(log.truth.saturated[1:].max(axis=1), at_top)
+    set_points = log.command[:-1]  # (T - 1, 2), each kept until the next row
+    mean_square = np.mean(set_points**2, axis=1)
+    change = np.diff(set_points, axis=0)
+
+    # share of each step in which a motor is at its limit, or all of it at the top speed
+    fastest = np.abs(set_points).max(axis=1)
+    is_at_top = fastest > top_speed * (1 - _TOP_SPEED_ROUNDING)
+    motor_share = log.truth.saturated[1:].max(axis=1)
+    saturated_share = np.maximum(motor_share, is_at_top)
     return Expense(
-        effort=float(np.sum(np.mean(held**2, axis=1) * step)),
-        roughness=rms(np.diff(held, axis=0) / step[:-1, None]),
-        saturation_s=float(np.sum(saturated * step)),
+        effort=float(np.sum(mean_square * step)),
+        roughness=rms(change / step[:-1, None]),
+        saturation_s=float(np.sum(saturated_share * step)),
     )
 
 

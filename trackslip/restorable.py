@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
-_KIND = "bit_generator"  # the entry of a random generator's state that names its kind
+_KIND: Final = "bit_generator"  # the entry of a random generator's state that names its kind
 
 
 class Restorable:
@@ -30,13 +30,14 @@ class Restorable:
         arguments.
         """
         for name in self.STATE:
-            own, saved = getattr(self, name), state[name]
-            if isinstance(own, Restorable):
-                own.set_state(saved)
-            elif isinstance(own, np.ndarray) and own.shape == np.shape(saved):
-                own[...] = saved  # other objects may refer to the array
+            current = getattr(self, name)
+            saved = state[name]
+            if isinstance(current, Restorable):
+                current.set_state(saved)
+            elif isinstance(current, np.ndarray) and current.shape == np.shape(saved):
+                current[...] = saved  # other objects may refer to the array
             else:
-                setattr(self, name, _restored(own, saved))
+                setattr(self, name, _restored(current, saved))
 
 
 def _saved(value: Any) -> Any:
@@ -49,15 +50,15 @@ def _saved(value: Any) -> Any:
     return value if isinstance(value, tuple) else copy.deepcopy(value)
 
 
-def _restored(own: Any, saved: Any) -> Any:
-    """What `saved` stands for, in the place of `own`."""
+def _restored(current: Any, saved: Any) -> Any:
+    """What `saved` stands for, in the place of `current`."""
     if isinstance(saved, Mapping) and _KIND in saved:
         generator = np.random.default_rng()
         generator.bit_generator.state = saved
         return generator
     if isinstance(saved, list | tuple):
-        items = (_restored(None, item) for item in saved)
-        if isinstance(own, deque):
-            return deque(items, own.maxlen)
-        return tuple(items) if isinstance(own, tuple) else list(items)
+        items = [_restored(None, item) for item in saved]
+        if isinstance(current, deque):
+            return deque(items, current.maxlen)
+        return tuple(items) if isinstance(current, tuple) else items
     return copy.deepcopy(saved)

@@ -74,6 +74,7 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
     reading = ReadOptions(
         gear=config.gear,
         bag=config.bag.choice(),
+        layout=config.table.layout(),
         max_memory=size_in_bytes("max_memory", config.max_memory),
     )
     source = read_log_of(Path(name), reading, base.geometry)
@@ -97,11 +98,9 @@ def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -
     except InvalidValueError:
         if known is None:
             raise
-        b, r = (
-            reading.half_gauge or known.half_gauge,
-            reading.sprocket_radius or known.sprocket_radius,
-        )
-        return read_source(path, replace(reading, half_gauge=b, sprocket_radius=r))
+        half_gauge = reading.half_gauge or known.half_gauge
+        radius = reading.sprocket_radius or known.sprocket_radius
+        return read_source(path, replace(reading, half_gauge=half_gauge, sprocket_radius=radius))
 
 
 def _steady(source: Source) -> bool:

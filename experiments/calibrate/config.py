@@ -9,7 +9,9 @@ from experiments.common.log_options import (
     MAX_CLOCK_OFFSET,
     Bag,
     BagOptions,
+    LayoutOptions,
     MaxMemory,
+    TableLayout,
     check_sensor,
 )
 from experiments.common.options import (
@@ -101,6 +103,8 @@ class Config(ResultsOptions):
     """Initial encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    table: TableLayout = field(default_factory=LayoutOptions)
+    """Names and units of a table's columns."""
     max_memory: MaxMemory = None
     """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
     folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
@@ -117,7 +121,7 @@ class Config(ResultsOptions):
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("test",), "folds"),
         Excludes(
-            ("gear", "sensor", "clock_offset", "bag", "max_memory", "folds", "test"),
+            ("gear", "sensor", "clock_offset", "bag", "table", "max_memory", "folds", "test"),
             "target",
             ("published",),
         ),

@@ -1,23 +1,25 @@
-"""Options for commands that read logs: what to read from a bag, and where the pose sensor is
-mounted.
+"""Options for commands that read logs: what to read from a table or a bag, and where the pose
+sensor is mounted.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import tyro
 
-from experiments.common.options import Bound, Within, default_is
+from experiments.common.options import Bound, Positive, Within, default_is
 from trackslip.bags.choice import BagChoice
 from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry
 from trackslip.localization.scan import Plate
+from trackslip.logs.layout import TICKS_PER_TURN, Layout
 from trackslip.memory import parse_size
 
-MAX_CLOCK_OFFSET = 0.5
+MAX_CLOCK_OFFSET: Final = 0.5
 """Largest difference allowed between encoder clock and pose clock [s]."""
-_MAX_LEVER = 100.0  # [m]
-_CLEAR = "where the bag leaves no doubt"
+_MAX_LEVER: Final = 100.0  # [m]
+_CLEAR: Final = "where the bag leaves no doubt"
 
 
 @dataclass(frozen=True)
@@ -25,13 +27,13 @@ class BagOptions:
     """Topics, joints and sensors to read from a bag."""
 
     encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
-    """Topics of sensor_msgs/JointState with the wheels, separated by commas, or one topic of wheel
-    odometry.
+    """Topics of sensor_msgs/JointState with the wheels, or of any messages with counters, separated
+    by commas, or one topic of wheel odometry.
     """
     left: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """Names of the left joints, separated by commas; their readings are averaged."""
+    """Names of the left joints or counters, separated by commas; their readings are averaged."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """Names of the right joints, separated by commas; their readings are averaged."""
+    """Names of the right joints or counters, separated by commas; their readings are averaged."""
     reversed: Annotated[
         Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")
     ] = None
@@ -64,6 +66,58 @@ class BagOptions:
 
 Bag = Annotated[BagOptions, tyro.conf.arg(name="")]
 """BagOptions without a prefix on the command line."""
+
+
+@dataclass(frozen=True)
+class LayoutOptions:
+    """Names and units of a table's columns, and what encoders and odometry count."""
+
+    columns: Annotated[str | None, default_is("as documented", "NAME=COLUMN[:UNIT],...")] = None
+    """Columns of a table that have other names or units, as in
+    t=stamp:ms,omega_l=left_rpm:rpm,omega_r=right_rpm:rpm,phi=yaw:deg.
+    """
+    ticks_per_turn: Annotated[
+        float | None, Within(*TICKS_PER_TURN), default_is("none", "FLOAT")
+    ] = None
+    """Ticks per turn of the encoder, for columns ticks_l and ticks_r, or counters in a bag [-]."""
+    odom_half_gauge: Annotated[
+        float | None, Positive(100.0, "m"), default_is("the robot's", "FLOAT")
+    ] = None
+    """Half the distance between the tracks with which odometry in place of encoders was computed
+    [m].
+    """
+    odom_radius: Annotated[
+        float | None, Positive(100.0, "m"), default_is("the robot's", "FLOAT")
+    ] = None
+    """Radius of the sprockets with which odometry in place of encoders was computed [m]."""
+
+    def __post_init__(self) -> None:
+        Layout(self.columns)
+
+    def layout(
+        self, half_gauge: float | None = None, sprocket_radius: float | None = None
+    ) -> Layout:
+        """The options in the form that readers expect; raises InvalidValueError if just one of the
+        odometry's dimensions is known.
+
+        `half_gauge` and `sprocket_radius` are the robot's [m], if the options state them.
+        """
+        if self.odom_half_gauge is None and self.odom_radius is None:
+            return Layout(self.columns, self.ticks_per_turn)
+        assumed_gauge = self.odom_half_gauge or half_gauge
+        assumed_radius = self.odom_radius or sprocket_radius
+        beside = "given, as the other dimension of the odometry is"
+        if assumed_gauge is None:
+            raise InvalidValueError("odom_half_gauge", None, beside)
+        if assumed_radius is None:
+            raise InvalidValueError("odom_radius", None, beside)
+        return Layout(
+            self.columns, self.ticks_per_turn, RobotGeometry(assumed_gauge, assumed_radius)
+        )
+
+
+TableLayout = Annotated[LayoutOptions, tyro.conf.arg(name="")]
+"""LayoutOptions without a prefix on the command line."""
 
 
 class Size(Bound):

@@ -23,7 +23,7 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.file import SHIPPED
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
-from trackslip.localization.scan import Locator
+from trackslip.localization.pose_estimate import Locator
 from trackslip.online.compensation import Compensation, named_compensation
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference

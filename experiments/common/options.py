@@ -222,7 +222,8 @@ def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
             inner = f"{name}.{field.name}".removesuffix(".source")
             refuse_changed(inner, getattr(value, field.name), getattr(default, field.name), reason)
     elif value != default:
-        raise InvalidValueError(name, value, f"left out {reason}")
+        is_single = isinstance(value, tuple) and len(value) == 1
+        raise InvalidValueError(name, value[0] if is_single else value, f"left out {reason}")
 
 
 def option(config: Any, name: str) -> Any:

@@ -148,7 +148,7 @@ def _all_blocks(blocks: Iterable[Block | None]) -> Iterator[Block]:
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer to the reader's question, at the top of a page."""
+    """The answer to the reader's question, or what is wrong with it, at the top of a page."""
 
     heading: str
     """The answer itself, in a few words and a number."""
@@ -157,6 +157,9 @@ class Answer:
     lines: Sequence[str] = ()
     """Further sentences, such as the improvement over today's method."""
     warnings: Sequence[str] = ()
+    """Remarks that limit the answer."""
+    alarms: Sequence[str] = ()
+    """Reasons not to trust the answer, which stand in place of the heading."""
     next: Sequence[str] = ()
     """Command lines to run next."""
 

@@ -57,6 +57,6 @@ def run(config: Config) -> None:
         page(drive, reply, table, manifest, command_line("drive"), pictures).write(run.folder)
     print(f"{reply.heading}.")
     for name, value in reply.facts:
-        print(f"{name}: {value}".replace("−", "-"))
+        print(f"{name}: {value}")
     table.print()
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: {reply.next[0]}")

@@ -7,7 +7,14 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.calibrate.config import Parameter
-from experiments.common.log_options import Bag, BagOptions, MaxMemory, check_sensor
+from experiments.common.log_options import (
+    Bag,
+    BagOptions,
+    LayoutOptions,
+    MaxMemory,
+    TableLayout,
+    check_sensor,
+)
 from experiments.common.options import (
     Distinct,
     Exclusion,
@@ -97,6 +104,8 @@ class Config(ResultsOptions):
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    table: TableLayout = field(default_factory=LayoutOptions)
+    """Names and units of a table's columns."""
     max_memory: MaxMemory = None
     """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
     rrd: bool = False

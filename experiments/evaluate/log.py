@@ -12,7 +12,7 @@ from experiments.common.log_options import size_in_bytes
 from experiments.evaluate.config import Config
 from trackslip import se2
 from trackslip.drives.conditioning import drives_of
-from trackslip.drives.encoders import interval_means
+from trackslip.drives.gyro import with_usable_gyro
 from trackslip.errors import LogError, counted
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
@@ -27,12 +27,13 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     """Read the drives that the options name, with the `known` geometry if neither log nor options
     state one.
     """
-    size, bag = (config.half_gauge, config.sprocket_radius), config.bag.choice()
     reading = ReadOptions(
-        *size,
-        config.gear,
-        bag=bag,
+        half_gauge=config.half_gauge,
+        sprocket_radius=config.sprocket_radius,
+        gear=config.gear,
+        bag=config.bag.choice(),
         multiplier=config.multiplier,
+        layout=config.table.layout(config.half_gauge, config.sprocket_radius),
         max_memory=size_in_bytes("max_memory", config.max_memory),
     )
     source = read_log_of(config.path, reading, known)
@@ -47,8 +48,11 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
             ]
         prepared, refused = drives_of(drives)
         usable = {drive.name for drive in prepared}
-        drives = [_read_once(log) for log in drives if log.run in usable]
+        drives = [log for log in drives if log.run in usable]
         notes += [*map(str, refused)]
+    checked = [with_usable_gyro(log) for log in drives]
+    drives = [log for log, _ in checked]
+    notes += [note for _, note in checked if note]
     return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes)))
 
 
@@ -66,12 +70,6 @@ def _windows(samples: SlipSamples) -> list[RunLog]:
         RunLog(name, _TIME, omega, pose)
         for name, omega, pose in zip(samples.run, omegas, poses, strict=True)
     ]
-
-
-def _read_once(log: RunLog) -> RunLog:
-    """The log without repeated encoder readings, as fits and replays use it."""
-    means = interval_means(log.time, log.omega)
-    return replace(log, omega=np.concatenate([log.omega[:1], means]))
 
 
 def parts(drives: Sequence[RunLog], count: int, name: str) -> np.ndarray:

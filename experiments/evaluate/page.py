@@ -75,13 +75,14 @@ class Report:
         position, far, _, heading, turned, _ = _cells(errors)
         facts = [("position, median and 90 %", f"{position} and {far} m")]
         facts += [("heading, median and 90 %", f"{heading}° and {turned}°")]
-        title = f"Best after {length:g} {unit}: {best.model.label}, {position} m off"
+        error = f"{position} m" if errors.position else f"{heading}°"
+        title = f"Best after {length:g} {unit}: {best.model.label}, {error} off"
         answer = Answer(
             title, facts, [f"{line}." for line in (self._gain, self._verdict) if line], self.notes
         )
         drive = max(
             best.errors.trajectories,
-            key=lambda drive: np.ptp(drive.way) * np.ptp(drive.estimated[:, 2]),
+            key=lambda drive: np.ptp(drive.distance) * np.ptp(drive.estimated[:, 2]),
         )
         plots = [
             Plot(

@@ -103,22 +103,22 @@ def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
     time, valid = log.time[rows], log.is_valid[rows]
     time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
     valid[[0, -1]] = False
-    return RunLog(log.run, time, log.omega[rows], log.pose[rows], valid=valid)
+    return RunLog(
+        log.run, time, log.omega[rows], log.pose[rows], valid=valid, read=log.is_read[rows]
+    )
 
 
 def winner(predictions: Sequence[Prediction]) -> tuple[Prediction, float, str]:
     """The prediction with the smallest median position error, and the compared time or distance
-    ahead with its unit.
+    ahead with its unit. Without positions, headings are compared.
     """
-    for length, unit in reversed(AHEAD):
-        errors = [prediction.ahead(length, unit) for prediction in predictions]
-        medians = [
-            each.position.median
-            for each in errors
-            if each is not None and each.position is not None
-        ]
-        if len(medians) == len(predictions):
-            return predictions[int(np.argmin(medians))], length, unit
+    for what in ("position", "heading"):
+        for length, unit in reversed(AHEAD):
+            errors = [prediction.ahead(length, unit) for prediction in predictions]
+            parts = [getattr(each, what) for each in errors if each is not None]
+            medians = [part.median for part in parts if part is not None]
+            if len(medians) == len(predictions):
+                return predictions[int(np.argmin(medians))], length, unit
     raise LogError(
         f"fewer than {_MIN_PAIRS} pairs of poses are {LENGTHS[0]:g} s apart: too few to compare "
         "models"

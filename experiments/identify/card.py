@@ -36,11 +36,13 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
     )
     if name is not None and name != result.best:
         facts.append(("deployed", f"{name}, whose parameters the multipliers are"))
-    facts += [("error today -> now", error)] if (error := error_today_and_now(result)) else []
+    facts += [("error today → now", error)] if (error := error_today_and_now(result)) else []
     notes = (f"note: {line}" for line in _few(in_few_lines(result.warnings), _MOST_NOTES))
     lines = [*_look(result), *_other_method(result), *_few(taken, _MOST_NOTES), *notes]
     alarms = [alarm.line for alarm in result.alarms]
-    return Answer(f"Best law: {result.best}", facts, lines, alarms, _commands(result, out))
+    return Answer(
+        f"Best law: {result.best}", facts, lines, alarms=alarms, next=_commands(result, out)
+    )
 
 
 def _multipliers(result: Identification) -> list[tuple[str, str]]:
@@ -68,12 +70,12 @@ def _with_interval(gain: Gain) -> str:
 def print_card(answer: Answer, report: str) -> None:
     """Print an answer in at most LINES lines: alarms, values, sentences, and the next commands."""
     width = max(len(name) for name, _ in answer.facts)
-    head = [f"ALARM: {line}" for line in _few(answer.warnings, _MOST_ALARMS)]
+    head = [f"ALARM: {line}" for line in _few(answer.alarms, _MOST_ALARMS)]
     head += [f"{name:<{width}}  {value}" for name, value in answer.facts]
     tail = [*(f"next: {line}" for line in answer.next), f"report: {report}"]
     room = max(0, LINES - len(head) - len(tail))
     for line in [*head, *answer.lines[:room], *tail]:
-        print(line.replace("−", "-"))
+        print(line)
 
 
 def _parameters(fit: FittedLaw) -> list[tuple[str, str]]:
@@ -91,7 +93,7 @@ def error_today_and_now(result: Identification) -> str:
         if before is None or after is None:
             return ""
         return (
-            f"yaw rate at left-out radii: {1e3 * before.yaw_rate:.3g} -> "
+            f"yaw rate at left-out radii: {1e3 * before.yaw_rate:.3g} → "
             f"{1e3 * after.yaw_rate:.3g} mrad/s (rms)"
         )
     today, now = (result.drive.errors.get(name, {}) for name in (TODAY, result.best))
@@ -101,13 +103,13 @@ def error_today_and_now(result: Identification) -> str:
     old, new, parts = today[ahead], now[ahead], []
     cm = 1e2 / new.way
     if old.position is not None and new.position is not None:
-        per_metre = f"{cm * old.position.median:.2g} -> {cm * new.position.median:.2g} cm per metre"
+        per_metre = f"{cm * old.position.median:.2g} → {cm * new.position.median:.2g} cm per metre"
         parts.append(
-            f"position {old.position.median:.3f} -> {new.position.median:.3f} m ({per_metre})"
+            f"position {old.position.median:.3f} → {new.position.median:.3f} m ({per_metre})"
         )
     if old.heading is not None and new.heading is not None:
         parts.append(
-            f"heading {math.degrees(old.heading.median):.1f} -> "
+            f"heading {math.degrees(old.heading.median):.1f} → "
             f"{math.degrees(new.heading.median):.1f}°"
         )
     return f"{ahead:g} s ahead, {' and '.join(parts)} (median)"
@@ -124,7 +126,9 @@ def _look(result: Identification) -> list[str]:
         if gain is not None
     ]
     parts = [f"{what} gain {_with_interval(gain)}" for what, gain in gains]
-    parts += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
+    if look.clock:
+        ahead = "encoders" if look.clock > 0 else "poses"
+        parts.append(f"clocks {abs(look.clock):.2g} s apart (that of the {ahead} is ahead)")
     return [f"first look: {', '.join(parts)}"] if parts else []
 
 
@@ -133,11 +137,10 @@ def _other_method(result: Identification) -> list[str]:
     other = result.drive if result.method == "steady" else result.steady
     if other is None or REFERENCE not in other.laws:
         return []
-    said = ", ".join(f"{letter} = {value}" for letter, value in _parameters(other.laws[REFERENCE]))
-    return [
-        f"{'whole drives' if result.method == 'steady' else 'steady stretches'} say, by "
-        f"{REFERENCE}: {said}"
-    ]
+    parameters = _parameters(other.laws[REFERENCE])
+    values = ", ".join(f"{letter} = {value}" for letter, value in parameters)
+    driving = "whole drives" if result.method == "steady" else "steady stretches"
+    return [f"cross-check on {driving} ({REFERENCE}): {values}"]
 
 
 def _few(lines: Sequence[str], most: int) -> list[str]:

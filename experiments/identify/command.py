@@ -46,14 +46,15 @@ def source_of(config: Config) -> Source:
     can be used.
     """
     reading = ReadOptions(
-        config.half_gauge,
-        config.sprocket_radius,
-        config.gear,
-        config.settle,
-        config.motion,
-        config.bag.choice(),
-        config.multiplier,
-        size_in_bytes("max_memory", config.max_memory),
+        half_gauge=config.half_gauge,
+        sprocket_radius=config.sprocket_radius,
+        gear=config.gear,
+        settle=config.settle,
+        motion=config.motion,
+        bag=config.bag.choice(),
+        multiplier=config.multiplier,
+        layout=config.table.layout(config.half_gauge, config.sprocket_radius),
+        max_memory=size_in_bytes("max_memory", config.max_memory),
     )
     return read_source(
         config.path, reading, partial(chosen, where=config.where) if config.where else None

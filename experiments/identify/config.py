@@ -6,7 +6,14 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.common.log_options import Bag, BagOptions, MaxMemory, check_sensor
+from experiments.common.log_options import (
+    Bag,
+    BagOptions,
+    LayoutOptions,
+    MaxMemory,
+    TableLayout,
+    check_sensor,
+)
 from experiments.common.options import (
     Distinct,
     Excludes,
@@ -85,6 +92,8 @@ class Config(ResultsOptions):
     """Also print the tables with every law."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    table: TableLayout = field(default_factory=LayoutOptions)
+    """Names and units of a table's columns."""
     max_memory: MaxMemory = None
     """Most memory for what the log unpacks to, such as 8GB; a log that needs more is refused."""
     out: Path = Path("out/identify")

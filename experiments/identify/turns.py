@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from trackslip.identification.samples import SlipSamples
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 
 TRACKS = ("inner", "outer")
@@ -96,7 +96,7 @@ def _errors(
     # (n, 1, 2) gradient with respect to the twist
     of_radius = np.stack([1 / w, -v / w**2], axis=-1)[:, None]
     # (n, 2, 2)
-    of_slip = -np.stack([1 / commanded, SIDES * geometry.half_gauge / commanded], axis=-1)
+    of_slip = -np.stack([1 / commanded, TRACK_SIGNS * geometry.half_gauge / commanded], axis=-1)
     radius, slip = (
         np.sqrt(np.einsum("nki,nij,nkj->nk", gradient, samples.covariance, gradient))
         for gradient in (of_radius, of_slip)

@@ -89,7 +89,7 @@ def _to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
         "poses": plan.poses,
         "relative_to": plan.sizes,
         "stderr": plan.expectation.stderr,
-        "held": plan.expectation.held,
+        "held": plan.expectation.undetermined,
         "paper_stderr": None if paper is None else paper.stderr,
         "start": plan.start,
         "places": {"low": plan.places[0], "high": plan.places[1]},

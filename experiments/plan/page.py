@@ -103,9 +103,11 @@ def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
         ("start", where),
         ("the robot's middle stays within", f"{across:.2f} x {up:.2f} m, {reach}"),
     ]
-    held = [name for name in plan.expectation.held if name not in ("lag", "sensor_yaw")]
-    if held:
-        facts.append(("not determined by this drive", ", ".join(held)))
+    undetermined = [
+        name for name in plan.expectation.undetermined if name not in ("lag", "sensor_yaw")
+    ]
+    if undetermined:
+        facts.append(("not determined by this drive", ", ".join(undetermined)))
     if paper is not None:
         facts.append(("the paper's 25 runs of 30 s would determine", _errors_text(plan, paper)))
     return facts

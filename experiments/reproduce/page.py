@@ -57,9 +57,8 @@ def page(
         method(result),
         notes(result.warnings),
     ]
-    answer = _answer(
-        manifest, grid, result, results, [*warnings, *(alarm.line for alarm in result.alarms)]
-    )
+    alarms = [alarm.line for alarm in result.alarms]
+    answer = _answer(manifest, grid, result, results, warnings, alarms)
     return Page(TITLE, command, manifest, sections, answer=answer)
 
 
@@ -69,6 +68,7 @@ def _answer(
     result: Identification,
     results: Sequence[TrackingResult],
     warnings: Sequence[str],
+    alarms: Sequence[str],
 ) -> Answer:
     """The answer: how close the simulation is to the paper, and by how much compensation reduces
     errors.
@@ -96,7 +96,8 @@ def _answer(
     ]
     gain = f"from {1e3 * final['none']:.0f} mm off the path to {1e3 * final['icr_radius']:.0f} mm"
     commands = [f"trackslip view {manifest['config']['out']}", "trackslip benchmark"]
-    return Answer(f"Compensated slip takes feedforward {gain}", facts, (), warnings, commands)
+    heading = f"Compensated slip takes feedforward {gain}"
+    return Answer(heading, facts, (), warnings, alarms, commands)
 
 
 def _compensated(errors: Mapping[str, float]) -> str:

@@ -61,7 +61,7 @@ def run(config: Config) -> None:
         table = Table(
             "Theory and simulator", ("check", "theory", "measured", "allowed"), rows, note=_NOTE
         )
-        warnings = [f"Failed: {what}." for what in checks.failed]
+        alarms = [f"Failed: {what}." for what in checks.failed]
         friction = f"friction {ground.along:g} along, {ground.across:g} across"
         friction += f", shear {1e3 * ground.shear:g} mm" if ground.shear else ""
         width = span(1e3 * turns.half_width[1].round(3), "mm")
@@ -69,9 +69,8 @@ def run(config: Config) -> None:
         facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
         facts.append(("slip, outer | inner track", pair(slips)))
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
-        answer = Answer(
-            checks.verdict, facts, lines, warnings, [f"trackslip grid --robot {config.robot}"]
-        )
+        following = [f"trackslip grid --robot {config.robot}"]
+        answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
         radius, speed, _ = paper_turns(parameters)
         plot = Plot(
             "motion", figures.panels(turns, radius, speed, sliding), "Turns and slopes", _CAPTION

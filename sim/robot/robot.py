@@ -29,7 +29,7 @@ from sim.tracks.recipe import (
     warn_if_unverified,
 )
 from trackslip.errors import RobotWarning
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
 MODELS = Path(models.__file__).parent
@@ -150,7 +150,7 @@ def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Ar
     )
     spec.option.impratio = preset.impratio
     raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
-    for side, y in zip(("left", "right"), parameters.half_gauge * -SIDES, strict=True):
+    for side, y in zip(("left", "right"), parameters.half_gauge * -TRACK_SIGNS, strict=True):
         place = np.stack([x, np.full_like(x, y), np.full_like(x, radius)], axis=1)
         spans = np.hstack([place, place + raised]) if single else place.reshape(-1, 6)
         for k, span in enumerate(spans):
@@ -246,7 +246,7 @@ def load_robot(
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     forwards = data.geom_xmat[pads, :3]  # the robot's forward direction in each pad's frame
-    middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
+    middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -TRACK_SIGNS
     plate, lrf = model.geom("plate"), model.body("lrf")
     heading = data.body("lrf").xmat[::3]
     return Robot(

@@ -12,7 +12,7 @@ import numpy as np
 from sim.terrain.pieces import smooth_step
 from trackslip import se2
 from trackslip.errors import Checked, InvalidValueError, checked, require, require_positive
-from trackslip.kinematics import SIDES, Array
+from trackslip.kinematics import TRACK_SIGNS, Array
 from trackslip.logs.runlog import RunLog, Truth
 
 _STEEPEST = 1.5  # largest slope of the smooth step 3 u^2 - 2 u^3 from 0 to 1, at u = 1/2
@@ -117,7 +117,7 @@ def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
     rest to `half`.
     """
     ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
-    return (ahead + SIDES * half[:, None]) * smooth_step(time / ramp)[:, None]
+    return (ahead + TRACK_SIGNS * half[:, None]) * smooth_step(time / ramp)[:, None]
 
 
 def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
@@ -190,6 +190,7 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
         pose=pose,
         command=None if encoders.command is None else encoders.command[held],
         valid=valid,
+        read=np.isin(time, read),
         truth=None if encoders.truth is None else _truth_at(encoders.truth, read, time, after),
         metadata=encoders.metadata,
     )

@@ -1,5 +1,6 @@
 import csv
 import re
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet
@@ -20,6 +21,7 @@ from plain_drives import wandered
 import trackslip as package
 from experiments.cli import main, parse
 from experiments.identify.command import source_of
+from trackslip.bags.open import open_bags
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.schema import COLUMNS
 
@@ -94,6 +96,34 @@ def test_topics_uses_columns_runs_and_doubts_are_shown(bags, capsys):
     printed = capsys.readouterr().out
     assert "/motors" in printed
     assert "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC" in printed
+
+
+def test_a_bag_of_unknown_messages_is_shown_by_its_topics(tmp_path, capsys):
+    odd = [("/odd", "odd_msgs/msg/Odd", 10**18 + k, {"text": "x"}) for k in range(3)]
+    main(["log", str(write_bag(tmp_path / "run", "mcap", odd))])
+    printed = capsys.readouterr().out
+    assert words(printed, "/odd")[1:3] == ["odd_msgs/Odd", "3"]
+    assert "warning: " in printed
+    assert "no encoders" in printed
+
+
+def test_a_bag_without_messages_is_refused_in_one_line(tmp_path, refused):
+    assert refused("log", str(write_bag(tmp_path / "run", "mcap", []))).endswith(
+        "run: it has no messages"
+    )
+
+
+def test_a_topics_table_says_that_no_message_was_recorded(tmp_path, capsys, monkeypatch):
+    """As in a bag whose index counts messages that its data lack."""
+    path = write_bag(tmp_path / "run", "mcap", joints_of(LOG))
+    (bag,) = open_bags(path)
+    empty = replace(bag, read=lambda topics, decode: iter(()))
+    monkeypatch.setattr("experiments.log.open_bags", lambda path, max_memory: [empty])
+    monkeypatch.setattr("trackslip.bags.drives.open_bags", lambda path, max_memory: [empty])
+    main(["log", str(path)])
+    printed = capsys.readouterr().out
+    assert "run: no messages" in printed
+    assert "warning: " in printed
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])

@@ -27,6 +27,9 @@ def tried(tmp_path, inputs, monkeypatch):
     """A function that runs words and returns exit code, results and message, each line once."""
     monkeypatch.setattr("trackslip.planning.plan.MAX_EVALUATIONS", 30)
     monkeypatch.setattr("trackslip.planning.plan.MIN_EVALUATIONS", 30)
+    monkeypatch.setattr(
+        "experiments.tune.TRAINING_PATHS", (inputs["straight"],)
+    )  # its own take minutes
     numbers, done = itertools.count(), {}
 
     def run(*words):

@@ -39,6 +39,55 @@ def test_turns_counted_by_hand_give_the_multiplier(capsys, refused):
         "predict", "--turns", "10"
     )
     assert "must be from 0.1 to 10" in refused("predict", "--turns", "10", "--measured", "0.01")
-    assert "measured = 0.0: must be a finite number > 0" in refused(
+    assert "measured = 0.0: must be a finite number other than 0" in refused(
         "predict", "--turns", "10", "--measured", "0"
     )
+
+
+def by_hand(capsys, line):
+    main(["predict", *line.split()])
+    return capsys.readouterr().out
+
+
+def test_turns_to_both_sides_give_one_multiplier_and_say_the_sides(capsys):
+    printed = by_hand(capsys, "--turns 10 -10 --measured 7.9 -8.1")
+    assert printed.startswith("wheel_separation_multiplier  1.250, ")
+    assert "to the left 1.266, to the right 1.235: they differ by 2.5 %\n" in printed
+    assert "radii that differ turn a robot alike to both sides: count again" in printed
+    alike = by_hand(capsys, "--turns 10 -10 --measured 8 -8.01")
+    assert "they differ by 0.1 %" in alike
+    assert "count again" not in alike
+
+
+@pytest.mark.parametrize(
+    ("unit", "turns", "measured"),
+    [("deg", 3600, 2880), ("rad", 62.8319, 50.2655), ("turn", 1, 0.8)],
+)
+def test_turns_may_be_in_degrees_or_radians(capsys, unit, turns, measured):
+    printed = by_hand(capsys, f"--turns {turns} --measured {measured} --unit {unit}")
+    assert printed.startswith("wheel_separation_multiplier  1.250, ")
+    miscounted = 0.1 * 1.25 / (0.8 if unit == "turn" else 8.0)
+    assert f"changes the multiplier by {miscounted:.2g}\n" in printed
+
+
+def test_distances_by_tape_give_the_radii(capsys):
+    printed = by_hand(capsys, "--drove 10 --measured 9.8")
+    assert "left_wheel_radius_multiplier   0.9800, times that which odometry had" in printed
+    assert "ε  -2.00 %, the mean of both sides: distances don't tell them apart" in printed
+    both = by_hand(capsys, "--drove 1000 -1000 --measured 980 -960 --unit cm")
+    assert "forwards 0.9800, backwards 0.9600: they differ by 2.1 %" in both
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("--turns 10 -10 --measured 8 8", "measured = 8.0: must be negative, like -10 of --turns"),
+        ("--turns 10 --measured 8 9", "must be as many numbers as --turns has, 1"),
+        ("--measured 8", "must be left out without --turns or --drove"),
+        ("--drove 1 --turns 1 --measured 1", "drove = 1.0: must be left out with --turns"),
+        ("--drove 1 --measured 1 --unit deg", "unit = 'deg': must be m, cm, mm (drove)"),
+        ("--drove 1 --measured 1 --half-gauge 0.2", "must be left out with --drove"),
+    ],
+)
+def test_numbers_by_hand_that_contradict_are_refused(refused, line, said):
+    assert said in refused("predict", *line.split())

@@ -108,5 +108,9 @@ if __name__ == "__main__":
     run_module(words[0])
     importlib.import_module("sim.fleet")
     with tempfile.TemporaryDirectory() as place:
+        if words[0] == "tune":  # its own four paths take minutes
+            path = Path(place) / "short.csv"
+            path.write_text("x,y\n0,0\n0.7,0.1\n1.4,0.2\n")
+            importlib.import_module("experiments.tune").TRAINING_PATHS = (str(path),)
         operations, wrong = failures(words, int(signal_number), Path(place))
     print(json.dumps({"operations": operations, "failures": wrong}))

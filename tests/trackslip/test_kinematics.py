@@ -31,11 +31,14 @@ def test_slip_is_what_made_the_twist(omega, slip):
     )
 
 
-def test_curvature_has_no_threshold_and_slip_of_a_standing_sprocket_is_undefined():
+def test_curvature_has_no_threshold():
     np.testing.assert_array_equal(
         curvature([[1.0, 0.5], [0.0, 0.0], [0.0, -1.0], [0.0, 1.0], [-1.0, 0.5], [1e-300, 0.0]]),
         [0.5, 0.0, -np.inf, np.inf, -0.5, 0.0],
     )
+
+
+def test_slip_of_a_standing_sprocket_is_undefined():
     assert np.isnan(track_slip([0.0, 1.0], [0.03, 0.0], GEOMETRY)).tolist() == [True, False]
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from trackslip.errors import InvalidValueError, require
-from trackslip.kinematics import RobotGeometry
 from trackslip.localization.scan import Plate
 
-SIDES = ("left", "right")
-_TF = "tf:FRAME:FRAME, as in tf:map:base_link"
+SIDES: Final = ("left", "right")
+_TF: Final = "tf:FRAME:FRAME, as in tf:map:base_link"
 
 
 @dataclass(frozen=True)
@@ -19,16 +19,15 @@ class BagChoice:
     """
 
     encoders: str | None = None
-    """Topic of `sensor_msgs/JointState` with wheels or sprockets, or of `nav_msgs/Odometry`
-    computed from encoders.
+    """Topic of `sensor_msgs/JointState` with wheels or sprockets, of `nav_msgs/Odometry` computed
+    from encoders, or of any messages with counters, such as `std_msgs/Int32`.
 
-    If several topics of `sensor_msgs/JointState` have some joints each, they are separated by
-    commas.
+    Several topics that have some joints or counters each are separated by commas.
     """
     left: tuple[str, ...] | None = None
-    """Names of the joints on the left; the mean of their speeds is used."""
+    """Names of the joints, or counters, on the left; the mean of their speeds is used."""
     right: tuple[str, ...] | None = None
-    """Names of the joints on the right; the mean of their speeds is used."""
+    """Names of the joints, or counters, on the right; the mean of their speeds is used."""
     reversed: str | None = None
     """Side whose encoders count backwards: left, right or both."""
     poses: str | None = None
@@ -39,10 +38,6 @@ class BagChoice:
     """Topic of `sensor_msgs/LaserScan` from a stationary scanner that sees the plate."""
     plate: Plate | None = None
     """Plate on the robot. If given, poses are the plate's poses in the scans."""
-    wheels: RobotGeometry | None = None
-    """Geometry with which the odometry was computed; needed to compute wheel speeds from
-    odometry.
-    """
     dead_reckoned: bool | None = None
     """True to accept poses that repeat the wheels' dead reckoning: for viewing, not for
     identification.
@@ -85,4 +80,4 @@ class BagChoice:
             )
 
 
-AUTOMATIC = BagChoice()  # everything is chosen automatically
+AUTOMATIC: Final = BagChoice()  # everything is chosen automatically

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,9 +17,10 @@ from trackslip.bags.poses import read_imu, read_poses, with_gyro
 from trackslip.bags.scans import plate_log, read_scans
 from trackslip.bags.stamps import clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source
-from trackslip.errors import InvalidValueError, LogError, LogWarning, counted
-from trackslip.kinematics import Array
+from trackslip.errors import InvalidValueError, LogError, LogWarning, counted, require
+from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.checks import LONGEST_STEP
+from trackslip.logs.layout import AS_DOCUMENTED, Layout
 from trackslip.logs.logfile import RUNS, read_log, runs_file, runs_in
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
@@ -32,7 +34,13 @@ _PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
 def load(
-    path: str | Path, bag: BagChoice | None = None, max_memory: int | None = None
+    path: str | Path,
+    bag: BagChoice | None = None,
+    max_memory: int | None = None,
+    *,
+    columns: str | Mapping[str, str] | None = None,
+    ticks_per_turn: float | None = None,
+    odometry: RobotGeometry | None = None,
 ) -> list[RunLog]:
     """Load the runs in a results folder, in a `.parquet` or `.csv` file, or in ROS 1 or ROS 2 bags.
 
@@ -40,29 +48,44 @@ def load(
     chooses topics and joints if these are ambiguous in a bag. Reading takes at most `max_memory`
     [bytes], by default half of the machine's memory, whatever a file unpacks to.
 
+    `columns` names the columns of a table that are called otherwise than ours, with their units, as
+    in `{"t": "stamp:ms", "omega_l": "left_rpm:rpm"}`. Encoders that count need `ticks_per_turn`,
+    and odometry that replaces encoders the geometry with which it was computed.
+
     Raises:
         LogError: if no run can be read, the file is damaged or takes more memory; the message is
             one line.
+        InvalidValueError: for columns that don't exist, or if ticks per turn or the odometry's
+            geometry are needed.
         TrackslipError: for a bag, if the package rosbags is not installed.
     """
-    read = read_runs_of(Path(path), bag or AUTOMATIC, max_memory)
+    layout = Layout(columns, ticks_per_turn, odometry)
+    read = read_runs_of(Path(path), bag or AUTOMATIC, max_memory, layout)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=2)
     return list(read.runs)
 
 
-def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC, max_memory: int | None = None) -> ReadRuns:
+def read_runs_of(
+    path: Path,
+    bag: BagChoice = AUTOMATIC,
+    max_memory: int | None = None,
+    layout: Layout = AS_DOCUMENTED,
+) -> ReadRuns:
     """Read the runs in a log of any kind, with notes on the parts left out; raises LogError if no
     run can be read, or if reading takes more than `max_memory` [bytes].
     """
     if holds_bags(path):
-        return read_bags(path, bag, max_memory)
+        return read_bags(path, bag, max_memory, layout)
     refuse_choice(path, bag)
-    return read_log(runs_file(path), max_memory)
+    return read_log(runs_file(path), max_memory, layout)
 
 
 def runs_of(
-    path: Path, bag: BagChoice = AUTOMATIC, max_memory: int | None = None
+    path: Path,
+    bag: BagChoice = AUTOMATIC,
+    max_memory: int | None = None,
+    layout: Layout = AS_DOCUMENTED,
 ) -> ReadRuns | RunsInTables:
     """The runs in a log of any kind, to iterate over: from a table, one run at a time is in memory.
 
@@ -70,9 +93,9 @@ def runs_of(
     takes more than `max_memory` [bytes].
     """
     if holds_bags(path):
-        return read_bags(path, bag, max_memory)
+        return read_bags(path, bag, max_memory, layout)
     refuse_choice(path, bag)
-    return runs_in(runs_file(path), max_memory)
+    return runs_in(runs_file(path), max_memory, layout)
 
 
 def holds_bags(path: Path) -> bool:
@@ -92,12 +115,18 @@ def refuse_choice(path: Path, bag: BagChoice) -> None:
             raise InvalidValueError(name, value, f"left out: {path} is no bag")
 
 
-def read_bags(path: Path, choice: BagChoice = AUTOMATIC, max_memory: int | None = None) -> ReadRuns:
+def read_bags(
+    path: Path,
+    choice: BagChoice = AUTOMATIC,
+    max_memory: int | None = None,
+    layout: Layout = AS_DOCUMENTED,
+) -> ReadRuns:
     """Read the drives in a bag, or in all bags in a folder, each as a run with the bag's name.
 
     Raises LogError if no drive can be read, or if reading takes more than `max_memory` [bytes];
     TrackslipError if the package rosbags is not installed.
     """
+    require(layout.columns is None, "columns", layout.columns, f"left out: {path} is a bag")
     bags = open_bags(path, max_memory)
     runs: list[RunLog] = []
     refused: list[Refused] = []
@@ -113,7 +142,7 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC, max_memory: int | None 
             refused.append(Refused.of(name, error))
         for part, drive in drives.items():
             try:
-                log, sources = _read_drive(drive, choice, part, of_bag)
+                log, sources = _read_drive(drive, choice, layout, part, of_bag)
             except LogError as error:
                 refused.append(Refused.of(part, error))
             else:
@@ -133,7 +162,7 @@ def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict
     restarts or has gaps.
     """
     topic = encoder_topics(bag, choice)[0][0].name
-    restarts, after_gaps = bag.table(topic, lambda _: (0.0,)).breaks()
+    restarts, after_gaps = bag.stamps(topic).breaks()
     starts = np.union1d(restarts, after_gaps)
     if not len(starts):
         return {name: bag}
@@ -150,13 +179,15 @@ def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict
     }
 
 
-def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tuple[RunLog, str]:
+def _read_drive(
+    bag: Bag, choice: BagChoice, layout: Layout, name: str, notes: list[str]
+) -> tuple[RunLog, str]:
     """Read the log of a drive; returns it with a description of the sources used.
 
     Adds a line to `notes` for each part left out and each doubt. Raises LogError, with topic and
     cause.
     """
-    encoders = read_encoders(bag, choice, notes)
+    encoders = read_encoders(bag, choice, notes, layout)
     if choice.plate is not None:
         return plate_log(
             bag, name, encoders, read_scans(bag, choice.scan, notes), choice.plate, notes

@@ -1,29 +1,31 @@
-"""Sprocket speeds from the joint states or the wheel odometry in a bag."""
+"""Sprocket speeds from the joint states, the counters or the wheel odometry in a bag."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from trackslip.bags.choice import SIDES, BagChoice
-from trackslip.bags.open import Bag, listed
+from trackslip.bags.counters import numbers_in
+from trackslip.bags.open import Bag, Topic, header_of, listed
 from trackslip.bags.stamps import Readings, seconds, without_bursts
-from trackslip.bags.topics import WHEELS, Sides, encoder_topics
-from trackslip.errors import LogError
-from trackslip.kinematics import Array, RobotGeometry, track_speeds
+from trackslip.bags.topics import JOINT_STATE, WHEELS, Sides, encoder_topics
+from trackslip.bags.wheel_odometry import odometry_angles_in
+from trackslip.errors import LogError, require
+from trackslip.kinematics import Array
+from trackslip.logs.angles import COUNTERS, continuous, mean_speeds, unwrapped_angle
+from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
 from trackslip.logs.runlog import RunLog
 
-_MAX_ANGLE = 1e9  # angle above which a value isn't a measurement [rad]
-# margin by which wrapped positions may leave their range because of rounding [rad]
-_TOLERANCE = 0.01
-_MOVES = 1e-3  # reported speed above which a joint should move [rad/s]
+_MAX_ANGLE: Final = 1e9  # angle above which a value isn't a measurement [rad]
+_MOVES: Final = 1e-3  # reported speed above which a joint should move [rad/s]
 # ratio to the largest turn of a wheel on the same side, below which an encoder counts as dead [-]
-_STILL = 0.01
-_MIN_WAY = 1.0  # largest turn of a wheel up to which no encoder counts as dead [rad]
+_STILL: Final = 0.01
+_MIN_TURN: Final = 1.0  # largest turn of a wheel up to which no encoder counts as dead [rad]
 
 
 @dataclass(frozen=True)
@@ -59,82 +61,143 @@ class Encoders(Readings):
         return f"encoders: {self.source}, left {left}, right {right}"
 
 
-def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
+def read_encoders(
+    bag: Bag, choice: BagChoice, notes: list[str], layout: Layout = AS_DOCUMENTED
+) -> Encoders:
     """Read the encoders in a bag.
 
     Positions are preferred to velocities; speeds are averaged over the joints on a side. Adds a
     line to `notes` for each part left out. Raises LogError if there are no encoders, or if their
-    topics or joints are ambiguous.
+    topics or joints are ambiguous; InvalidValueError if the `layout` lacks ticks per turn or the
+    odometry's geometry.
     """
     topics, names = encoder_topics(bag, choice)
-    joints = _joints(bag, [topic.name for topic in topics], names, choice.wheels, notes)
-    topic = next(iter(joints.values())).source
-    by_position = all(_has_positions(*joint.values.T) for joint in joints.values())
-    if not by_position and names != WHEELS:
-        notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
-    angles = {name: _angles(name, joint, by_position) for name, joint in joints.items()}
+    is_odometry = names == WHEELS
+    is_joints = topics[0].type == JOINT_STATE
+    stated = f"topic {topics[0].name} states " + ("an odometry" if is_odometry else "angles")
+    if is_odometry or is_joints:
+        ticks = layout.ticks_per_turn
+        require(ticks is None, "ticks_per_turn", ticks, f"left out: {stated}")
+    if not is_odometry:
+        odometry = layout.odometry
+        require(odometry is None, "odometry", odometry, f"left out: {stated}, no odometry")
+    if is_odometry:
+        geometry = known_odometry(layout, f"the speeds of topic {topics[0].name}")
+        by_side = odometry_angles_in(bag, topics[0].name, geometry, notes)
+        angles = {
+            name: replace(by_side, values=by_side.values[:, side])
+            for side, (name,) in enumerate(names)
+        }
+    elif is_joints:
+        angles = _joint_angles(bag, topics, names, notes)
+    else:
+        angles = _counter_angles(bag, topics, names, known_ticks(layout), notes)
+    topic = next(iter(angles.values())).source
+
+    # readings at the times of the joint that is read most often, where all joints are known
     most = max(angles.values(), key=lambda angle: len(angle.stamp))
-    begin, end = (
-        max(angle.stamp[0] for angle in angles.values()),
-        min(angle.stamp[-1] for angle in angles.values()),
-    )
+    begin = max(angle.stamp[0] for angle in angles.values())
+    end = min(angle.stamp[-1] for angle in angles.values())
     common = most.take((most.stamp >= begin) & (most.stamp <= end))
     if len(common.stamp) < 2:
         raise LogError(f"{bag.path}: topic {topic}: fewer than 2 messages with the joints chosen")
     first = int(common.stamp[0])
     time = seconds(common.stamp, first)
     turns = {
-        name: np.diff(np.interp(time, seconds(a.stamp, first), a.values))
-        for name, a in angles.items()
+        name: np.diff(np.interp(time, seconds(angle.stamp, first), angle.values))
+        for name, angle in angles.items()
     }
+
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
     turned = np.stack([side_turns(topic, side, turns, notes) for side in names], axis=-1)
-    omega = turned / np.diff(time)[:, None] * signs
-    return Encoders(topic, common.stamp, common.arrival, np.concatenate([omega[:1], omega]), names)
+    angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned * signs, axis=0)])
+    return Encoders(topic, common.stamp, common.arrival, mean_speeds(time, angle), names)
 
 
-def _joints(
-    bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None, notes: list[str]
+def _joint_angles(
+    bag: Bag, topics: Sequence[Topic], names: Sides, notes: list[str]
 ) -> dict[str, Readings]:
-    """Read positions [rad] and velocities [rad/s] (N, 2) of each joint by name; NaN where not
-    measured.
+    """Angles (n,) [rad] of each joint by name, from positions or else from velocities.
 
     Raises LogError for a joint that is not in any message.
     """
 
     def states(content: Any) -> Iterable[tuple[str, Any, tuple[float, float]]]:
-        if names == WHEELS and wheels is not None:
-            twist = content.twist.twist
-            speeds = (
-                track_speeds((twist.linear.x, twist.angular.z), wheels.half_gauge)
-                / wheels.sprocket_radius
-            )
-            return (
-                (name, content.header, (np.nan, speed))
-                for (name,), speed in zip(names, speeds, strict=True)
-            )
-        none = np.full(len(content.name), np.nan)
-        position, velocity = (
-            x if len(x) == len(none) else none for x in (content.position, content.velocity)
-        )
-        return (
-            (name, content.header, (p, v))
-            for name, p, v in zip(content.name, position, velocity, strict=True)
-        )
+        """The name, the header, the position and the velocity of each joint in a message."""
+        count = len(content.name)
+        unknown = np.full(count, np.nan)
+        position = content.position if len(content.position) == count else unknown
+        velocity = content.velocity if len(content.velocity) == count else unknown
+        readings = zip(content.name, position, velocity, strict=True)
+        return ((name, content.header, (p, v)) for name, p, v in readings)
 
-    stated, joints = bag.readings(topics, states), {}
+    stated = bag.readings([topic.name for topic in topics], states)
+    joints = _of_names(stated, topics, names, notes)
+    by_position = all(_has_positions(*joint.values.T) for joint in joints.values())
+    if not by_position:
+        source = next(iter(joints.values())).source
+        notes.append(f"topic {source}: speeds are its velocities, because it states no positions")
+    return {name: _angles(name, joint, by_position) for name, joint in joints.items()}
+
+
+def _of_names(
+    stated: Mapping[str, Readings], topics: Sequence[Topic], names: Sides, notes: list[str]
+) -> dict[str, Readings]:
+    """The readings (N, k) of each name on a side, in order, NaN where not measured; LogError for a
+    name that isn't `stated`.
+    """
+    found = {}
     for side, of_side in zip(SIDES, names, strict=True):
         for name in of_side:
             if name not in stated:
-                have = (
-                    f"topic {' and '.join(topics)} has no such joint; its joints are "
+                of_topics = " and ".join(topic.name for topic in topics)
+                raise LogError(
+                    f"{side} = {name!r}: topic {of_topics} has no such joint; its joints are "
                     f"{listed([*stated])}"
                 )
-                raise LogError(f"{side} = {name!r}: {have}")
             joint = stated[name].ascending(notes)
             measured = np.abs(joint.values) <= _MAX_ANGLE
-            joints[name] = replace(joint, values=np.where(measured, joint.values, np.nan))
-    return joints
+            found[name] = replace(joint, values=np.where(measured, joint.values, np.nan))
+    return found
+
+
+def _counter_angles(
+    bag: Bag, topics: Sequence[Topic], names: Sides, per_turn: float, notes: list[str]
+) -> dict[str, Readings]:
+    """Angles (n,) [rad] by the name of the counter, from ticks; messages without a header are
+    stamped when they are recorded.
+
+    Raises LogError for a counter that isn't in the messages, or that restarts.
+    """
+    stated = dict[str, Readings]()
+    for topic in topics:
+
+        def counts(
+            content: Any, topic: str = topic.name
+        ) -> Iterable[tuple[str, Any, tuple[float]]]:
+            header = header_of(content)
+            return ((name, header, (value,)) for name, value in numbers_in(topic, content).items())
+
+        stated |= bag.readings([topic.name], counts)
+        if header_of(bag.first(topic.name, 1)[0].content) is None:
+            notes.append(f"topic {topic.name}: its messages have no stamps: times of recording")
+
+    angles = {}
+    for name, counter in _of_names(stated, topics, names, notes).items():
+        rows = np.flatnonzero(np.isfinite(counter.values[:, 0]))
+        rows = rows[without_bursts(counter.stamp[rows])]
+        counter = counter.take(rows)
+        time = seconds(counter.stamp, int(counter.stamp[0]))
+        ticks, restart = continuous(time, counter.values[:, 0], (per_turn, *COUNTERS))
+        if restart is not None:
+            before, after = counter.values[restart - 1 : restart + 1, 0]
+            raise LogError(
+                f"topic {counter.source}: {name} jumps from {before:.9g} to {after:.9g} after "
+                f"{time[restart]:.6g} s, and by no number of ticks at which it wraps: did the "
+                "counter restart? Cut the bag there"
+            )
+        angles[name] = replace(counter, values=2 * np.pi / per_turn * ticks)
+    return angles
 
 
 def _has_positions(position: Array, velocity: Array) -> bool:
@@ -159,24 +222,10 @@ def _angles(name: str, joint: Readings, by_position: bool) -> Readings:
         )
     rows = rows[without_bursts(joint.stamp[rows])]
     time = seconds(joint.stamp[rows], int(joint.stamp[rows[0]]))
-    angle = (
-        unwrapped(values[rows])
-        if by_position
-        else cumulative_trapezoid(values[rows], time, initial=0.0)
-    )
-    return replace(joint.take(rows), values=angle)
-
-
-def unwrapped(position: Array) -> Array:
-    """Continuous angles (T,) from positions (T,) [rad]: positions within -π to π or 0 to 2π are
-    unwrapped.
-    """
-    low, high = position.min(), position.max()
-    wraps = any(
-        start - _TOLERANCE <= low and high <= start + 2 * np.pi + _TOLERANCE
-        for start in (-np.pi, 0.0)
-    )
-    return np.unwrap(position) if wraps else position
+    known = values[rows]
+    if by_position:
+        return replace(joint.take(rows), values=unwrapped_angle(known))
+    return replace(joint.take(rows), values=cumulative_trapezoid(known, time, initial=0.0))
 
 
 def side_turns(
@@ -188,23 +237,24 @@ def side_turns(
     An encoder that stands still while other wheels turn is left out, with a line in `notes`. Raises
     LogError, with topic and joints, if wheels turn against each other.
     """
-    ways = {name: float(np.abs(turns[name]).sum()) for name in side}
-    most = max(ways, key=lambda name: ways[name])
-    kept = list(side)
-    if ways[most] > _MIN_WAY:
-        kept = [name for name in side if ways[name] >= _STILL * ways[most]]
-        for name in side:
-            if name not in kept:
-                notes.append(
-                    f"topic {topic}: joint {name} left out: it stands still while {most} turns"
-                )
-            elif 2 * turns[name] @ turns[most] < -np.linalg.norm(turns[name]) * np.linalg.norm(
-                turns[most]
-            ):
-                raise LogError(
-                    f"topic {topic}: joints {most} and {name} of one side turn against each other: "
-                    "choose with --left NAMES --right NAMES"
-                )
+    sizes = {name: float(np.abs(turns[name]).sum()) for name in side}
+    most = max(sizes, key=lambda name: sizes[name])
+    if sizes[most] <= _MIN_TURN:
+        return np.asarray(np.mean([turns[name] for name in side], axis=0))
+    kept = []
+    for name in side:
+        if sizes[name] < _STILL * sizes[most]:
+            notes.append(
+                f"topic {topic}: joint {name} left out: it stands still while {most} turns"
+            )
+            continue
+        against = -np.linalg.norm(turns[name]) * np.linalg.norm(turns[most])
+        if 2 * turns[name] @ turns[most] < against:
+            raise LogError(
+                f"topic {topic}: joints {most} and {name} of one side turn against each other: "
+                "choose with --left NAMES --right NAMES"
+            )
+        kept.append(name)
     return np.asarray(np.mean([turns[name] for name in kept], axis=0))
 
 
@@ -214,22 +264,31 @@ def joined(name: str, encoders: Encoders, poses: Readings) -> RunLog:
 
     A pose's row has the sprocket speeds of the next reading.
     """
-    read, start = encoders.stamp, int(encoders.stamp[0])
+    read = encoders.stamp
+    start = int(read[0])
     measured = np.isfinite(poses.values).any(axis=1)
     within = measured & (poses.stamp >= read[0]) & (poses.stamp <= read[-1])
+
+    # rows of encoders and poses in the order of time
     stamp = np.union1d(read, poses.stamp[within])
     valid = np.isin(stamp, poses.stamp[within])
     pose = np.full((len(stamp), 3), np.nan)
     pose[valid] = poses.values[within]
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = np.unwrap(pose[headed, 2])
-    others = np.column_stack([seconds(poses.stamp, start), poses.values])[measured & ~within]
+
+    # poses before the first and after the last reading, used to align clocks
+    timed = np.column_stack([seconds(poses.stamp, start), poses.values])
+    beyond = timed[measured & ~within]
+
+    next_reading = np.searchsorted(read, stamp)
     return RunLog(
         run=name,
         time=seconds(stamp, start),
-        omega=encoders.values[np.searchsorted(read, stamp)],
+        omega=encoders.values[next_reading],
         pose=pose,
         valid=None if valid.all() else valid,
-        beyond=others if len(others) else None,
+        read=None if len(stamp) == len(read) else np.isin(stamp, read),
+        beyond=beyond if len(beyond) else None,
         metadata={"bag": {**encoders.about, "poses": poses.source, "start": start / 1e9}},
     )

@@ -67,6 +67,11 @@ class Message(NamedTuple):
         return _stamp(self.content.header)
 
 
+def header_of(content: Any) -> Any:
+    """A message's header, or None without one."""
+    return getattr(content, "header", None)
+
+
 def _stamp(header: Any) -> int:
     stamp = int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
     return _plausible(stamp, "a header stamp")
@@ -155,7 +160,7 @@ class Bag:
         parts: Callable[[Any], Iterable[tuple[K, Any, Iterable[float]]]],
     ) -> dict[K, Readings]:
         """Collect numbers (N, k) by key; `parts` returns (key, header, numbers) for each part of a
-        message.
+        message; without a header, its time of recording is the stamp.
 
         Raises LogError if they don't fit into the memory.
         """
@@ -166,7 +171,8 @@ class Bag:
             try:
                 for key, header, values in parts(message.content):
                     known = len(numbers[key])
-                    times[key].extend((_stamp(header), message.arrival))
+                    stamp = message.arrival if header is None else _stamp(header)
+                    times[key].extend((stamp, message.arrival))
                     numbers[key].extend(values)
                     kept += 2 + len(numbers[key]) - known
             except LogError as error:
@@ -177,10 +183,9 @@ class Bag:
             require_fits(self.path, _NUMBER * kept + _KEY * len(times), self.max_memory)
         found = {}
         for key in times:
-            stamp, arrival = np.array(times[key], np.int64).reshape(-1, 2).T
-            found[key] = Readings(
-                " and ".join(topics), stamp, arrival, np.array(numbers[key]).reshape(len(stamp), -1)
-            )
+            stamps, arrivals = np.array(times[key], np.int64).reshape(-1, 2).T
+            values = np.array(numbers[key]).reshape(len(stamps), -1)
+            found[key] = Readings(" and ".join(topics), stamps, arrivals, values)
         return found
 
     def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> Readings:
@@ -188,6 +193,13 @@ class Bag:
         without messages.
         """
         found = self.readings([topic], lambda content: [(topic, content.header, row(content))])
+        if not found:
+            raise LogError(f"topic {topic}: no messages")
+        return found[topic]
+
+    def stamps(self, topic: str) -> Readings:
+        """The stamps of a topic's messages, without numbers."""
+        found = self.readings([topic], lambda content: [(topic, header_of(content), ())])
         if not found:
             raise LogError(f"topic {topic}: no messages")
         return found[topic]

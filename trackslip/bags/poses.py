@@ -21,9 +21,9 @@ from trackslip.bags.transforms import (
     pose_numbers,
     read_chain,
 )
+from trackslip.drives.gyro import yaw_axis
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.logs.checks import paired_turns
 from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
 _NO_FIX = 0  # least status of a message with a fix: sensor_msgs/NavSatStatus
@@ -173,9 +173,6 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
 
 
 _MAX_GAP = 0.2  # longest interval between readings that counts as measured [s]
-_CLEARLY = 0.8  # least correlation of turns that leaves no doubt [-]
-# component above which the yaw axis counts as an axis of the IMU, for an angle below 11° [-]
-_ALONG = 0.98
 
 
 def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:
@@ -216,31 +213,27 @@ def with_gyro(log: RunLog, imu: Readings, start: int, notes: list[str]) -> tuple
     turn; it is z if nothing turns. If no axis follows the turns, adds a line to `notes` and returns
     the log without gyro.
     """
+    # angles about the IMU's axes, and the time with readings, up to each row of the log
     time = seconds(imu.stamp, start)
-    angle = cumulative_trapezoid(imu.values, time, axis=0, initial=0.0)
+    angles = cumulative_trapezoid(imu.values, time, axis=0, initial=0.0)
     step = np.diff(time)
     measured = np.append(0.0, np.cumsum(np.where(step <= _MAX_GAP, step, 0.0)))
-    *turned, known = (np.interp(log.time, time, column) for column in (*angle.T, measured))
-    turn = np.where(log.has_heading, log.pose[:, 2], np.nan)
-    if not log.has_heading.any():
-        turn = np.append(0.0, np.cumsum((log.omega[1:] @ [-1, 1]) * np.diff(log.time)))
-    axis, why = np.array([0.0, 0.0, 1.0]), "assumed"
-    paired = paired_turns(log.time, np.stack(turned), turn)
-    if paired is not None:
-        turns, by_axis = paired
-        axis, why = by_axis @ turns / np.linalg.norm(by_axis @ turns), "by the turns"
-        if np.abs(axis).max() > _ALONG:
-            axis = np.where(np.abs(axis) > _ALONG, np.sign(axis), 0.0)
-        if np.corrcoef(axis @ by_axis, turns)[0, 1] < _CLEARLY:
-            notes.append(f"gyro of {imu.source} left out: it doesn't follow the robot's turns")
-            return log, ""
-    rate, share = (
-        np.diff(values) / np.diff(log.time) for values in (axis @ np.stack(turned), known)
-    )
-    gyro = np.append(
-        np.nan, np.where((share >= MEASURED) & (np.abs(rate) <= MAX_YAW_RATE), rate, np.nan)
-    )
+    turned = np.stack([np.interp(log.time, time, angle) for angle in angles.T])
+    known = np.interp(log.time, time, measured)
+
+    yaw = yaw_axis(log, turned)
+    if yaw is None:
+        notes.append(f"gyro of {imu.source} left out: it doesn't follow the robot's turns")
+        return log, ""
+
+    # mean rates between rows, where they were measured
+    between = np.diff(log.time)
+    rate = np.diff(yaw.axis @ turned) / between
+    share = np.diff(known) / between
+    good = (share >= MEASURED) & (np.abs(rate) <= MAX_YAW_RATE)
+    gyro = np.append(np.nan, np.where(good, rate, np.nan))
+
     about = log.metadata["bag"] | {"gyro": imu.source}
-    shown = np.array2string(axis, precision=2, suppress_small=True)
-    words = f"; gyro: {imu.source} about {shown} ({why})"
+    shown = np.array2string(yaw.axis, precision=2, suppress_small=True)
+    words = f"; gyro: {imu.source} about {shown} ({'by the turns' if yaw.found else 'assumed'})"
     return replace(log, gyro=gyro, metadata=log.metadata | {"bag": about}), words

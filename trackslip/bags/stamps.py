@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -11,13 +11,13 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.checks import gaps, in_order, restarts
 
-_SIMULATED = 10**17  # stamps before this time, in 1973, are from a simulation [ns]
+_SIMULATED: Final = 10**17  # stamps before this time, in 1973, are from a simulation [ns]
 # difference between delays above which clocks differ: matching a scan takes less time [s]
-_APART = 1.0
+_APART: Final = 1.0
 # ratio to the usual interval below which readings are in a burst, with more than tenfold speeds
-_BURST = 0.1
+_BURST: Final = 0.1
 # least usual interval: half that of the fastest controllers, which run at 1 kHz [ns]
-_SHORTEST = 500_000
+_SHORTEST: Final = 500_000
 
 
 @dataclass(frozen=True)
@@ -119,18 +119,30 @@ def clocks_apart(ours: Readings, theirs: Readings) -> list[str]:
     both topics. Raises LogError if the stamps of the two topics do not overlap.
     """
     apart = abs(float(np.median(ours.delay) - np.median(theirs.delay)))
-    spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))
-    line = (
-        f"clocks differ by {apart:.1f} s by their receive stamps" if apart > _APART + spread else ""
-    )
-    if ours.stamp[0] <= theirs.stamp[-1] and theirs.stamp[0] <= ours.stamp[-1]:
-        return [f"topics {ours.source} and {theirs.source}: {line}"] if line else []
-    if (ours.stamp[-1] < _SIMULATED) != (theirs.stamp[-1] < _SIMULATED):
+    spread = _spread(ours.delay) + _spread(theirs.delay)
+    differ = apart > _APART + spread
+    line = f"clocks differ by {apart:.1f} s by their receive stamps" if differ else ""
+    overlap = ours.stamp[0] <= theirs.stamp[-1] and theirs.stamp[0] <= ours.stamp[-1]
+    if overlap:
+        return [f"topics {ours.source} and {theirs.source}: {line}"] if differ else []
+
+    ours_simulated = ours.stamp[-1] < _SIMULATED
+    theirs_simulated = theirs.stamp[-1] < _SIMULATED
+    if ours_simulated != theirs_simulated:
         line = "different clocks, simulated and wall time"
-    first, second = (
-        f"{topic.stamp[0] / 1e9:.3f} to {topic.stamp[-1] / 1e9:.3f} s" for topic in (ours, theirs)
-    )
     raise LogError(
-        f"topic {ours.source} is stamped from {first} and topic {theirs.source} from {second}: "
-        f"{line or 'different clocks'}"
+        f"topic {ours.source} is stamped from {_range(ours)} and topic {theirs.source} from "
+        f"{_range(theirs)}: {line or 'different clocks'}"
     )
+
+
+def _spread(delay: Array) -> float:
+    """Width of the middle half of delays (N,) [s]."""
+    return float(np.ptp(np.percentile(delay, (25, 75))))
+
+
+def _range(readings: Readings) -> str:
+    """First and last stamp, in words."""
+    first = readings.stamp[0] / 1e9
+    last = readings.stamp[-1] / 1e9
+    return f"{first:.3f} to {last:.3f} s"

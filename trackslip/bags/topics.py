@@ -7,19 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import islice
+from typing import Final
 
 from trackslip.bags.choice import BagChoice
+from trackslip.bags.counters import advice, counter_names, full_names, likely_counters
 from trackslip.bags.open import Bag, Topic, listed
 from trackslip.bags.transforms import frames_of, parents_of, path_up
 from trackslip.errors import LogError
 
-JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
-FIX, IMU, LASER_SCAN = (
-    "sensor_msgs/msg/NavSatFix",
-    "sensor_msgs/msg/Imu",
-    "sensor_msgs/msg/LaserScan",
-)
-POSE_TYPES = (
+JOINT_STATE: Final = "sensor_msgs/msg/JointState"
+ODOMETRY: Final = "nav_msgs/msg/Odometry"
+FIX: Final = "sensor_msgs/msg/NavSatFix"
+IMU: Final = "sensor_msgs/msg/Imu"
+LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
+POSE_TYPES: Final = (
     ODOMETRY,
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/PoseStamped",
@@ -27,26 +28,44 @@ POSE_TYPES = (
     FIX,
 )
 """Message types with poses, besides transforms."""
-_TICKS = re.compile(r"std_msgs/msg/U?Int\d+(MultiArray)?")
 Sides = tuple[tuple[str, ...], tuple[str, ...]]  # names of the joints on the left and on the right
-WHEELS: Sides = ("left wheels",), ("right wheels",)  # placeholders for joints if odometry is used
+WHEELS: Final[Sides] = (
+    ("left wheels",),
+    ("right wheels",),
+)  # placeholders for joints if odometry is used
 
 # Words in the names of topics, joints and frames from ROS packages for robots and localization.
-_WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
-_LESSER_IMU = r"camera|realsense|zed|oak|lidar|ouster|\bos\d?_|livox|velodyne|raw"
-_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-_DRIVES = re.compile(r"wheel|track|sprocket|belt|crawler|whl", re.IGNORECASE)
-_OTHER = re.compile(
+_WANTED: Final = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
+_LESSER_IMU: Final = r"camera|realsense|zed|oak|lidar|ouster|\bos\d?_|livox|velodyne|raw"
+_WORDS: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+_DRIVES: Final = re.compile(r"wheel|track|sprocket|belt|crawler|whl", re.IGNORECASE)
+_OTHER: Final = re.compile(
     r"arm|hip|pan|tilt|head|neck|knee|ankle|calf"
     r"|(steer|caster|castor|flipper|finger|gripper|shoulder|elbow|wrist|thigh).*"
 )
-_LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc", "lh", "lhs"}
-_RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
-_FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
-_BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
-# number of messages that are searched for names, from the start
-_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000
-_MOST_NAMES = 100_000  # number of names in which joints are searched, from the start
+_LEFT: Final = {
+    "left",
+    "l",
+    "fl",
+    "lf",
+    "rl",
+    "lr",
+    "bl",
+    "lb",
+    "ml",
+    "lm",
+    "cl",
+    "lc",
+    "lh",
+    "lhs",
+}
+_RIGHT: Final = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
+_FIXED_FRAMES: Final = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
+_BODIES: Final = ("base_link", "base_footprint", "base", "chassis", "robot")
+# numbers of messages that are searched for names, from the start
+_JOINT_MESSAGES: Final = 100
+_FRAME_MESSAGES: Final = 5000
+_MOST_NAMES: Final = 100_000  # number of names in which joints are searched, from the start
 
 
 class PoseOrigin(Enum):
@@ -63,7 +82,7 @@ class PoseOrigin(Enum):
     IMU = "headings of an IMU"
 
 
-_MARKS = {
+_MARKS: Final = {
     PoseOrigin.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet"
     r"|total_?station|leica",
     PoseOrigin.TRUTH: r"ground_?truth|\btruth|gazebo|p3d|perfect",
@@ -82,64 +101,77 @@ class PoseSource:
 
 
 def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
-    """The topics with the encoders, and the joints on the left and on the right.
+    """The topics with the encoders, and the joints, or counters, on the left and on the right.
 
     Raises LogError if the choice doesn't fit the bag or is ambiguous: the message lists the bag's
     topics or joints.
     """
-    if choice.encoders is not None:
-        topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
-        if [topic.type for topic in topics] == [ODOMETRY]:
-            if choice.wheels is None:
-                raise LogError(
-                    f"{bag.path}: topic {topics[0].name}: speeds of wheels need the geometry "
-                    "that it assumes"
-                )
-            return topics, WHEELS
-        topics = [bag.topic(topic.name, JOINT_STATE) for topic in topics]
-    else:
-        topics = bag.of_type(JOINT_STATE)
-        if not topics:
-            raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
-        topics = [
-            topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)
-        ] or topics
-        names = [topic.name for topic in topics if _joints(bag, [topic], choice) is not None]
-        if names:  # otherwise each topic may have some of the joints
-            names = [name for name in names if name.strip("/") == "joint_states"] or names
-            topics = [bag.topics[bag.only(names, "encoders", "--encoders TOPIC")]]
-    joints = _joints(bag, topics, choice)
-    if joints is None:
+    if choice.encoders is None:
+        topics = _joint_topics(bag, choice)
+        return topics, _required_sides(bag, topics, _joint_names(bag, topics), choice)
+    topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
+    types = {topic.type for topic in topics}
+    if types == {JOINT_STATE}:
+        return topics, _required_sides(bag, topics, _joint_names(bag, topics), choice)
+    if ODOMETRY in types:
+        if len(topics) > 1:
+            raise LogError(f"{bag.path}: encoders: odometry must be one topic, {ODOMETRY}")
+        return topics, WHEELS
+    if JOINT_STATE in types:
+        raise LogError(f"{bag.path}: encoders: topics must be of one type, such as {JOINT_STATE}")
+    return topics, _required_sides(bag, topics, counter_names(bag, topics), choice)
+
+
+def _joint_topics(bag: Bag, choice: BagChoice) -> list[Topic]:
+    """The topics of joint states to read unless the choice names them: one that has all joints, or
+    all of those that have some.
+    """
+    topics = bag.of_type(JOINT_STATE)
+    if not topics:
+        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
+    topics = [
+        topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)
+    ] or topics
+    complete = [
+        topic.name
+        for topic in topics
+        if _sides_of(bag, _joint_names(bag, [topic]), choice) is not None
+    ]
+    if not complete:  # each topic may have some of the joints
+        return topics
+    usual = [name for name in complete if name.strip("/") == "joint_states"] or complete
+    return [bag.topics[bag.only(usual, "encoders", "--encoders TOPIC")]]
+
+
+def _required_sides(
+    bag: Bag, topics: Sequence[Topic], names: Sequence[str], choice: BagChoice
+) -> Sides:
+    """The joints, or counters, on the left and on the right; LogError if they are unknown."""
+    found = _sides_of(bag, names, choice)
+    if found is None:
         raise LogError(
             f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has "
-            f"{listed(_joint_names(bag, topics))}: choose with --left NAMES --right NAMES"
+            f"{listed(names)}: choose with --left NAMES --right NAMES"
         )
-    return topics, joints
+    return found
 
 
 def _instead(bag: Bag) -> str:
     """Advice on a bag without joint states, as the end of an error message."""
-    ticks = [topic for topic in bag.topics.values() if _TICKS.fullmatch(topic.type)]
-    if ticks:
-        named = listed([f"{topic.name} ({topic.type})" for topic in ticks])
-        return (
-            f"; {named} may count ticks: publish 2π ticks / (ticks per turn) as positions of a "
-            "JointState and record "
-            "again, or write a table (t, omega_l, omega_r, x, y, phi) in which omega is 2π times "
-            "the ticks since the "
-            "last reading / (ticks per turn * time since then)"
-        )
+    counters = likely_counters(bag)
+    if counters:
+        return advice(counters, sides([*counters]))
     reckoned = "; --encoders TOPIC takes odometry from the wheels" if bag.of_type(ODOMETRY) else ""
     return f"{reckoned}; its topics are {bag.listed()}"
 
 
-def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | None:
-    """The chosen joints or, by default, joints recognised by name; None if no joints are
-    recognised.
+def _sides_of(bag: Bag, names: Sequence[str], choice: BagChoice) -> Sides | None:
+    """The chosen joints or, by default, those of the `names` that are recognised; None if none
+    are.
     """
     if choice.left is not None and choice.right is not None:
-        return choice.left, choice.right
-    return sides(_joint_names(bag, topics))
+        return full_names(choice.left, names), full_names(choice.right, names)
+    return sides(names)
 
 
 def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy.interpolate import interp1d
@@ -16,18 +16,18 @@ from trackslip.bags.stamps import Readings, seconds
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
-TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-MAX_PLACE = 1e9  # coordinate above which a place is invalid [m]
-MAX_TILT = np.radians(20.0)
+TRANSFORMS: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+MAX_PLACE: Final = 1e9  # coordinate above which a place is invalid [m]
+MAX_TILT: Final = np.radians(20.0)
 """Tilt from the vertical above which the heading and the planar path of a robot or a scanner are
 doubtful [rad].
 """
 # largest deviation of a quaternion's norm from 1: single precision and rounded text stay below
-_TOLERANCE = 0.02
-_MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
-_MOST_LINKS = 500_000  # number of links in which frames are searched, from the start
+_TOLERANCE: Final = 0.02
+_MAX_GAP: Final = 1.0  # longest time over which a transform is interpolated [s]
+_MOST_LINKS: Final = 500_000  # number of links in which frames are searched, from the start
 # longest time in usual intervals of the transform; the longer of both limits applies [-]
-_USUAL_GAPS = 5.0
+_USUAL_GAPS: Final = 5.0
 
 Pair = tuple[str, str]  # a parent frame, and the child frame with its pose in the parent
 Link = tuple[Readings, bool]
@@ -207,18 +207,22 @@ def _covers(link: Readings, stamp: np.ndarray) -> np.ndarray:
     interpolation.
     """
     after = np.clip(np.searchsorted(link.stamp, stamp), 1, len(link.stamp) - 1)
-    before, next_ = link.stamp[after - 1], link.stamp[after]
-    longest = max(_MAX_GAP, _USUAL_GAPS * float(np.median(np.diff(link.stamp))) / 1e9)
+    interval = (link.stamp[after] - link.stamp[after - 1]) / 1e9
+    usual = float(np.median(np.diff(link.stamp))) / 1e9
+    longest = max(_MAX_GAP, _USUAL_GAPS * usual)
     within = (stamp >= link.stamp[0]) & (stamp <= link.stamp[-1])
-    return np.asarray(within & ((next_ - before) / 1e9 <= longest))
+    return np.asarray(within & (interval <= longest))
 
 
 def _at(link: Readings, stamp: np.ndarray) -> tuple[Array, Rotation]:
     """Places (n, 3) and rotations (n) of a link at stamps (n,) in its range; a single place and
     rotation if fixed.
     """
-    place, turn = link.values[:, :3], Rotation.from_quat(link.values[:, 3:])
+    place = link.values[:, :3]
+    turn = Rotation.from_quat(link.values[:, 3:])
     if len(link.stamp) == 1:
         return place[0], turn[0]
-    time, at = (seconds(stamps, int(link.stamp[0])) for stamps in (link.stamp, stamp))
+    first = int(link.stamp[0])
+    time = seconds(link.stamp, first)
+    at = seconds(stamp, first)
     return interp1d(time, place, axis=0)(at), Slerp(time, turn)(at)

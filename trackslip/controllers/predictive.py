@@ -25,7 +25,9 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 _NEWTON_SHARES: Final = np.append(0.5 ** np.arange(20), 0.0)
-"""Step lengths tried, as fractions of a Newton step [-]."""
+"""Step lengths tried, as fractions of a Newton step [-]; 0 is the best if no other lowers the
+cost.
+"""
 _CONVERGED: Final = 1e-10  # change of each unknown in a step below which it has converged
 # further steps would only move rounding errors in ill-conditioned problems
 _MAX_NEWTON_STEPS: Final = 100
@@ -198,18 +200,20 @@ class _LeastSquares(Horizon, ABC):
 class LinearPredictive(_LeastSquares):
     """Law that minimises errors predicted by motion linearised about the reference.
 
-    Track speeds are limited.
+    Track speeds are limited. The path at the reference's mean track speeds stands for the
+    reference. A robot with these speeds keeps its first error (x, y, turn) in the frame of the
+    reference's first pose, and its path is turned by this error: at the point (p, q) of the path,
+    its error is (x - turn q, y + turn p, turn).
     """
 
     def _improved(
         self, time: float, plans: Array, poses: Array, desired: Array, twists: Array
     ) -> Array:
         wanted = track_speeds(twists, self.half_gauge)
-        # poses in the frame of the reference's first pose, which to first order is also the robots'
         path, effect = self._predicted(np.zeros((1, 3)), wanted[None])
-        first_errors = -body_errors(poses, desired[0])[:, None]  # (R, 1, 3) of the robots
+        # (R, 1, 3) of the robots, to first order the same in their frames and the reference's
+        first_errors = -body_errors(poses, desired[0])[:, None]
         x, y, turn = np.moveaxis(first_errors, -1, 0)
-        # a robot with the reference's track speeds keeps its first error, which turns its path
         later_x = x - turn * path[..., 1]
         later_y = y + turn * path[..., 0]
         later_turn = np.broadcast_to(turn, later_x.shape)
@@ -249,7 +253,8 @@ def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
     """Vectors u (R, n) within +-`bound` that minimise u H u / 2 - b u.
 
     H (R, n, n) or (1, n, n) is `hessian`, and b (R, n) is `right`. The solver is the projected
-    Newton method of D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
+    Newton method of D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982. It is applied
+    to the rows whose optimum without bounds is out of bounds, each until it has converged.
     """
 
     def solved(matrices: Array, vectors: Array) -> Array:
@@ -354,8 +359,8 @@ class PathIntegral(Horizon):
     def _errors(self, pose: Array, plans: Array, desired: Array) -> Array:
         """Errors (M, K, 3) of the poses after each interval of `plans` (M, K, 2) from `pose` (3,).
 
-        Arcs are replaced by chords of length arc (1 - turn^2 / 24), which are parallel to the
-        heading in the middle of the arc.
+        Arcs are replaced by chords of length arc (1 - turn^2 / 24), short by less than turn^4 /
+        1920 of the arc, which are parallel to the heading in the middle of the arc.
         """
         v, w = np.moveaxis(twist_of_tracks(plans, self.half_gauge), -1, 0)  # (M, K)
         heading = pose[2] + np.cumsum(w, axis=-1) * self.interval

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -67,10 +68,11 @@ def diff_drive_text(
     lines = [
         f"{name}: {yaml_number(value)}  # {_MEANINGS[name]}" for name, value in parameters.items()
     ]
-    variances = _twist_variances(stored, law)
-    if variances:
-        diagonal = ", ".join(map(yaml_number, variances))
-        lines.append(f"twist_covariance_diagonal: [{diagonal}]")
+    variances = _slip_variances(stored, law)
+    if all(variances.values()):
+        unknown = [_UNKNOWN_VARIANCE] * 3
+        diagonal = [variances["forward"], variances["sideways"], *unknown, variances["turn"]]
+        lines.append(f"twist_covariance_diagonal: [{', '.join(map(yaml_number, diagonal))}]")
 
     head = f"{controller}:\n"
     indent = "  "
@@ -78,12 +80,14 @@ def diff_drive_text(
         head += "  ros__parameters:\n"
         indent = "    "
     body = "".join(f"{indent}{line}\n" for line in lines)
-    comments = _comments(stored, law, icrs, has_variances=bool(variances))
+    comments = _comments(stored, law, icrs, variances)
     return comment(comments, "#") + head + body
 
 
-def _comments(stored: StoredLaws, law: str, icrs: ConstantIcrs, has_variances: bool) -> list[str]:
-    """Lines of comments that stand before the parameters."""
+def _comments(
+    stored: StoredLaws, law: str, icrs: ConstantIcrs, variances: Mapping[str, float]
+) -> list[str]:
+    """Lines of comments that stand before the parameters, with the `variances` of the slip."""
     comments = fact_lines(stored, law)
     other_law = instead_of_best(stored, law)
     if other_law:
@@ -98,7 +102,13 @@ def _comments(stored: StoredLaws, law: str, icrs: ConstantIcrs, has_variances: b
             "of the middle of the",
             "tracks: base_frame_id belongs there.",
         ]
-    if has_variances:
+    missing = [name for name, variance in variances.items() if variance == 0]
+    if missing and len(missing) < len(variances):
+        comments.append(
+            f"twist_covariance_diagonal is left out: the drives don't tell how much slip varies "
+            f"({', '.join(missing)})."
+        )
+    if not missing:
         comments.append(
             f"twist_covariance_diagonal is for 1 m/s and {_ODOMETRY_RATE:g} messages a second; it "
             "is proportional to both."
@@ -111,24 +121,17 @@ def _comments(stored: StoredLaws, law: str, icrs: ConstantIcrs, has_variances: b
     return comments
 
 
-def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
-    """Variances of velocities along and about x, y and z, by the varying slip; empty if unknown."""
-    if stored.content.get("method") != "drive":
-        return []
-
-    def variance(name: str) -> float | None:
-        """Variance of the mean velocity between two messages at 1 m/s, to three digits."""
-        deviation = number(stored.content, "drive", "laws", law, "noise", name)
-        if deviation is None:
-            return None
-        return float(f"{_ODOMETRY_RATE * deviation**2:.3g}")
-
-    forward = variance("slip_forward")
-    sideways = variance("slip_sideways")
-    turn = variance("slip_turn")
-    if forward is None or sideways is None or turn is None:
-        return []
-    return [forward, sideways, _UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, _UNKNOWN_VARIANCE, turn]
+def _slip_variances(stored: StoredLaws, law: str) -> dict[str, float]:
+    """Variances of the mean velocities forwards, sideways and in turn between two messages at
+    1 m/s, by the varying slip, to three digits; 0 where unknown, as without measured headings.
+    """
+    of_drives = stored.content.get("method") == "drive"
+    variances = {}
+    for name in ("forward", "sideways", "turn"):
+        keys = ("drive", "laws", law, "noise", f"slip_{name}")
+        deviation = number(stored.content, *keys) if of_drives else None
+        variances[name] = float(f"{_ODOMETRY_RATE * (deviation or 0.0) ** 2:.3g}")
+    return variances
 
 
 def has_constant_icrs(law: str) -> bool:

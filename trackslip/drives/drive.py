@@ -13,12 +13,15 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.encoders import Encoders
 from trackslip.kinematics import Array
 
 BLOCK: Final = 10.0
 """Least duration of a block of driving; slip in different blocks is assumed to be independent
 [s].
 """
+MOST_INTERVALS: Final = 200_000
+"""Most encoder intervals in a fit, to limit memory."""
 _POSES_PER_SECOND: Final = 2.0  # rate at which windows of poses have their usual duration [Hz]
 _PAUSE: Final = 5.0  # pause between drives on the common time axis [s]
 
@@ -42,8 +45,8 @@ class Drive:
     repeated: int = 0  # number of poses left out because they repeat the previous pose
     # number of poses left out because they lie on the line between other poses
     interpolated: int = 0
-    held: bool = False  # true if encoders are read less often than they are logged
     whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
+    notes: tuple[str, ...] = ()  # parts of the log that were left out, one line each
 
     @property
     def has_heading(self) -> bool:
@@ -52,8 +55,13 @@ class Drive:
 
     def angles(self, time: Array) -> Array:
         """Angles (2, n) turned by the sprockets from the start to encoder times (n,) [rad]."""
-        turned = np.cumsum(self.omega * np.diff(self.edges)[:, None], axis=0)
-        return np.stack([np.interp(time, self.edges, np.append(0.0, side)) for side in turned.T])
+        sides = Encoders(self.edges, self.omega).angles.T
+        return np.stack([np.interp(time, self.edges, side) for side in sides])
+
+    def smooth(self) -> Drive:
+        """The drive with `Encoders.smooth`, for fits."""
+        encoders = Encoders(self.edges, self.omega).smooth()
+        return replace(self, edges=encoders.edges, omega=encoders.omega)
 
     def blocks(self, time: Array, least: float = BLOCK) -> np.ndarray:
         """Number (n,) of the block of driving at each pose time (n,).
@@ -87,19 +95,22 @@ class Drive:
         before and after the poses, if they were read there [s]. An interval that contains an end is
         shortened to it, so that the angles between any two times within remain the same.
         """
-        first, last = np.clip(
-            [begin + clock - around, end + clock + around], self.edges[0], self.edges[-1]
-        )
-        inner = self.edges[(self.edges > first) & (self.edges < last)]
-        edges = np.unique(np.concatenate([[first], inner, [last]]))
+        # poses, by their own clock
+        drive = self.with_poses(_within(self.time, begin, end))
+        beyond = None
+        if self.beyond is not None:
+            rows = _within(self.beyond[:, 0], begin, end)
+            beyond = self.beyond[rows] if len(rows) else None
+
+        # encoders and gyro, by the encoder clock
+        read = self.edges[0], self.edges[-1]
+        first = float(np.clip(begin + clock - around, *read))
+        last = float(np.clip(end + clock + around, *read))
+        edges = _cut_times(self.edges, first, last)
         interval = np.searchsorted(self.edges, edges[1:]) - 1
-        return replace(
-            self.with_poses(_within(self.time, begin, end)),
-            edges=edges,
-            omega=self.omega[interval],
-            gyro=None if self.gyro is None else _cut_sums(self.gyro, first, last),
-            beyond=None if self.beyond is None else _cut_poses(self.beyond, begin, end),
-        )
+        omega = self.omega[interval]
+        gyro = None if self.gyro is None else _cut_sums(self.gyro, first, last)
+        return replace(drive, edges=edges, omega=omega, gyro=gyro, beyond=beyond)
 
 
 def _within(time: Array, begin: float, end: float) -> np.ndarray:
@@ -107,16 +118,15 @@ def _within(time: Array, begin: float, end: float) -> np.ndarray:
     return np.flatnonzero((time >= begin) & (time <= end))
 
 
-def _cut_poses(poses: Array, begin: float, end: float) -> Array | None:
-    """The rows (n, 4) of times and poses from `begin` to `end` [s]; None if there are none."""
-    rows = _within(poses[:, 0], begin, end)
-    return poses[rows] if len(rows) else None
+def _cut_times(time: Array, begin: float, end: float) -> Array:
+    """The times (n,) from `begin` to `end` [s], with both."""
+    inner = time[_within(time, begin, end)]
+    return np.unique(np.concatenate([[begin], inner, [end]]))
 
 
 def _cut_sums(gyro: Array, begin: float, end: float) -> Array:
     """Times and sums (T, 3) from `begin` to `end` [s], interpolated at both."""
-    inner = gyro[_within(gyro[:, 0], begin, end), 0]
-    time = np.unique(np.concatenate([[begin], inner, [end]]))
+    time = _cut_times(gyro[:, 0], begin, end)
     turned, measured = (np.interp(time, gyro[:, 0], sums) for sums in gyro.T[1:])
     return np.column_stack([time, turned, measured])
 
@@ -143,27 +153,38 @@ class Drives:
     def of(cls, drives: Sequence[Drive]) -> Drives:
         """Join drives in succession."""
         # the time axis begins at 0 with the first drive
-        durations = np.array([drive.edges[-1] - drive.edges[0] + _PAUSE for drive in drives])
-        starts = np.cumsum(durations) - durations
-        shifts = [start - drive.edges[0] for start, drive in zip(starts, drives, strict=True)]
-        shifted = list(zip(drives, shifts, strict=True))
+        starts = np.array([drive.edges[0] for drive in drives])
+        durations = np.array([drive.edges[-1] for drive in drives]) - starts + _PAUSE
+        shifts = np.cumsum(durations) - durations - starts
+        shifted = list(zip(drives, shifts.tolist(), strict=True))
 
         # the interval from the last edge of a drive to the first of the next is its pause
+        edges = [drive.edges + shift for drive, shift in shifted]
         standing = np.zeros((1, 2))
         speeds = [np.concatenate([drive.omega, standing]) for drive in drives]
-        pose = np.concatenate([drive.pose for drive in drives])
+
+        times = [drive.time + shift for drive, shift in shifted]
+        poses = np.concatenate([drive.pose for drive in drives])
+        x, y, heading = np.nan_to_num(poses).T
         return cls(
             drives=tuple(drives),
-            edges=np.concatenate([drive.edges + shift for drive, shift in shifted]),
+            edges=np.concatenate(edges),
             omega=np.concatenate(speeds)[:-1],
-            begins=np.cumsum([0, *(len(drive.edges) for drive in drives[:-1])]),
+            begins=_first_indices(edges)[:-1],
             gyro=_joined_sums(shifted),
-            time=np.concatenate([drive.time + shift for drive, shift in shifted]),
-            place=np.nan_to_num(pose[:, 0]) + 1j * np.nan_to_num(pose[:, 1]),
-            heading=np.nan_to_num(pose[:, 2]),
-            known=np.isfinite(pose[:, [0, 2]]).T,
-            first=np.cumsum([0, *(len(drive.time) for drive in drives)]),
+            time=np.concatenate(times),
+            place=x + 1j * y,
+            heading=heading,
+            known=np.isfinite(poses[:, [0, 2]]).T,
+            first=_first_indices(times),
         )
+
+    @classmethod
+    def smooth(cls, drives: Sequence[Drive]) -> Drives:
+        """Join drives with smooth encoders, for fits; as they are, if that took too much memory."""
+        smooth = [drive.smooth() for drive in drives]
+        intervals = sum(len(drive.omega) for drive in smooth)
+        return cls.of(smooth if intervals <= MOST_INTERVALS else drives)
 
     def intervals(self, time: Array) -> np.ndarray:
         """Index (K,) of the encoder interval in each pose's drive that contains `time` (K,), or is
@@ -217,6 +238,12 @@ class Drives:
             count = first + int(own[-1]) + 1
             command = drive.command
         return np.concatenate(blocks)
+
+
+def _first_indices(parts: Sequence[Array]) -> np.ndarray:
+    """Indices (D + 1,) of the first entries of D parts among all entries, and their number."""
+    lengths = [len(part) for part in parts]
+    return np.append(0, np.cumsum(lengths))
 
 
 def _joined_sums(shifted: Sequence[tuple[Drive, float]]) -> Array | None:

@@ -1,85 +1,199 @@
-"""Encoder readings made into mean sprocket speeds in the intervals between rows."""
+"""Encoder readings made into mean sprocket speeds in the intervals between readings.
+
+A reading is the mean speed since the previous reading. So readings tell the angles of the sprockets
+at the times of reading; fits need a smooth curve between these. Nothing here changes the angle that
+a sprocket turned between two readings, or the order in which it turned.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import STANDING
 
+BENDS: Final = 0.05  # time within which paths hardly bend [s]
+_FEWEST_HELD: Final = 4  # least number of values that tell whether values are held
+_SEVERAL: Final = 1.5  # least number of rows that usually repeat a held value
+# usual time above which a held value is a held command, or its curve in between is unknown [s]
+_LONGEST_HELD: Final = 0.3
+_ROUNDING: Final = 1e-9  # relative difference up to which speeds are equal
+_EXACTLY: Final = 0.02  # largest deviation of a speed from a whole number of ticks [ticks]
+_NEARLY_ALL: Final = 0.97  # least share of readings with whole numbers of ticks
+_FEW_TICKS: Final = 40  # largest number of ticks per reading that counts as few
+_CHANGING: Final = 0.05  # least share of readings that differ from the one before
+_NO_TICK: Final = 1e-9  # speed [rad/s] or angle [rad] below which a reading has no tick
+# one in so many readings may be smaller than a tick, by an error
+_SMALLER: Final = 500
 
-def interval_means(time: Array, omega: Array, ticks: bool | None = None) -> Array:
-    """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the logged speeds (T, 2).
 
-    A row has the mean speed since the previous row. But many robots log each encoder reading
-    several times: such a reading counts once, in the middle of the rows that repeat it, and speeds
-    change linearly between readings. For encoders with few ticks, the angle changes linearly from
+@dataclass(frozen=True)
+class Encoders:
+    """Mean sprocket speeds in successive intervals."""
+
+    edges: Array  # (M + 1,) ends of the intervals, by the encoder clock [s]
+    omega: Array  # (M, 2) mean speeds [rad/s]
+
+    def between(self, ends: np.ndarray) -> Encoders:
+        """The means between the edges numbered `ends` (n + 1,), which include the first and last
+        edge.
+        """
+        turned = np.add.reduceat(self.omega * np.diff(self.edges)[:, None], ends[:-1])
+        edges = self.edges[ends]
+        return Encoders(edges, turned / np.diff(edges)[:, None])
+
+    def merged(self, most: int) -> Encoders:
+        """The encoders with at most about `most` intervals, each of which merges several."""
+        stride = math.ceil(len(self.omega) / max(most, 1))
+        if stride == 1:
+            return self
+        last = len(self.omega)
+        return self.between(np.append(np.arange(0, last, stride), last))
+
+    def at(self, time: Array) -> Array:
+        """Speeds (n, 2) at times (n,) [rad/s], each in the interval that ends at or after it."""
+        interval = np.searchsorted(self.edges, time) - 1
+        return self.omega[np.clip(interval, 0, len(self.omega) - 1)]
+
+    def smooth(self) -> Encoders:
+        """The encoders with angles on a smooth curve between readings, divided where these are more
+        than BENDS apart.
+
+        Fits need a continuous speed: with steps, they end away from their minimum. The curve is
+        monotone between readings: a sprocket that stands or turns one way still does (F. N. Fritsch
+        and J. Butland, *A method for constructing local monotone piecewise cubic interpolants*,
+        1984). Its slope at a reading depends on the readings before and after, so that near the end
+        of a part of a log, it may differ from that of the whole log.
+        """
+        readings = self._without_repeats()
+        step = np.diff(readings.edges)
+        parts = np.maximum(np.rint(step / BENDS), 1).astype(int)
+        if (parts == 1).all():
+            return readings
+        # each interval in equal parts
+        interval = np.repeat(np.arange(len(step)), parts)
+        first = np.repeat(np.cumsum(parts) - parts, parts)
+        share = (np.arange(len(interval)) - first) / parts[interval]  # that has passed
+        begins = readings.edges[interval] + share * step[interval]
+        edges = np.append(begins, readings.edges[-1])
+        angles = PchipInterpolator(readings.edges, readings.angles)(edges)
+        return Encoders(edges, np.diff(angles, axis=0) / np.diff(edges)[:, None])
+
+    def _without_repeats(self) -> Encoders:
+        """Merge intervals that repeat a reading, if readings are logged several times.
+
+        That isn't stated in a log: it is guessed from speeds that stay equal for several rows. A
+        value that lasts longer than usual was read several times: it keeps the usual time of a
+        reading at both ends, and all intervals in between.
+        """
+        # a new value begins in these intervals
+        same = np.isclose(self.omega[1:], self.omega[:-1], rtol=_ROUNDING, atol=0.0).all(axis=1)
+        changes = 1 + np.flatnonzero(~same)
+        bounds = np.concatenate([[0], changes, [len(self.omega)]])
+        time = self.edges[bounds]
+
+        # at rest, equal values tell nothing
+        turning = (np.abs(self.omega[bounds[:-1]]) > STANDING).any(axis=1)
+        if turning.sum() < _FEWEST_HELD:
+            return self
+        usual = float(np.median(np.diff(time)[turning]))
+        if np.median(np.diff(bounds)[turning]) < _SEVERAL or usual > _LONGEST_HELD:
+            return self
+
+        # an edge is kept at each change, and where a change is further away than usual
+        edge = np.arange(len(self.edges))
+        value = np.searchsorted(bounds, edge, side="right") - 1
+        value = np.minimum(value, len(bounds) - 2)
+        since = self.edges - time[value]
+        until = time[value + 1] - self.edges
+        kept = (np.minimum(since, until) >= usual) | np.isin(edge, bounds)
+        return self.between(np.flatnonzero(kept))
+
+    @property
+    def angles(self) -> Array:
+        """Angles (M + 1, 2) turned from the first edge to each [rad]."""
+        turned = np.cumsum(self.omega * np.diff(self.edges)[:, None], axis=0)
+        return np.concatenate([np.zeros((1, 2)), turned])
+
+
+def encoders_of(log: RunLog) -> Encoders:
+    """The encoder readings in a log: mean sprocket speeds from reading to reading.
+
+    The angle turned from the first to the last row is that of the log, whatever its rows, and so is
+    the angle from reading to reading. For encoders with few ticks, the angle changes linearly from
+    tick to tick; near the end of a part of a log, it may differ from that of the whole log, as the
+    tick beyond the end is unknown.
+    """
+    # the ends of the log count as readings, so that no angle is lost
+    ends = np.union1d(np.flatnonzero(log.is_read), [0, len(log.time) - 1])
+    readings = Encoders(log.time, log.omega[1:]).between(ends)
+
+    ticks = _few_ticks(readings)
+    if ticks is not None:
+        sides = zip(readings.omega.T, ticks.T, strict=True)
+        omega = [_between_ticks(readings.edges, speeds, count) for speeds, count in sides]
+        return Encoders(readings.edges, np.column_stack(omega))
+    return readings
+
+
+def _few_ticks(encoders: Encoders) -> np.ndarray | None:
+    """Number of ticks (M, 2) in each interval, if nearly all speeds of a sprocket are small
+    multiples of a fixed angle, or of a fixed speed; else None.
+    """
+    speeds = np.abs(encoders.omega)
+    angles = speeds * np.diff(encoders.edges)[:, None]
+    for sizes in (angles, speeds):
+        if any(_are_few_ticks(side) for side in sizes.T):
+            return np.column_stack([_ticks(side) for side in sizes.T])
+    return None
+
+
+def _ticks(size: Array) -> Array:
+    """Sizes (M,) in units of the smallest, except for outliers: whole numbers, 0 only for 0."""
+    turning = np.sort(size[size > _NO_TICK])
+    if not len(turning):
+        return np.zeros(len(size))
+    tick = turning[len(turning) // _SMALLER]
+    return np.where(size > 0, np.maximum(np.round(size / tick), 1), 0)
+
+
+def _are_few_ticks(size: Array) -> bool:
+    """True if nearly all sizes (M,) are small multiples of the smallest."""
+    ticks = _ticks(size)
+    if not ticks.any():
+        return False
+    tick = np.median(size[ticks > 0] / ticks[ticks > 0])
+    exact = np.abs(size / tick - ticks) < _EXACTLY
+    if exact.mean() <= _NEARLY_ALL or ticks[exact].max() > _FEW_TICKS:
+        return False
+    return bool((np.diff(ticks) != 0).mean() > _CHANGING)
+
+
+def _between_ticks(edges: Array, omega: Array, ticks: Array) -> Array:
+    """Mean speeds (M,) of a sprocket between edges (M + 1,), if the angle changes linearly from
     tick to tick.
+
+    The ticks (M,) of an interval are spread evenly: each in the middle of its share.
     """
-    ticks = counts_few_ticks(time, omega) if ticks is None else ticks
-    means_of_side = _between_ticks if ticks else _between_readings
-    return np.column_stack([means_of_side(time, side) for side in omega.T])
+    step = np.diff(edges)
+    turned = omega * step
+    angle = np.append(0.0, np.cumsum(turned))  # at the edges
+    ticked = np.flatnonzero(ticks)
 
+    # the first and the last tick of an interval are half a share from its ends
+    half_time = step[ticked] / (2 * ticks[ticked])
+    half_angle = turned[ticked] / (2 * ticks[ticked])
+    times = np.column_stack([edges[ticked] + half_time, edges[ticked + 1] - half_time])
+    angles = np.column_stack([angle[ticked] + half_angle, angle[ticked + 1] - half_angle])
 
-def _between_ticks(time: Array, omega: Array) -> Array:
-    """Mean speeds (T - 1,) of a sprocket, as if each tick came in the middle of the interval that
-    counts the tick.
-    """
-    step = np.diff(time)
-    angle = np.concatenate([[0.0], np.cumsum(omega[1:] * step)])
-    ticked = np.flatnonzero(omega[1:])
-    middle, half = (time[ticked] + time[ticked + 1]) / 2, (angle[ticked] + angle[ticked + 1]) / 2
-    ends = (
-        np.concatenate([time[:1], middle, time[-1:]]),
-        np.concatenate([angle[:1], half, angle[-1:]]),
-    )
-    return np.diff(np.interp(time, *ends)) / step
-
-
-def _between_readings(time: Array, omega: Array) -> Array:
-    """Mean speeds (T - 1,) of a sprocket whose readings may each be logged several times."""
-    read = np.flatnonzero(np.diff(omega, prepend=np.nan) != 0)  # first rows of readings
-    turning = np.abs(omega[read[:-1]]) > STANDING
-    if turning.sum() < 4:
-        return omega[1:]
-    rows, usual = np.median(np.diff(read)[turning]), float(np.median(np.diff(time[read])[turning]))
-    if rows < 1.5 or usual > 0.5:  # a new reading in every row, or a long-held command
-        return omega[1:]
-    begin = time[np.maximum(read - 1, 0)]
-    end = np.append(begin[1:], time[-1])
-    inside = np.minimum(end - begin, usual) / 2  # a longer-lasting value was read several times
-    knots = np.column_stack([begin + inside, end - inside]).ravel()
-    at_rows = np.interp(time, knots, np.repeat(omega[read], 2))
-    return np.asarray(at_rows[1:] + at_rows[:-1]) / 2
-
-
-def counts_few_ticks(time: Array, omega: Array) -> bool:
-    """True if nearly all speeds (T, 2) of a sprocket are small multiples of a fixed speed, or a
-    fixed angle per row.
-    """
-    for size in (np.abs(side * by) for side in omega[1:].T for by in (np.diff(time), 1.0)):
-        turning = np.sort(size[size > 1e-9])
-        if len(turning):
-            # in units of the smallest, except for outliers
-            ticks = size / turning[len(turning) // 500]
-            near = np.round(ticks)
-            exact = np.abs(ticks - near) < 0.02
-            if (
-                exact.mean() > 0.97
-                and near[exact].max() <= 40
-                and (np.diff(near) != 0).mean() > 0.05
-            ):
-                return True
-    return False
-
-
-def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
-    """Merge the intervals between `time` (T,) into at most `most`; returns their ends (M + 1,) and
-    means (M, 2).
-    """
-    stride = -(-len(omega) // max(most, 1))
-    if stride == 1:
-        return time, omega
-    ends = np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1))
-    turned = np.add.reduceat(omega * np.diff(time)[:, None], ends[:-1])
-    return time[ends], turned / np.diff(time[ends])[:, None]
+    # the angle is known at both ends, too
+    known_time = np.concatenate([edges[:1], times.ravel(), edges[-1:]])
+    known_angle = np.concatenate([angle[:1], angles.ravel(), angle[-1:]])
+    smooth = np.interp(edges, known_time, known_angle)
+    return np.asarray(np.diff(smooth) / step)

@@ -309,8 +309,7 @@ def _notes(
         notes.append(f"{repeated:,} repeated poses ignored")
     if between := sum(drive.interpolated for drive in drives):
         notes.append(f"{between:,} interpolated poses ignored")
-    if any(drive.held for drive in drives):
-        notes.append("encoders read less often than logged: each reading counts once")
+    notes += [line for drive in drives for line in drive.notes]
     notes += _gain_notes(gains, matching, bool(placed))
     if gains.turn is not None and min(left, right) < ONE_SIDED * (left + right):
         side = "left" if left > right else "right"

@@ -2,46 +2,94 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import STANDING
 
+# least share, and number, of poses on lines between other poses for which poses are interpolated
+_MOSTLY: Final = 0.5
+_LEAST_INTERPOLATED: Final = 10
+_UNITS: Final = 10.0 ** -np.arange(2, 7)  # units to which poses may be rounded [m, rad]
+_ROUNDED: Final = 1e-8  # largest deviation of a rounded number from a multiple of its unit
 
-def changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
-    """(n,) bool: false for a held pose in `rows` (n,), which equals the previous pose although the
+
+@dataclass(frozen=True)
+class Poses:
+    """Measured poses, and the number of others."""
+
+    time: Array  # (K,) [s]
+    pose: Array  # (K, 3) [m, m, rad]; NaN where not measured
+    repeated: int  # number of poses left out because they repeat the previous pose
+    # number of poses left out because they lie on the line between other poses
+    interpolated: int
+
+
+def measured_poses(log: RunLog) -> Poses:
+    """The measured poses in a log: valid, neither repeated nor interpolated."""
+    rows = distinct_rows(log)
+    time, pose = _not_interpolated(log.time[rows], log.pose[rows])
+    return Poses(
+        time,
+        pose,
+        repeated=int(log.is_valid.sum()) - len(rows),
+        interpolated=len(rows) - len(time),
+    )
+
+
+def distinct_rows(log: RunLog) -> np.ndarray:
+    """Rows (n,) of a log with valid poses, without those that equal the previous pose although the
     sprockets turned.
 
-    Poses without positions always count as changing, since headings are constant on a straight.
+    Poses without positions never count as repeated, since headings are constant on a straight.
     """
-    turned = np.append(0.0, np.cumsum(np.abs(log.omega[1:]).max(axis=1) * np.diff(log.time)))[rows]
+    rows = np.flatnonzero(log.is_valid)
     pose = np.nan_to_num(log.pose[rows])
-    same = (np.diff(pose, axis=0) == 0).all(axis=1) & np.isfinite(log.pose[rows[1:], 0])
-    return np.append(True, ~(same & (np.diff(turned) > STANDING)))[: len(rows)]
+    same = (np.diff(pose, axis=0) == 0).all(axis=1)
+    placed = np.isfinite(log.pose[rows[1:], 0])
+
+    speed = np.abs(log.omega[1:]).max(axis=1)
+    turned = np.append(0.0, np.cumsum(speed * np.diff(log.time)))
+    drives = np.diff(turned[rows]) > STANDING
+    return np.delete(rows, 1 + np.flatnonzero(same & placed & drives))
 
 
-def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
+def _not_interpolated(time: Array, pose: Array) -> tuple[Array, Array]:
     """Drop poses that were interpolated linearly between measured poses: only ends of straight
     stretches are kept.
 
-    If a stretch ends between two rows, the measured pose is where the lines through both stretches
-    meet.
+    If a measured pose lies between two rows, it isn't among the poses (n, 3) at `time` (n,). It is
+    where the lines through two successive stretches meet. A stretch ends in pose p at the rate r,
+    the next begins in pose q at the rate s, later by t. After the time u, both lines are closest:
+    p + r u = q + s (u - t), so u (r - s) = q - p - s t, by least squares over the three columns.
     """
     finite = np.nan_to_num(pose)
     first, last = _straight_stretches(time, finite, _resolution(finite))
-    inside = last - first > 1
-    if (last - first)[inside].sum() < max(10, 0.5 * len(time)):
+    long = last - first > 1  # with poses between its ends
+    if (last - first)[long].sum() < max(_LEAST_INTERPOLATED, _MOSTLY * len(time)):
         return time, pose
-    time, pose = time.copy(), pose.copy()
-    rate = (finite[last] - finite[first]) / np.maximum(time[last] - time[first], 1e-300)[:, None]
-    for k in np.flatnonzero(inside[:-1] & inside[1:]):
-        end, begin, bend = last[k], first[k + 1], rate[k] - rate[k + 1]
-        step = finite[begin] - finite[end] - rate[k + 1] * (time[begin] - time[end])
-        later = np.clip(step @ bend / max(bend @ bend, 1e-300), 0.0, time[begin] - time[end])
+
+    time = time.copy()
+    pose = pose.copy()
+    duration = np.maximum(time[last] - time[first], 1e-300)
+    rate = (finite[last] - finite[first]) / duration[:, None]
+    meets_next = long[:-1] & long[1:]
+    for k in np.flatnonzero(meets_next):
+        end = last[k]
+        begin = first[k + 1]
+        between = time[begin] - time[end]
+        bend = rate[k] - rate[k + 1]
+        step = finite[begin] - finite[end] - rate[k + 1] * between
+        later = np.clip(step @ bend / max(bend @ bend, 1e-300), 0.0, between)
         time[end] += later
         pose[end] += rate[k] * later
-    rows = np.unique(np.concatenate([first[:1], last, first[1:][~(inside[:-1] & inside[1:])]]))
+
+    # where two stretches meet, one pose stands for both of their ends
+    rows = np.unique(np.concatenate([first[:1], last, first[1:][~meets_next]]))
     return time[rows], pose[rows]
 
 
@@ -52,32 +100,45 @@ def _straight_stretches(
     `resolution` (3,).
 
     A stretch continues as long as some line from its first pose passes through all later poses (J.
-    O'Rourke, *An on-line algorithm for fitting straight lines between data ranges*, 1981).
+    O'Rourke, *An on-line algorithm for fitting straight lines between data ranges*, 1981): as long
+    as the bounds on its rates, which each pose narrows, leave one for every column.
     """
-    firsts, begin, bounds = [0], 0, [(-np.inf, np.inf)] * 3
-    times, poses, spans = time.tolist(), pose.tolist(), resolution.tolist()
+    # plain numbers, as this takes a step per row
+    times = time.tolist()
+    poses = pose.tolist()
+    tolerances = resolution.tolist()
+    unbounded = [(-np.inf, np.inf)] * 3
+
+    firsts = [0]
+    begin = 0
+    bounds = unbounded
     for row in range(1, len(times)):
         step = times[row] - times[begin]
-        changes = zip(bounds, poses[row], poses[begin], spans, strict=True)
+        columns = zip(bounds, poses[begin], poses[row], tolerances, strict=True)
         narrower = [
-            (max(low, (now - then - span) / step), min(high, (now - then + span) / step))
-            for (low, high), now, then, span in changes
+            (max(low, (now - then - tolerance) / step), min(high, (now - then + tolerance) / step))
+            for (low, high), then, now, tolerance in columns
         ]
         if any(low > high for low, high in narrower):
             firsts.append(row)
-            begin, narrower = row, [(-np.inf, np.inf)] * 3
+            begin = row
+            narrower = unbounded
         bounds = narrower
-    begins = np.array(firsts)
-    return begins, np.append(begins[1:], len(times)) - 1
+    first = np.array(firsts)
+    return first, np.append(first[1:], len(times)) - 1
 
 
 def _resolution(pose: Array) -> Array:
     """Unit (3,) to which each column of poses (n, 3) was rounded, between 1e-2 and 1e-6."""
+    x, y, phi = pose.T
     # headings may be rounded before or after unwrapping
-    columns = np.column_stack([pose, wrap_angle(pose[:, 2])])
-    places = 10.0 ** -np.arange(2, 7)
-    rounded = [
-        (np.abs(columns - place * np.round(columns / place)) < 1e-8).all(axis=0) for place in places
-    ]
-    x, y, *phi = places[np.where(np.any(rounded, axis=0), np.argmax(rounded, axis=0), -1)]
-    return np.array([x, y, max(phi)])
+    phi_unit = max(_unit_of(phi), _unit_of(wrap_angle(phi)))
+    return np.array([_unit_of(x), _unit_of(y), phi_unit])
+
+
+def _unit_of(values: Array) -> float:
+    """The largest of _UNITS of which all values (n,) are multiples, or else the smallest."""
+    for unit in _UNITS.tolist():
+        if (np.abs(values - unit * np.round(values / unit)) < _ROUNDED).all():
+            return float(unit)
+    return float(_UNITS[-1])

@@ -16,6 +16,8 @@ from trackslip.laws.families import FAMILIES
 # least number of different curvatures over which laws are compared: over two, all laws with two
 # parameters predict the same
 FEWEST_CURVATURES: Final = 4
+# share of the range of directions within which those commanded by hand scatter (test_answer) [-]
+_SCATTER: Final = 0.05
 REFERENCE: Final = "icr_radius"
 """The law that is fitted first, as the start for other laws; it is also the best law if laws can't
 be compared.
@@ -192,6 +194,15 @@ def few_curvatures(count: int, driving: str) -> str:
         f"laws aren't compared, as {driving} {count} of the {FEWEST_CURVATURES} different "
         "curvatures that this takes"
     )
+
+
+def nearest_curvatures(direction: Array, least: float) -> float:
+    """The angle [rad] up to which directions (n,) in the plane (v, b w) count as one curvature: at
+    least `least`, and a share of their range, as motions that were commanded by hand scatter.
+    """
+    # from 0 for straight motions, forwards or backwards, to π/2 for turns on the spot
+    folded = np.abs((direction + np.pi / 2) % np.pi - np.pi / 2)
+    return max(least, _SCATTER * float(np.ptp(folded)))
 
 
 def different_curvatures(direction: Array, nearest: float, least: int = 1) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.drives.conditioning import drives_of
@@ -14,16 +15,31 @@ from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import DriveComparison, compare_drives
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
-from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs
+from trackslip.identification.source import (
+    ReadOptions,
+    Source,
+    read_source,
+    source_of_frame,
+    source_of_runs,
+)
 from trackslip.identification.steady import compare_laws
 from trackslip.kinematics import RobotGeometry
+from trackslip.logs.layout import Layout
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.steady import SETTLE, turning_stretches
 from trackslip.se2 import Mounting
 
 
+@runtime_checkable
+class SupportsArrowStream(Protocol):
+    """A data frame that other libraries can read through Arrow's PyCapsule protocol."""
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        """Export the data frame as a stream."""
+
+
 def identify(
-    source: str | Path | RunLog | Sequence[RunLog],
+    source: str | Path | RunLog | Sequence[RunLog] | SupportsArrowStream,
     geometry: RobotGeometry | None = None,
     *,
     method: Method | None = None,
@@ -35,12 +51,17 @@ def identify(
     multiplier: float | None = None,
     lag: bool = False,
     max_memory: int | None = None,
+    columns: str | Mapping[str, str] | None = None,
+    ticks_per_turn: float | None = None,
+    odometry: RobotGeometry | None = None,
 ) -> Identification:
     """Identify slip laws from steady runs or from any driving.
 
     Args:
         source: a results folder, a `.parquet` or `.csv` file of traces or steady samples, a ROS 1
-            or ROS 2 bag, a folder of bags, or runs in memory.
+            or ROS 2 bag, a folder of bags, runs in memory (see also `RunLog.from_arrays`), or a
+            data frame with the columns of a log: of pandas, Polars, PyArrow or any other library
+            with Arrow's `__arrow_c_stream__`.
         geometry: the robot's geometry; needed if the log does not state it.
         method: "steady" uses stretches of constant sprocket speeds, "drive" whole drives. The
             default is "steady" if most of the driving is steady, otherwise "drive".
@@ -48,6 +69,13 @@ def identify(
             known.
         lag: whether to estimate the time by which the motion lags behind the belts; only from whole
             drives.
+        columns: the columns of a table or data frame that are called otherwise than in the
+            documentation, with their units, as in `{"t": "stamp:ms", "omega_l": "left_rpm:rpm"}`,
+            or as text, `"t=stamp:ms,omega_l=left_rpm:rpm"`.
+        ticks_per_turn: ticks per turn of the encoder, for the columns `ticks_l` and `ticks_r`, or
+            counters in a bag.
+        odometry: geometry with which odometry that replaces encoders was computed; by default the
+            robot's.
         gear, settle, motion, bag, multiplier, max_memory: see `ReadOptions`.
 
     Raises:
@@ -55,10 +83,21 @@ def identify(
         InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the
             geometry.
     """
-    b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
-    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, multiplier, max_memory)
+    reading = ReadOptions(
+        half_gauge=geometry.half_gauge if geometry else None,
+        sprocket_radius=geometry.sprocket_radius if geometry else None,
+        gear=gear,
+        settle=settle,
+        motion=motion,
+        bag=bag or AUTOMATIC,
+        multiplier=multiplier,
+        layout=Layout(columns, ticks_per_turn, odometry),
+        max_memory=max_memory,
+    )
     if isinstance(source, str | Path):
         logs = read_source(Path(source), reading)
+    elif isinstance(source, SupportsArrowStream):
+        logs = source_of_frame(source, reading)
     else:
         logs = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
     return identify_source(logs, method, sensor, lag=lag)

@@ -85,7 +85,7 @@ def fit_drives(
     Without radius_error in `start`, the prior for it is narrow.
     """
     if reference is None:
-        reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
+        reference = _reference(Drives.smooth(drives), geometry, sensor, start, lag)
     if name == REFERENCE:
         return reference
     first = reference.fit

@@ -30,6 +30,14 @@ Method = Literal["steady", "drive"]
 _VAGUE: Final = 0.5
 
 
+def _odometry_of(log: RunLog) -> str:
+    """The topic or the columns of odometry that replaced encoders; empty if it didn't."""
+    bag = log.metadata.get("bag")
+    if isinstance(bag, Mapping) and bag.get("odometry"):
+        return str(bag.get("encoders"))
+    return str(log.metadata.get("odometry", ""))
+
+
 @dataclass(frozen=True)
 class Identification:
     """Laws identified from logs, and the runs left out; `print` shows the main values."""
@@ -78,16 +86,12 @@ class Identification:
     def _unstated_multiplier(self) -> list[Alarm]:
         """Return an alarm if odometry with an unknown multiplier was used in place of encoders."""
         for log in self.logs:
-            bag = log.metadata.get("bag")
-            if (
-                isinstance(bag, Mapping)
-                and bag.get("odometry")
-                and "multiplier" not in log.metadata
-            ):
+            odometry = _odometry_of(log)
+            if odometry and "multiplier" not in log.metadata:
                 times = self.answer.get("wheel_separation_multiplier")
                 then = f"; the answer is then current × {times.value:.2f}" if times else ""
                 line = (
-                    f"odometry {bag.get('encoders')} was computed with a "
+                    f"odometry {odometry} was computed with a "
                     "wheel_separation_multiplier that the log does "
                     f"not state: give --multiplier (1 if it had none){then}"
                 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final
@@ -16,14 +16,16 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
-from trackslip.errors import InvalidValueError, LogError, counted, require_within
+from trackslip.errors import InvalidValueError, LogError, counted, first_line, require_within
 from trackslip.identification.samples import Sampling, SlipSamples, usable_samples
 from trackslip.kinematics import GEARS, Array, RobotGeometry
+from trackslip.logs.angles import EncoderKind
 from trackslip.logs.columns import Columns
+from trackslip.logs.layout import AS_DOCUMENTED, Layout
 from trackslip.logs.logfile import read_tables, runs_file
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.logs.table import LATERAL, SAMPLE_COLUMNS
-from trackslip.logs.table_reader import ReadRuns, RunsInTables
+from trackslip.logs.table_reader import ReadRuns, RunsInTables, require_fitting
 from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS: Final = (0.1, 10.0)
@@ -48,6 +50,8 @@ class ReadOptions:
     bag: BagChoice = AUTOMATIC  # topics to read from bags
     # wheel_separation_multiplier of odometry that replaces encoders, if known [-]
     multiplier: float | None = None
+    # names and units of a table's columns, ticks per turn, geometry of odometry
+    layout: Layout = AS_DOCUMENTED
     # most memory for the content of the log [bytes]; None for half of the machine's memory
     max_memory: int | None = None
 
@@ -55,6 +59,26 @@ class ReadOptions:
         require_within("gear", self.gear, *GEARS)
         if self.multiplier is not None:
             require_within("multiplier", self.multiplier, *MULTIPLIERS)
+
+    def layout_of(self, geometry: RobotGeometry | None) -> Layout:
+        """The layout of a log of the robot with this `geometry`, if that is known."""
+        return replace(self.layout, robot=geometry)
+
+    @property
+    def stated_geometry(self) -> RobotGeometry | None:
+        """The robot's geometry, if the options state it."""
+        if self.half_gauge is None or self.sprocket_radius is None:
+            return None
+        return RobotGeometry(self.half_gauge, self.sprocket_radius)
+
+    @property
+    def stated_multiplier(self) -> float | None:
+        """wheel_separation_multiplier of odometry that replaces encoders: 1 if the options state
+        the geometry that the odometry assumed.
+        """
+        if self.multiplier is None and self.layout.odometry is not None:
+            return 1.0
+        return self.multiplier
 
     def sprocket_speeds(self, omega: Array) -> Array:
         """Sprocket speeds (n, 2) from logged speeds (n, 2): of encoders, or from odometry with the
@@ -121,7 +145,7 @@ def read_source(
         if chosen is not None:
             raise LogError("holds bags, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, path)  # before a long bag is read
-        read = read_bags(path, replace(reading.bag, wheels=geometry), reading.max_memory)
+        read = read_bags(path, reading.bag, reading.max_memory, reading.layout_of(geometry))
         return source_of_runs(read.runs, reading, str(path), read)
 
 
@@ -151,7 +175,7 @@ def source_of_runs(
     left_out = left_out or ReadRuns()
     notes = (*left_out.notes, *_require_one_setting(runs, name))
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
-    known = {"geometry": asdict(geometry), "multiplier": reading.multiplier}
+    known = {"geometry": asdict(geometry), "multiplier": reading.stated_multiplier}
     known = {key: value for key, value in known.items() if value is not None}
     logs = tuple(
         replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known)
@@ -162,24 +186,57 @@ def source_of_runs(
     )
 
 
+def source_of_frame(frame: object, reading: ReadOptions = ReadOptions()) -> Source:
+    """Make a source from a data frame in memory with the columns of a log: of pandas, Polars,
+    PyArrow, or any other library with Arrow's protocol `__arrow_c_stream__`.
+
+    Raises LogError if nothing in it can be read, InvalidValueError if the geometry is unknown.
+    """
+    name = f"the {type(frame).__name__}"
+    with _naming(name):
+        try:
+            table = pa.table(frame)
+        except (pa.ArrowException, TypeError, ValueError) as error:
+            raise LogError(f"can't be read as a table ({first_line(error)})") from error
+        return _of_tables(iter([table]), name, reading)
+
+
 def _of_table(
     file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None
 ) -> Source:
     """Read the runs or the steady samples in a file."""
-    tables = read_tables(file, reading.max_memory)
+    names = None if chosen is None else partial(chosen, file.parent)
+    return _of_tables(read_tables(file, reading.max_memory), str(file), reading, names)
+
+
+def _of_tables(
+    tables: Iterator[pa.Table],
+    name: str,
+    reading: ReadOptions,
+    chosen: Callable[[], Collection[str]] | None = None,
+) -> Source:
+    """Read the runs or the steady samples in successive parts of a table called `name`; `chosen`
+    returns the names of the runs to use, None to use all.
+    """
+    layout = reading.layout_of(reading.stated_geometry)
     first = next(tables)
-    if "x" not in first.column_names and set(SAMPLE_COLUMNS) <= set(first.column_names):
+    columns = layout.applied(first, name).column_names
+    if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
         if chosen is not None:
             raise LogError("holds steady samples, not runs of a sweep: --where must be left out")
-        geometry = _geometry(reading, None, file)
-        columns = Columns(pa.concat_tables([first, *tables]), str(file))
-        return Source(str(file), geometry, reading, rows=_sampled(columns, reading, geometry))
-    read = RunsInTables(chain([first], tables), str(file), reading.max_memory).read()
-    names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
-    runs = [log for log in read.runs if log.run in names]
-    if not runs:
-        raise LogError(f"the chosen {counted(len(names), 'run')} failed")
-    return source_of_runs(runs, reading, str(file), read)
+        require_fitting(layout, EncoderKind.SPEEDS, name)
+        geometry = _geometry(reading, None, name)
+        samples = [layout.applied(table, name) for table in (first, *tables)]
+        cells = Columns(pa.concat_tables(samples), name)
+        return Source(name, geometry, reading, rows=_sampled(cells, reading, geometry))
+    read = RunsInTables(chain([first], tables), name, reading.max_memory, layout).read()
+    runs = list(read.runs)
+    if chosen is not None:
+        names = chosen()
+        runs = [log for log in runs if log.run in names]
+        if not runs:
+            raise LogError(f"the chosen {counted(len(names), 'run')} failed")
+    return source_of_runs(runs, reading, name, read)
 
 
 def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) -> Sampling:
@@ -188,10 +245,13 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
     values = np.stack([columns.cells(name).values for name in SAMPLE_COLUMNS], axis=-1)
     if not len(values):
         raise LogError("no rows")
-    omega, lateral = reading.sprocket_speeds(values[:, :2]), columns.optional((LATERAL,))
-    refused, usable = list[Refused](), list[SlipSamples]()
+    omega = reading.sprocket_speeds(values[:, :2])
+    lateral = columns.optional((LATERAL,))
+    refused = list[Refused]()
+    usable = list[SlipSamples]()
     for k, row in enumerate(values):
-        name, left = f"row {k + 1}", None if lateral is None else lateral[[k], 0]
+        name = f"row {k + 1}"
+        left = None if lateral is None else lateral[[k], 0]
         try:
             for column in np.flatnonzero(np.isnan(row)):
                 raise LogError(

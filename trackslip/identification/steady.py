@@ -39,13 +39,14 @@ from trackslip.identification.comparison import (
     choose,
     different_curvatures,
     few_curvatures,
+    nearest_curvatures,
     ranked,
     turns_fast,
     uncertainty,
 )
 from trackslip.identification.samples import REPEATED, SlipSamples
 from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, LawFamily, Parameter, family
 from trackslip.laws.icr import DiffDrive
@@ -192,7 +193,7 @@ class Fit:
         """
         speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
         to_tracks = (
-            np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
+            np.column_stack([np.ones(2), TRACK_SIGNS * geometry.half_gauge]) / speed[:, None, None]
         )
         known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
         measurement, vectors = np.linalg.eigh(to_tracks @ known @ to_tracks.swapaxes(1, 2))
@@ -419,7 +420,8 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     if answer is None:
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predicted = {name: law.fit.left_out() for name, law in laws.items()}
-    curvatures = different_curvatures(samples.direction(geometry), REPEATED)
+    directions = samples.direction(geometry)
+    curvatures = different_curvatures(directions, nearest_curvatures(directions, REPEATED))
     # over different loads, laws with and without slip under load can be compared all the same
     uncompared = few_curvatures(curvatures, "the samples have") if unloaded else ""
     choice = None if uncompared else choose(laws, lambda some: _ranked(some, predicted))

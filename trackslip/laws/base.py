@@ -7,7 +7,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,10 +22,12 @@ from trackslip.kinematics import (
     twist_of_tracks,
 )
 
-_EDGE = 1e-9  # distance outside a jump that counts as rounding [half the jump's height]
-_CONVERGED = 1e-12  # relative error of the sprocket speeds at which the iteration ends
+# distance outside a jump that counts as rounding [half the jump's height]
+_JUMP_ROUNDING: Final = 1e-9
+# relative error of the sprocket speeds at which the iteration ends
+_CONVERGED: Final = 1e-12
 # limits on the slope in a secant step: change of commanded over change of real direction
-_SLOPES = (0.2, 5.0)
+_SLOPES: Final = (0.2, 5.0)
 
 
 class SlipLaw(ABC):
@@ -61,28 +63,37 @@ class SlipLaw(ABC):
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce: the inverse of
         `sprocket_speeds`.
 
-        The secant method rotates and scales the real twist, a point in the plane (v, b w), until
-        the sprocket speeds for this twist match `omega`. Where a law jumps between left and right
-        turns in place, the robot turns in place with intermediate slips. If several solutions
-        exist, the result is close to one of them; if none, approximate.
+        The real twist is a point in the plane (v, b w). It is scaled and rotated until the sprocket
+        speeds for it match `omega`. The secant method rotates it: if it was rotated by t, and its
+        direction was wrong by m before and by n afterwards, the slope is (m - n) / t, and the next
+        rotation is by n divided by this slope.
+
+        Where a law jumps between left and right turns in place, the robot turns in place with
+        intermediate slips. If several solutions exist, the result is close to one of them; if none,
+        approximate.
         """
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)
         commanded = np.broadcast_to(_without_slip(omega, geometry), in_place.shape)
-        real, found = commanded, in_place
-        wrong = turned = np.zeros(in_place.shape)
+        real = commanded
+        is_final = in_place
+        rotation = np.zeros(in_place.shape)
+        missed_before = np.zeros(in_place.shape)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for k in range(self.twist_iterations):
                 demanded = self.sprocket_speeds(_of_plane(real, geometry), geometry)
                 ratio = commanded / _without_slip(demanded, geometry)
                 ratio = np.where(np.isfinite(ratio) & (ratio != 0), ratio, 1.0)
                 missed = np.arctan2(ratio.imag, ratio.real)
-                turned = missed if k == 0 else missed / _limited((wrong - missed) / turned)
-                wrong = missed
-                real = np.where(found, real, real * np.abs(ratio) * np.exp(1j * turned))
+                if k == 0:
+                    rotation = missed
+                else:
+                    rotation = missed / _limited((missed_before - missed) / rotation)
+                missed_before = missed
+                real = np.where(is_final, real, real * np.abs(ratio) * np.exp(1j * rotation))
                 # final, as another step might cross a jump
-                found = found | (np.abs(ratio - 1) < _CONVERGED)
-                if found.all():
+                is_final = is_final | (np.abs(ratio - 1) < _CONVERGED)
+                if is_final.all():
                     break
         return _of_plane(np.where(in_place, 1j * turning, real), geometry)
 
@@ -94,28 +105,40 @@ class SlipLaw(ABC):
         for several robots.
         """
         radius = 4 * geometry.half_gauge
-        left, right = np.moveaxis(
-            self.sprocket_speeds([[[radius, 1.0]], [[radius, -1.0]]], geometry), -1, 0
-        )
-        return float(np.mean(np.abs((right - left) / (right + left)))) * radius
+        twists = [[[radius, 1.0]], [[radius, -1.0]]]
+        left, right = np.moveaxis(self.sprocket_speeds(twists, geometry), -1, 0)
+        ratio = np.abs((right - left) / (right + left))
+        return float(np.mean(ratio)) * radius
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
         """Mask (...) of sprocket speeds (..., 2) in the jump between left and right turns in place,
         and b w (...).
 
-        b w is in m/s, and 0 outside the jump. In the jump, the sum of both tracks' slips equals
-        that at either end.
+        b w is in m/s, and 0 outside the jump. Turning in place to the left, the tracks have the
+        speeds -b w and b w, so with belt speeds c_l and c_r their slips are 1 + b w / c_l and
+        1 - b w / c_r. In the jump, the sum of both slips equals that at either end, i + o of the
+        inner and outer track, so
+
+            b w = (2 - i - o) / (1 / c_r - 1 / c_l)
+
+        There, the right track's slip is between o, its slip to the left, and i, that to the right.
         """
         belt = geometry.sprocket_radius * omega
+        left = belt[..., 0]
+        right = belt[..., 1]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slips = self(np.inf)
-            inner, outer = slips[..., 0], slips[..., 1]
-            turning = (2 - inner - outer) / (1 / belt[..., 1] - 1 / belt[..., 0])
-            beyond = (1 - turning / belt[..., 1] - (inner + outer) / 2) / ((outer - inner) / 2)
-            inside = (
-                (belt[..., 0] * belt[..., 1] < 0) & (outer > inner) & (np.abs(beyond) <= 1 + _EDGE)
-            )
-        return inside, np.where(inside, turning, 0.0)
+            inner = slips[..., 0]
+            outer = slips[..., 1]
+            turning = (2 - inner - outer) / (1 / right - 1 / left)
+
+            # the right track's slip, as a deviation from the mean in half the jump's height
+            right_slip = 1 - turning / right
+            deviation = (right_slip - (inner + outer) / 2) / ((outer - inner) / 2)
+            is_opposed = left * right < 0
+            jumps = outer > inner
+            is_inside = is_opposed & jumps & (np.abs(deviation) <= 1 + _JUMP_ROUNDING)
+        return is_inside, np.where(is_inside, turning, 0.0)
 
 
 @dataclass(frozen=True)
@@ -146,8 +169,9 @@ def _of_plane(plane: np.ndarray, geometry: RobotGeometry) -> Array:
 
 def _limited(slope: Array) -> Array:
     """Slopes (...) limited to _SLOPES; 1 for NaN."""
-    slope = np.minimum(np.maximum(slope, _SLOPES[0]), _SLOPES[1])
-    return np.where(np.isnan(slope), 1.0, slope)
+    lowest, highest = _SLOPES
+    limited = np.minimum(np.maximum(slope, lowest), highest)
+    return np.where(np.isnan(limited), 1.0, limited)
 
 
 def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
@@ -155,8 +179,9 @@ def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
     path, their mean.
     """
     side = np.sign(np.asarray(kappa, float))
-    mean, half = (inner + outer) / 2, side * (inner - outer) / 2
-    return np.stack([mean + half, mean - half], axis=-1)
+    mean = (inner + outer) / 2
+    deviation = side * (inner - outer) / 2
+    return np.stack([mean + deviation, mean - deviation], axis=-1)
 
 
 def require_between(
@@ -169,6 +194,7 @@ def require_between(
             array = np.asarray(value, float)
         except (TypeError, ValueError, OverflowError):
             raise InvalidValueError(name, value, allowed) from None
-        inside = (array > low) & (array < high)
-        if not inside.all():
-            raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)
+        is_inside = (array > low) & (array < high)
+        if not is_inside.all():
+            wrong = array[~is_inside].flat[0] if array.ndim else value
+            raise InvalidValueError(name, wrong, allowed)

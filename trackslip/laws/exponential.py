@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,13 +30,8 @@ class Exponential(SlipLaw):
     def __post_init__(self) -> None:
         slips = "finite and < 1 (slip 1 is a track that stands still)"
         require_between(self, ("alpha_outer", "alpha_inner"), -np.inf, 1, slips)
-        require_between(
-            self,
-            ("beta_outer", "beta_inner"),
-            -np.inf,
-            0,
-            "finite and < 0 (no slip on a straight path)",
-        )
+        decays = "finite and < 0 (no slip on a straight path)"
+        require_between(self, ("beta_outer", "beta_inner"), -np.inf, 0, decays)
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
@@ -45,11 +41,9 @@ class Exponential(SlipLaw):
         """Slips (..., 2) at curvatures (...), from the `inner` and `outer` slips at zero radius."""
         with np.errstate(divide="ignore", over="ignore"):
             radius = 1 / np.abs(np.asarray(kappa, float))
-        return by_side(
-            kappa,
-            inner * np.exp(self.beta_inner * radius),
-            outer * np.exp(self.beta_outer * radius),
-        )
+        inner_slip = inner * np.exp(self.beta_inner * radius)
+        outer_slip = outer * np.exp(self.beta_outer * radius)
+        return by_side(kappa, inner_slip, outer_slip)
 
 
 @dataclass(frozen=True)
@@ -72,12 +66,12 @@ class ExponentialSpeed(Exponential):
     def slip(self, twist: ArrayLike) -> Array:
         """Slips (..., 2) at twists (..., 2). Calls of the law return the limit for |v| = 0."""
         speed = np.abs(np.asarray(twist, float)[..., 0])
-        inner, outer = (
-            self.alpha_inner + self.gamma_inner * speed,
-            self.alpha_outer + self.gamma_outer * speed,
-        )
+        inner = self.alpha_inner + self.gamma_inner * speed
+        outer = self.alpha_outer + self.gamma_outer * speed
         return self._decayed(curvature(twist), inner, outer)
 
 
-PUBLISHED = Exponential(alpha_outer=0.07, beta_outer=-0.68, alpha_inner=-0.15, beta_inner=-0.63)
+PUBLISHED: Final = Exponential(
+    alpha_outer=0.07, beta_outer=-0.68, alpha_inner=-0.15, beta_inner=-0.63
+)
 """The law of Eq. 11, which the paper identified from 25 runs of ResQuake on stone paving."""

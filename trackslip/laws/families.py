@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from trackslip.laws.exponential import Exponential, ExponentialSpeed
 from trackslip.laws.icr import MAX_COMPLIANCE, ConstantIcr, DiffDrive, IcrLoad, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
-_DIFFERENCE = 1e-6  # step of finite differences, relative to the scales of the parameters
+_DIFFERENCE: Final = 1e-6  # step of finite differences, relative to the scales of the parameters
 
 
 @dataclass(frozen=True)
@@ -73,15 +73,17 @@ class LawFamily:
         `half_gauge` [m].
         """
         rows = [(p.low, p.high, p.scale) for p in self.parameters.values()]
-        return (np.array(rows).reshape(-1, 3) * self._units(half_gauge)[:, None]).T
+        in_units = np.array(rows).reshape(-1, 3)
+        return (in_units * self._units(half_gauge)[:, None]).T
 
     def starts(self, half_gauge: float) -> Array:
         """Initial values (K, p) for K fits."""
-        most = max((len(p.starts) for p in self.parameters.values()), default=1)
+        fits = max((len(p.starts) for p in self.parameters.values()), default=1)
+        # a parameter with fewer values begins again with its first
         rows = [
-            [p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)
+            [p.starts[fit % len(p.starts)] for p in self.parameters.values()] for fit in range(fits)
         ]
-        return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
+        return np.array(rows, float).reshape(fits, -1) * self._units(half_gauge)
 
     def under(self, load: Array | None) -> LawFamily:
         """The family at tractions per unit load (..., 2) [-]; the same family if its laws ignore
@@ -89,13 +91,17 @@ class LawFamily:
         """
         if load is None:
             return self
-        return replace(
-            self, build=lambda values, geometry: self.build(values, geometry).under(load)
-        )
+
+        def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
+            return self.build(values, geometry).under(load)
+
+        return replace(self, build=build)
 
     def holding(self, values: Mapping[str, float]) -> LawFamily:
         """The family with some of its parameters held at `values`."""
-        free = {name: each for name, each in self.parameters.items() if name not in values}
+        free = {
+            name: parameter for name, parameter in self.parameters.items() if name not in values
+        }
 
         def build(fitted: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
             return self.build({**values, **fitted}, geometry)
@@ -104,7 +110,8 @@ class LawFamily:
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """Build the law with parameters (..., p), which represents many laws of shape (...)."""
-        return self.build({name: values[..., k] for k, name in enumerate(self.names)}, geometry)
+        by_name = {name: values[..., k] for k, name in enumerate(self.names)}
+        return self.build(by_name, geometry)
 
     def twist_slopes(self, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values
@@ -120,10 +127,9 @@ class LawFamily:
         inside = np.clip(values, low + step, high - step)[:, None, :]
         # steps in one parameter at a time, for all laws: (p, 1, 1, p)
         pushes = np.diag(step)[:, None, None, :]
-        ahead, behind = (
-            self.law(inside + push, geometry).twist(omega, geometry) for push in (pushes, -pushes)
-        )
-        slopes = np.moveaxis(ahead - behind, 0, -1) / (2 * step)
+        above = self.law(inside + pushes, geometry).twist(omega, geometry)
+        below = self.law(inside - pushes, geometry).twist(omega, geometry)
+        slopes = np.moveaxis(above - below, 0, -1) / (2 * step)
         return np.where(np.isfinite(slopes), slopes, 0.0)
 
     def _units(self, half_gauge: float) -> Array:
@@ -135,68 +141,117 @@ def _build(kind: Callable[..., SlipLaw]) -> Callable[[Mapping[str, Any], RobotGe
     half gauge.
     """
     has_gauge = "half_gauge" in kind.__dataclass_fields__  # type: ignore[attr-defined]
-    return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if has_gauge else kind(**p)
+
+    def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
+        if has_gauge:
+            return kind(**values, half_gauge=geometry.half_gauge)
+        return kind(**values)
+
+    return build
 
 
-_ALPHA_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "", "α", "slip at zero radius")
-_ALPHA_INNER = replace(_ALPHA_OUTER, starts=(-0.1,), low=-20.0)
-_DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m", "β", "its decay with radius")
-_GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m", "γ", "its growth with speed")
-_OFFSET = Parameter(
-    (0.3, 0.0, 2.0),
-    -0.99,
-    50.0,
-    0.3,
-    "m",
-    "D",
-    "distance from a track's centre line outwards to its instantaneous centre of rotation (ICR)",
+_ALPHA_OUTER: Final = Parameter(
+    starts=(0.05,),
+    low=-2.0,
+    high=0.99,
+    scale=0.1,
+    unit="",
+    symbol="α",
+    meaning="slip at zero radius",
 )
-_RADIUS_ERROR = Parameter(
-    (0.0,),
-    -0.95,
-    9.0,
-    0.01,
-    "",
-    "ε",
-    "relative excess of the sprockets' effective radius over the nominal one",
+_ALPHA_INNER: Final = replace(_ALPHA_OUTER, starts=(-0.1,), low=-20.0)
+_DECAY: Final = Parameter(
+    starts=(-0.5, -2.0, -6.0),
+    low=-50.0,
+    high=-1e-3,
+    scale=1.0,
+    unit="1/m",
+    symbol="β",
+    meaning="its decay with radius",
 )
-_COMPLIANCE = Parameter(
-    (0.05,), 0.0, MAX_COMPLIANCE, 0.05, "", "C", "slip per traction over load, ahead"
+_GROWTH: Final = Parameter(
+    starts=(0.0,),
+    low=-20.0,
+    high=20.0,
+    scale=0.1,
+    unit="s/m",
+    symbol="γ",
+    meaning="its growth with speed",
 )
-_TURN_COMPLIANCE = Parameter(
-    (1.0,), 0.0, 20.0, 0.3, "m", "S", "slip per traction over load, in turning"
+_OFFSET: Final = Parameter(
+    starts=(0.3, 0.0, 2.0),
+    low=-0.99,
+    high=50.0,
+    scale=0.3,
+    unit="m",
+    symbol="D",
+    meaning="distance from a track's centre line outwards to its instantaneous centre of rotation "
+    "(ICR)",
 )
-_TURN_LOSS = Parameter(
-    (0.0, 0.5),
-    -1.0,
-    0.99,
-    0.1,
-    "",
-    "g",
-    "share of the belts' mean speed that a turn costs, the more the sharper it is",
+_RADIUS_ERROR: Final = Parameter(
+    starts=(0.0,),
+    low=-0.95,
+    high=9.0,
+    scale=0.01,
+    unit="",
+    symbol="ε",
+    meaning="relative excess of the sprockets' effective radius over the nominal one",
 )
-_CENTRIFUGAL_SLIP = Parameter(
-    (0.05, 0.5), 0.0, 10.0, 0.1, "s²/m", "κ", "slip per lateral acceleration |v w|"
+_COMPLIANCE: Final = Parameter(
+    starts=(0.05,),
+    low=0.0,
+    high=MAX_COMPLIANCE,
+    scale=0.05,
+    unit="",
+    symbol="C",
+    meaning="slip per traction over load, ahead",
+)
+_TURN_COMPLIANCE: Final = Parameter(
+    starts=(1.0,),
+    low=0.0,
+    high=20.0,
+    scale=0.3,
+    unit="m",
+    symbol="S",
+    meaning="slip per traction over load, in turning",
+)
+_TURN_LOSS: Final = Parameter(
+    starts=(0.0, 0.5),
+    low=-1.0,
+    high=0.99,
+    scale=0.1,
+    unit="",
+    symbol="g",
+    meaning="share of the belts' mean speed that a turn costs, the more the sharper it is",
+)
+_CENTRIFUGAL_SLIP: Final = Parameter(
+    starts=(0.05, 0.5),
+    low=0.0,
+    high=10.0,
+    scale=0.1,
+    unit="s²/m",
+    symbol="κ",
+    meaning="slip per lateral acceleration |v w|",
 )
 
-_EXPONENTIAL = {
+_EXPONENTIAL: Final = {
     "alpha_outer": _ALPHA_OUTER,
     "beta_outer": _DECAY,
     "alpha_inner": _ALPHA_INNER,
     "beta_inner": _DECAY,
 }
-_RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
-_LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
-_RADIUS_SIDES = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADIUS_ERROR}
-_PROGRAMS = ("json", "c", "python")
-_EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
+_RADIUS: Final = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
+_LOSS: Final = _RADIUS | {"turn_loss": _TURN_LOSS}
+_RADIUS_SIDES: Final = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADIUS_ERROR}
+_PROGRAMS: Final = ("json", "c", "python")
+_EVERYTHING: Final = ("ros2_control", "ros_control", *_PROGRAMS)
 
 # family of the gains that people compute by hand, with which other laws are compared
-GAINS = "two_gains"
+GAINS: Final = "two_gains"
 # family of the law that gives the multipliers if the radii of left and right differ. It isn't
 # compared with other laws: an offset of the sensor lets it predict the same motion as icr_sides
-DIFF_DRIVE = "diff_drive"
-FAMILIES: dict[str, LawFamily] = {
+DIFF_DRIVE: Final = "diff_drive"
+FAMILIES: Final[dict[str, LawFamily]] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "exponential": LawFamily(
         "exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False
@@ -286,11 +341,11 @@ def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> 
     geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
     numbers = {}
     for key, low, high, _ in zip(model.names, *model.limits(half_gauge), strict=True):
+        field = f"{name}.{key}"
         value = values.get(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InvalidValueError(f"{name}.{key}", value, "a number")
-        numbers[key] = float(value)
-        require(
-            low <= numbers[key] <= high, f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}"
-        )
+            raise InvalidValueError(field, value, "a number")
+        number = float(value)
+        require(low <= number <= high, field, number, f"from {low:g} to {high:g}")
+        numbers[key] = number
     return model.build(numbers, geometry)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.families import FAMILIES, family, law_from_values
 
-NO_SLIP = "none"  # name of the law without slip
-SHIPPED = Path(__file__).parent / "laws.json"
+NO_SLIP: Final = "none"
+"""Name of the law without slip."""
+SHIPPED: Final = Path(__file__).parent / "laws.json"
 """File with the laws of the default robot on the default ground, from `trackslip reproduce`."""
 
 
@@ -41,13 +42,13 @@ class StoredLaws:
         its laws is best.
         """
         if name is not None:
-            require(
-                name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})"
-            )
+            allowed = f"one of {', '.join(self.laws)} (in {self.name})"
+            require(name in self.laws, "law", name, allowed)
             return name
-        best, identified = self.content.get("best"), [name for name in self.laws if name != NO_SLIP]
+        best = self.content.get("best")
         if isinstance(best, str) and best in self.laws:
             return best
+        identified = [law for law in self.laws if law != NO_SLIP]
         if len(identified) != 1:
             choice = f"choose one of {', '.join(identified)}" if identified else "it holds no law"
             raise LogError(f"{self.name}: says nothing of which law is best: {choice}")
@@ -64,18 +65,23 @@ class StoredLaws:
 
     def fit(self, law: str) -> Mapping[str, Any]:
         """Stored fit from which the law comes; empty if none is stored."""
-        steady, short = (entry(self.content, key, law) for key in ("laws", "slip_laws"))
-        drive = self.drive_fit(law)
-        inner = drive if self.content.get("method") == "drive" or steady is None else steady
-        return next((laws for laws in (inner, short) if isinstance(laws, Mapping)), {})
+        by_runs = entry(self.content, "laws", law)
+        by_drives = self.drive_fit(law)
+        is_of_drives = self.content.get("method") == "drive" or by_runs is None
+        full = by_drives if is_of_drives else by_runs
+        short = entry(self.content, "slip_laws", law)
+        for fit in (full, short):
+            if isinstance(fit, Mapping):
+                return fit
+        return {}
 
     def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
         """95 % interval of a parameter; None if unknown, for example because the parameter was
         fixed.
         """
-        low, high = (
-            number(self.content, "slip_laws", law, "interval95", parameter, k) for k in (0, 1)
-        )
+        interval = ("slip_laws", law, "interval95", parameter)
+        low = number(self.content, *interval, 0)
+        high = number(self.content, *interval, 1)
         return None if low is None or high is None else (low, high)
 
 
@@ -86,9 +92,8 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
     the file does not exist, holds no slip laws, is for another robot, or was written by a newer
     version.
     """
-    return {
-        name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP
-    }
+    laws = read_stored(Path(path), robot).laws
+    return {name: law for name, law in laws.items() if name != NO_SLIP}
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
@@ -108,18 +113,15 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
         values = {key: getattr(law, key, None) for key in family(name).names}
         if law_from_values(name, values, geometry.half_gauge) != law:
             raise InvalidValueError(name, law, f"a law of the family {name!r} for this geometry")
-        if values:
-            stored[name] = {
-                "values": {key: float(value) for key, value in values.items() if value is not None}
-            }
+        numbers = {key: float(value) for key, value in values.items() if value is not None}
+        if numbers:
+            stored[name] = {"values": numbers}
+    text = json.dumps(laws_content(stored, geometry), indent=2) + "\n"
     try:
-        Path(path).write_text(
-            json.dumps(laws_content(stored, geometry), indent=2) + "\n", encoding="utf-8"
-        )
+        Path(path).write_text(text, encoding="utf-8")
     except (OSError, ValueError) as error:
-        raise OutputError(
-            f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})"
-        ) from error
+        cause = getattr(error, "strerror", None) or error
+        raise OutputError(f"{path}: cannot be written ({cause})") from error
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
@@ -135,13 +137,17 @@ def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
 
     Raises LogError like `load_laws`.
     """
-    file = path / "summary.json" if path.is_dir() else path
-    stored = stored_laws(
-        read_json(file), str(file), known_manifest(path) if path.is_dir() else {}, robot
-    )
-    # the name appears in code for other programs, so it must not contain local folders
-    name = file.name if file == path else f"{path.resolve().name}/{file.name}"
-    return replace(stored, name="the laws shipped with trackslip" if file == SHIPPED else name)
+    if path.is_dir():
+        file = path / "summary.json"
+        manifest = known_manifest(path)
+        # the name appears in code for other programs, so it must not contain local folders
+        name = f"{path.resolve().name}/{file.name}"
+    else:
+        file = path
+        manifest = {}
+        name = "the laws shipped with trackslip" if path == SHIPPED else path.name
+    stored = stored_laws(read_json(file), str(file), manifest, robot)
+    return replace(stored, name=name)
 
 
 def stored_laws(
@@ -156,11 +162,14 @@ def stored_laws(
     try:
         require_known_format(content, name)
         geometry = RobotGeometry(
-            *(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius"))
+            half_gauge=float(content["geometry"]["half_gauge"]),
+            sprocket_radius=float(content["geometry"]["sprocket_radius"]),
         )
-        stored, b = content["slip_laws"], geometry.half_gauge
+        stored = content["slip_laws"]
         laws = {
-            law: law_from_values(law, stored[law]["values"], b) for law in FAMILIES if law in stored
+            law: law_from_values(law, stored[law]["values"], geometry.half_gauge)
+            for law in FAMILIES
+            if law in stored
         }
     except InvalidValueError as error:
         raise LogError(f"{name}: {error}") from error
@@ -173,11 +182,16 @@ def stored_laws(
     if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
         raise LogError(
             f"{name}: its laws are for half_gauge = {geometry.half_gauge:g} m and "
-            "sprocket_radius = "
-            f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and "
-            f"{robot.sprocket_radius:g} m"
+            f"sprocket_radius = {geometry.sprocket_radius:g} m, the robot has "
+            f"{robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
         )
-    return StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
+    return StoredLaws(
+        name=name,
+        geometry=geometry,
+        laws={NO_SLIP: NoSlip(), **laws},
+        content=content,
+        manifest=manifest or {},
+    )
 
 
 def entry(content: Any, *keys: str | int) -> Any:
@@ -193,13 +207,10 @@ def entry(content: Any, *keys: str | int) -> Any:
 def number(content: Any, *keys: str | int) -> float | None:
     """The finite number at nested keys; None if missing or not a finite number."""
     found = entry(content, *keys)
-    if (
-        isinstance(found, bool)
-        or not isinstance(found, int | float)
-        or not abs(found) <= sys.float_info.max
-    ):
+    if isinstance(found, bool) or not isinstance(found, int | float):
         return None
-    return float(found)
+    is_finite = abs(found) <= sys.float_info.max  # false for NaN, and for integers too large
+    return float(found) if is_finite else None
 
 
 def text(content: Any, *keys: str | int) -> str:

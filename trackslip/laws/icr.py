@@ -6,13 +6,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry, track_speeds
 from trackslip.laws.base import SlipLaw, require_between
+
+MAX_COMPLIANCE: Final = 1.2
+"""Largest slip per traction per unit load [-]."""
+MAX_LOAD: Final = 0.8
+"""Largest magnitude of the traction per unit load [-], at which a track moves even with
+MAX_COMPLIANCE.
+"""
+_LIMIT_MARGIN: Final = 1.01  # for finite differences at a limit
 
 
 class IcrLaw(SlipLaw):
@@ -45,10 +53,8 @@ class IcrLaw(SlipLaw):
         return 1 + self._of_tracks(self.radius_errors)
 
     def _of_tracks(self, names: tuple[str, ...]) -> Array:
-        return np.stack(
-            np.broadcast_arrays(*(np.asarray(getattr(self, name), float) for name in names)),
-            axis=-1,
-        )
+        values = [np.asarray(getattr(self, name), float) for name in names]
+        return np.stack(np.broadcast_arrays(*values), axis=-1)
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...) when driving forwards or turning in place."""
@@ -67,23 +73,28 @@ class _ConstantIcrs(IcrLaw):
     each track.
 
     (1 + epsilon) V = v -+ (b + D) w
+
+    With the belt speeds c of both sides and the arms a = -+(b + D), c = v + a w, so w is the
+    difference of the belt speeds over that of the arms, and v = c - a w of either side.
     """
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         twist = np.asarray(twist, float)
-        return (twist[..., :1] + SIDES * self._reach * twist[..., 1:]) / (
-            geometry.sprocket_radius * self._scale
-        )
+        arms = TRACK_SIGNS * self._reach
+        belts = twist[..., :1] + arms * twist[..., 1:]
+        return belts / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
-        arms = SIDES * self._reach
-        left, right = np.moveaxis(
-            geometry.sprocket_radius * self._scale * np.asarray(omega, float), -1, 0
-        )
-        w = (right - left) / (arms[..., 1] - arms[..., 0])
-        return np.stack([right - arms[..., 1] * w, w], axis=-1)
+        belts = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
+        left, right = np.moveaxis(belts, -1, 0)
+        arms = TRACK_SIGNS * self._reach
+        left_arm = arms[..., 0]
+        right_arm = arms[..., 1]
+        w = (right - left) / (right_arm - left_arm)
+        v = right - right_arm * w
+        return np.stack([v, w], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -149,13 +160,6 @@ class IcrSides(_ConstantIcrs):
     radius_errors = ("radius_error_left", "radius_error_right")
 
 
-MAX_COMPLIANCE = 1.2  # largest slip per traction per unit load [-]
-MAX_LOAD = 0.8
-"""Largest magnitude of the traction per unit load [-], at which a track moves even with
-MAX_COMPLIANCE.
-"""
-
-
 @dataclass(frozen=True)
 class IcrLoad(IcrLaw):
     """The law of constant ICRs and slip in proportion to the traction per unit load, as on ground
@@ -194,9 +198,9 @@ class IcrLoad(IcrLaw):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between(self, ("turn_compliance",), -np.inf, np.inf, "finite")
-        for name, most in (("compliance", MAX_COMPLIANCE), ("load", MAX_LOAD)):
-            limit = most * 1.01  # margin for finite differences at the limit
-            require_between(self, (name,), -limit, limit, f"between {-most} and {most}")
+        for name, largest in (("compliance", MAX_COMPLIANCE), ("load", MAX_LOAD)):
+            limit = largest * _LIMIT_MARGIN
+            require_between(self, (name,), -limit, limit, f"between {-largest} and {largest}")
 
     def under(self, load: ArrayLike) -> IcrLoad:
         """The law for a robot with tractions per unit load `load`, a pair (2,) or pairs (..., 2)
@@ -211,35 +215,44 @@ class IcrLoad(IcrLaw):
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         free = self.unloaded_law.twist(omega, geometry)
-        v, w = free[..., 0], free[..., 1]
-        slower = v - self._tractions[0] * np.hypot(self.compliance * v, self.turn_compliance * w)
-        return np.stack(np.broadcast_arrays(slower, w), axis=-1)
+        v = free[..., 0]
+        w = free[..., 1]
+        loss = np.hypot(self.compliance * v, self.turn_compliance * w)
+        loaded_v = v - self._tractions[0] * loss
+        return np.stack(np.broadcast_arrays(loaded_v, w), axis=-1)
 
     def unloaded(self, twist: ArrayLike) -> Array:
         """Twists (..., 2) without load at the sprocket speeds that produce twists `twist` (..., 2)
         under load.
+
+        The square of v - v' = -t sqrt((C v')^2 + (S w)^2) is a quadratic equation for v', whose
+        solution with this sign is
+
+            v' = (v + sign(t) sqrt((t C v)^2 + k (t S w)^2)) / k        k = 1 - (t C)^2
         """
         twist = np.asarray(twist, float)
-        v, w = twist[..., 0], twist[..., 1]
+        v = twist[..., 0]
+        w = twist[..., 1]
         along = self._tractions[0]
-        stiff = 1 - np.square(along * self.compliance)
-        lost = np.hypot(
-            along * self.compliance * v, np.sqrt(stiff) * along * self.turn_compliance * w
-        )
-        return np.stack(np.broadcast_arrays((v + np.sign(along) * lost) / stiff, w), axis=-1)
+        k = 1 - np.square(along * self.compliance)
+        root = np.hypot(along * self.compliance * v, np.sqrt(k) * along * self.turn_compliance * w)
+        free_v = (v + np.sign(along) * root) / k
+        return np.stack(np.broadcast_arrays(free_v, w), axis=-1)
 
     def sideslip(self, twist: ArrayLike) -> Array:
         """Speeds to the left (...) [m/s] at twists (..., 2)."""
-        v, w = np.moveaxis(np.abs(np.asarray(twist, float)), -1, 0)
-        return np.asarray(-self._tractions[1] * (self.compliance * v + self.turn_compliance * w))
+        speed, yaw_rate = np.moveaxis(np.abs(np.asarray(twist, float)), -1, 0)
+        yielding = self.compliance * speed + self.turn_compliance * yaw_rate
+        return np.asarray(-self._tractions[1] * yielding)
 
     def yielding(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Velocities (..., 3) (forwards, leftwards, yaw) that load adds at sprocket speeds omega
         (..., 2) [rad/s].
         """
         twist = self.twist(omega, geometry)
-        slower = twist[..., 0] - self.unloaded_law.twist(omega, geometry)[..., 0]
-        return np.stack([slower, self.sideslip(twist), np.zeros_like(slower)], axis=-1)
+        free = self.unloaded_law.twist(omega, geometry)
+        forwards = twist[..., 0] - free[..., 0]
+        return np.stack([forwards, self.sideslip(twist), np.zeros_like(forwards)], axis=-1)
 
     @property
     def _tractions(self) -> tuple[Array, Array]:

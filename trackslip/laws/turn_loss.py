@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import require_between
 from trackslip.laws.icr import IcrLaw
 
-_MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # limits on g within which v increases with the belts' mean speed
-_ITERATIONS = 60
-_CONVERGED = 1e-15  # last step, relative to the largest speed
+# limits on g within which v increases with the belts' mean speed [-]
+_MIN_LOSS: Final = -8.0
+_MAX_LOSS: Final = 1.0
+_MAX_ITERATIONS: Final = 60  # enough for bisections down to rounding
+_CONVERGED: Final = 1e-15  # last step, relative to the largest speed
 
 
 class _SpeedLost(IcrLaw):
@@ -30,18 +33,22 @@ class _SpeedLost(IcrLaw):
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-        v, difference, loss = np.broadcast_arrays(v, self._reach[..., 0] * w, self.turn_loss)
+        reach = self._reach[..., 0]
+        v, difference, loss = np.broadcast_arrays(v, reach * w, self.turn_loss)
         mean = _mean_speed(v, difference, loss)
-        return (mean[..., None] + SIDES * difference[..., None]) / (
-            geometry.sprocket_radius * self._scale
-        )
+        belts = mean[..., None] + TRACK_SIGNS * difference[..., None]
+        return belts / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
-        belt = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
-        mean, difference = (belt[..., 1] + belt[..., 0]) / 2, (belt[..., 1] - belt[..., 0]) / 2
+        belts = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
+        left = belts[..., 0]
+        right = belts[..., 1]
+        mean = (right + left) / 2
+        difference = (right - left) / 2
         v = mean * (1 - self.turn_loss * _sine(difference, mean) ** 2)
-        return np.stack(np.broadcast_arrays(v, difference / self._reach[..., 0]), axis=-1)
+        w = difference / self._reach[..., 0]
+        return np.stack(np.broadcast_arrays(v, w), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -102,29 +109,34 @@ class Centrifugal(TurnLoss):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # finite differences at 0
+        # negative values only for finite differences at 0
         require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...) in the limit of slow driving."""
-        return TurnLoss(self.offset, self.half_gauge, self.radius_error, self.turn_loss)(kappa)
+        slow = TurnLoss(self.offset, self.half_gauge, self.radius_error, self.turn_loss)
+        return slow(kappa)
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce twists (..., 2)."""
         twist = np.asarray(twist, float)
-        skid = 1 + np.asarray(self.centrifugal_slip) * np.abs(twist[..., 0] * twist[..., 1])
-        return super().sprocket_speeds(skid[..., None] * twist, geometry)
+        lateral_acceleration = np.abs(twist[..., 0] * twist[..., 1])
+        factor = 1 + np.asarray(self.centrifugal_slip) * lateral_acceleration
+        return super().sprocket_speeds(factor[..., None] * twist, geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Twists (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
 
-        The factor q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's
-        formula.
+        The factor q = 1 + k |v w| is the only real root of q^3 - q^2 = p with p = k |v' w'|, which
+        is v' w' = q^2 v w inserted in its definition. By Viete's formula, q - 1 =
+        2 / 3 (cosh(2 / 3 arcsinh(sqrt(27 p / 4))) - 1).
         """
         slow = super().twist(omega, geometry)
-        square = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
-        skid = 2 / 3 * (np.cosh(2 / 3 * np.arcsinh(np.sqrt(6.75 * np.abs(square)))) - 1)
-        return np.asarray(slow / (1 + np.copysign(skid, square))[..., None])
+        p = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
+        angle = np.arcsinh(np.sqrt(27 / 4 * np.abs(p)))
+        excess = 2 / 3 * (np.cosh(2 / 3 * angle) - 1)
+        factor = 1 + np.copysign(excess, p)
+        return np.asarray(slow / factor[..., None])
 
 
 def _sine(difference: Array, mean: Array) -> Array:
@@ -139,23 +151,32 @@ def _mean_speed(v: Array, difference: Array, loss: Array) -> Array:
     """Mean belt speeds s (...) with s (1 - g sin^2 theta) = v, only real roots of s^3 - v s^2 + (1
     - g) d^2 s - v d^2.
 
-    Newton's method is applied to the first equation, whose left side increases with s. A step that
-    leaves the interval known to contain the root is replaced by a bisection.
+    Newton's method is applied to the first equation, whose left side increases with s; its slope is
+    1 - g sin^2 theta (2 sin^2 theta - 1). A step that leaves the interval known to contain the root
+    is replaced by a bisection. The root is between v, where the robot doesn't turn, and v / (1 -
+    g), where it turns in place.
     """
+    # all speeds forwards, relative to the largest of each
     size = np.maximum(np.abs(v), np.abs(difference))
     size = np.where(size == 0, 1.0, size)
-    goal, d = np.abs(v) / size, np.abs(difference) / size
-    ends = goal, goal / (1 - loss)
-    low, high = np.minimum(*ends), np.maximum(*ends)
+    goal = np.abs(v) / size
+    d = np.abs(difference) / size
+
+    in_place = goal / (1 - loss)
+    low = np.minimum(goal, in_place)
+    high = np.maximum(goal, in_place)
     mean = goal
-    for _ in range(_ITERATIONS):
+    for _ in range(_MAX_ITERATIONS):
         sine = _sine(d, mean)
         missed = mean * (1 - loss * sine**2) - goal
-        low, high = np.where(missed < 0, mean, low), np.where(missed > 0, mean, high)
+        low = np.where(missed < 0, mean, low)
+        high = np.where(missed > 0, mean, high)
         slope = 1 - loss * sine**2 * (2 * sine**2 - 1)
         newton = mean - missed / slope
-        following = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
-        step, mean = np.abs(following - mean), following
+        stays = (newton >= low) & (newton <= high)
+        before = mean
+        mean = np.where(stays, newton, (low + high) / 2)
+        step = np.abs(mean - before)
         if step.max(initial=0.0) < _CONVERGED:
             break
     return np.copysign(mean, v) * size

@@ -24,30 +24,33 @@ end of the plate.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from trackslip import se2
 from trackslip.kinematics import Array
-from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Points, Rows, Scan, places_of
+from trackslip.localization.rows import Rows
+from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Points, Scan, places_of
 
-# signs of the bearings of the right and left edge from the middle
-_OUTWARDS: Final = np.array([[-1.0], [1.0]])
-# distance from the scanner's maximum range within which returns may be missing [m]
-_MARGIN: Final = 0.1
 EDGE_ON: Final = np.radians(2.0)
 """Viewing angle below which a scan determines no pose [rad]: heading errors are three to five times
 as large as the likelihood's curvature implies, because few beams graze the long face and the mirror
 image is nearly as likely.
 """
-UNKNOWN: Final = 1e6  # variance of quantities that a scan does not determine
-_BESIDE: Final = 1e-12  # avoids division by zero if a corner is at the LRF [m]
-_TINY: Final = 1e-300  # avoids division by zero if a beam is parallel to a face
+UNKNOWN: Final = 1e6
+"""Variance of quantities that a scan does not determine [m^2, rad^2]."""
+
+# signs of the bearings of the right and left edge from the middle
+_EDGE_SIGNS: Final = np.array([[-1.0], [1.0]])
+# distance from the scanner's maximum range within which returns may be missing [m]
+_MAX_RANGE_MARGIN: Final = 0.1
+_MIN_CORNER_DISTANCE: Final = 1e-12  # avoids division by zero if a corner is at the LRF [m]
+_MIN_DIVISOR: Final = 1e-300  # avoids division by zero if a beam is parallel to a face
 # damping of the first step, and least damping after a step that raised the cost
-_DAMPING: Final = 1e-3
-_REFUSED: Final = 1.0
+_FIRST_DAMPING: Final = 1e-3
+_REJECTED_DAMPING: Final = 1.0
 # predicted cost decrease below which a step is the last; later ones would gain about its square
 _CONVERGED: Final = 1e-2
 # rows and columns of the six distinct elements of a Hessian
@@ -83,52 +86,51 @@ class PlateBeams:
     @classmethod
     def of(cls, scan: Scan, cluster: Cluster) -> PlateBeams:
         """Collect the data of clusters from `scan`, each of which has at least one return."""
-        step, count, bearing, distance = (
-            scan.beam_step,
-            cluster.count,
-            cluster.bearing,
-            cluster.range,
-        )
-        first = count.cumsum() - count
-        low, high = bearing[first], bearing[first + count - 1]
-        middle = (low + high) / 2
-        # share of missing beams in the cluster
-        lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)
-        beyond = lost / (1 - lost)  # expected number of missing beams beyond the cluster
-        hidden = cluster.hidden.T  # (2, M) for right and left, like all arrays for edges below
-        seen = np.isfinite(hidden)
-        slack = np.where(seen, hidden, 0.0) / 2
-        reach = (high - low) / 2 + (0.5 + beyond) * step + slack
-        spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
-        seen &= np.maximum.reduceat(distance, first) < scan.max_range - _MARGIN
-        seen &= np.array([low > scan.bearings[0] + step / 4, high < scan.bearings[-1] - step / 4])
-        weight, ahead = np.where(seen, 1 / spread, 0.0), np.exp(1j * middle)
-        edges = Edges(ahead, (reach * _OUTWARDS).T, weight.T, slack.T)
-        cos, sin = np.cos(bearing), np.sin(bearing)
-        turned = np.array([sin, -cos])
+        first = cluster.count.cumsum() - cluster.count
+        cos = np.cos(cluster.bearing)
+        sin = np.sin(cluster.bearing)
         return cls(
-            np.array([cos, sin]), turned, distance, count, first, edges, max(scan.noise, MIN_NOISE)
+            u=np.array([cos, sin]),
+            u_turned=np.array([sin, -cos]),
+            range=cluster.range,
+            count=cluster.count,
+            first=first,
+            edges=_edges(scan, cluster, first),
+            noise=max(scan.noise, MIN_NOISE),
         )
 
     def take(self, rows: np.ndarray) -> PlateBeams:
         """Select the data of the scans `rows` (R,), in that order, possibly repeated."""
-        count, kept = self.count[rows], places_of(self.count, rows)
-        first = count.cumsum() - count
-        u, u_turned = (part.take(kept, axis=1) for part in (self.u, self.u_turned))
+        count = self.count[rows]
+        places = places_of(self.count, rows)
         return PlateBeams(
-            u, u_turned, self.range[kept], count, first, self.edges.take(rows), self.noise
+            u=self.u.take(places, axis=1),
+            u_turned=self.u_turned.take(places, axis=1),
+            range=self.range[places],
+            count=count,
+            first=count.cumsum() - count,
+            edges=self.edges.take(rows),
+            noise=self.noise,
         )
 
     def thinned(self, most: int) -> PlateBeams:
         """Keep every n-th return of each scan, so that about `most` or fewer are left, and both
         edges.
         """
-        every = np.maximum(1, self.count // most)
-        place = np.arange(len(self.range)) - np.repeat(self.first, self.count)
-        kept = np.flatnonzero(place % np.repeat(every, self.count) == 0)
-        count = -(-self.count // every)
-        few = {name: getattr(self, name).take(kept, axis=-1) for name in ("u", "u_turned", "range")}
-        return replace(self, count=count, first=np.cumsum(count) - count, **few)
+        interval = np.maximum(1, self.count // most)
+        number_in_scan = np.arange(len(self.range)) - np.repeat(self.first, self.count)
+        is_kept = number_in_scan % np.repeat(interval, self.count) == 0
+        kept = np.flatnonzero(is_kept)
+        count = np.ceil(self.count / interval).astype(int)
+        return PlateBeams(
+            u=self.u.take(kept, axis=1),
+            u_turned=self.u_turned.take(kept, axis=1),
+            range=self.range[kept],
+            count=count,
+            first=count.cumsum() - count,
+            edges=self.edges,
+            noise=self.noise,
+        )
 
     def spread(self, of_scans: Array) -> Array:
         """Repeat values (..., M) of the scans for each of their returns: (..., H)."""
@@ -137,6 +139,43 @@ class PlateBeams:
     def sums(self, of_returns: Array) -> Array:
         """Sum values (..., H) of the returns in each scan: (..., M)."""
         return np.add.reduceat(of_returns, self.first, axis=-1)
+
+
+def _edges(scan: Scan, cluster: Cluster, first: np.ndarray) -> Edges:
+    """Edges of the silhouettes in M clusters whose returns begin at the indices `first` (M,).
+
+    Right and left are on the first axis of the arrays below, (2, M).
+    """
+    step = scan.beam_step
+    last = first + cluster.count - 1
+    low = cluster.bearing[first]
+    high = cluster.bearing[last]
+    middle = (low + high) / 2
+
+    # beams missing beyond the cluster: their expected number and its standard deviation follow
+    # from the share of missing beams inside it
+    lost_share = np.maximum(cluster.lost / (cluster.lost + cluster.count), scan.dropout)
+    missing = lost_share / (1 - lost_share)
+    spread = step * np.sqrt(1 / 12 + missing / (1 - lost_share))
+
+    # a hidden edge may be anywhere behind the object in front
+    hidden = cluster.hidden.T
+    is_limited = np.isfinite(hidden)
+    slack = np.where(is_limited, hidden, 0.0) / 2
+    from_middle = (high - low) / 2 + (0.5 + missing) * step + slack
+
+    # the edges of the field of view and of the scanner's reach aren't edges of the plate
+    farthest = np.maximum.reduceat(cluster.range, first)
+    is_in_reach = farthest < scan.max_range - _MAX_RANGE_MARGIN
+    is_in_view = np.array([low > scan.bearings[0] + step / 4, high < scan.bearings[-1] - step / 4])
+    is_edge = is_limited & is_in_reach & is_in_view
+    weight = np.where(is_edge, 1 / spread, 0.0)
+    return Edges(
+        ahead=np.exp(1j * middle),
+        bearing=(from_middle * _EDGE_SIGNS).T,
+        weight=weight.T,
+        slack=slack.T,
+    )
 
 
 @dataclass(frozen=True)
@@ -151,7 +190,8 @@ class View:
     def of(cls, plate: Plate, pose: Array) -> View:
         """Compute the view of plates at poses (M, 3) in the LRF's frame."""
         axis = np.exp(1j * pose[:, 2])
-        return cls(plate, (pose[:, 0] + 1j * pose[:, 1]) * axis.conj(), axis)
+        centre = pose[:, 0] + 1j * pose[:, 1]
+        return cls(plate, place=centre * axis.conj(), axis=axis)
 
     def silhouette(self, ahead: Points) -> Array:
         """Bearings of the outermost corners, right and left, and their derivatives, (4, 2, M).
@@ -159,36 +199,56 @@ class View:
         The bearings are relative to the directions `ahead` (M,), so they do not wrap [rad]. The
         derivatives are with respect to the position along and across the plate's axes and to the
         heading.
+
+        In the plate's axes, a corner is at z = c + k from the LRF, with the centre c of the plate
+        and k from there to the corner. Its bearing is the imaginary part of log(z exp(i phi)). So
+        it changes by Im(dc / z) with c, which is Im(1 / z) along and Re(1 / z) across the plate. As
+        the plate turns about its centre, z changes by i k, and the bearing by Im(i k / z) =
+        Re(k / z).
         """
         half = complex(self.plate.length, self.plate.thickness) / 2
         from_centre = np.array([[half], [half.conjugate()], [-half], [-half.conjugate()]])
-        corners = from_centre + self.place + _BESIDE  # (4, M)
+        corners = from_centre + self.place + _MIN_CORNER_DISTANCE  # (4, M)
         bearing = np.angle(corners * (self.axis * ahead.conj()))
+
         outermost = np.array([bearing.argmin(axis=0), bearing.argmax(axis=0)])  # (2, M)
         views = np.arange(len(ahead))
-        inverse = 1 / corners[outermost, views]  # the bearing is the imaginary part of a logarithm
-        by_heading = inverse * from_centre[outermost, 0]
-        return np.array([bearing[outermost, views], inverse.imag, inverse.real, by_heading.real])
+        inverse = 1 / corners[outermost, views]
+        by_heading = (inverse * from_centre[outermost, 0]).real
+        return np.array([bearing[outermost, views], inverse.imag, inverse.real, by_heading])
 
 
 def viewing_angle(pose: Array) -> Array:
     """Angles (S,) [rad] between the line of sight and plates at poses (S, 3) in the LRF's frame; 0
     is edge-on.
     """
-    off = pose[:, 2] - np.arctan2(pose[:, 1], pose[:, 0])
-    return np.abs((off + np.pi / 2) % np.pi - np.pi / 2)
+    sight = np.arctan2(pose[:, 1], pose[:, 0])
+    from_sight = pose[:, 2] - sight
+    return np.abs((from_sight + np.pi / 2) % np.pi - np.pi / 2)
 
 
 def in_axes(heading: Array) -> Array:
     """Matrices (M, 3, 3) that convert changes of (x, y, phi) into changes along and across plates
     at `heading` (M,).
     """
+    cos = np.cos(heading)
+    sin = np.sin(heading)
     axes = np.zeros((len(heading), 3, 3))
-    axes[:, 0, 0] = axes[:, 1, 1] = np.cos(heading)
-    axes[:, 0, 1] = np.sin(heading)
-    axes[:, 1, 0] = -axes[:, 0, 1]
+    # along the plate
+    axes[:, 0, 0] = cos
+    axes[:, 0, 1] = sin
+    # across the plate
+    axes[:, 1, 0] = -sin
+    axes[:, 1, 1] = cos
+    # the heading
     axes[:, 2, 2] = 1.0
     return axes
+
+
+def in_lrf_axes(covariance: Array, heading: Array) -> Array:
+    """Covariances (M, 3, 3) of (x, y, phi) from those along and across plates at `heading` (M,)."""
+    axes = in_axes(heading)
+    return np.asarray(axes.swapaxes(1, 2) @ covariance @ axes)
 
 
 @dataclass(frozen=True)
@@ -204,23 +264,29 @@ class Evaluation(Rows):
 
     def in_lrf_frame(self) -> Evaluation:
         """Convert the derivatives into derivatives with respect to x, y and phi."""
-        axes = in_axes(self.pose[:, 2])
-        back = axes.swapaxes(1, 2)
+        heading = self.pose[:, 2]
+        back = in_axes(heading).swapaxes(1, 2)
         return Evaluation(
-            self.pose,
-            self.cost,
-            (back @ self.gradient[..., None])[..., 0],
-            back @ self.hessian @ axes,
+            pose=self.pose,
+            cost=self.cost,
+            gradient=(back @ self.gradient[..., None])[..., 0],
+            hessian=in_lrf_axes(self.hessian, heading),
         )
 
     def newton(self, damping: Array) -> tuple[Array, Array]:
         """Poses (M, 3) after Newton steps with `damping` (M,), and the predicted cost decreases
         (M,).
+
+        With the gradient g and the damped Hessian H, a step is s = -H^-1 g, and it lowers the cost
+        g s + s H s / 2 by -g s / 2.
         """
-        step = np.linalg.solve(_regular(self.hessian, damping), -self.gradient[..., None])[..., 0]
+        damped = _regular(self.hessian, damping)
+        step = np.linalg.solve(damped, -self.gradient[..., None])[..., 0]
+        decrease = (step * self.gradient).sum(axis=1) / -2
         moved = self.pose + step
+        # the step is along and across the plate
         moved[:, :2] = self.pose[:, :2] + se2.rotate(self.pose[:, 2], step[:, :2])
-        return moved, (step * self.gradient).sum(axis=1) / -2
+        return moved, decrease
 
     def covariances(self) -> Array:
         """Inverses (M, 3, 3) of the Hessians, with variance UNKNOWN in directions that a scan does
@@ -232,10 +298,22 @@ class Evaluation(Rows):
 def _regular(hessian: Array, damping: Array) -> Array:
     """The Hessians (M, 3, 3) with damping (M,) and a prior whose variances are UNKNOWN."""
     regular = hessian.copy()
-    diagonal = regular.reshape(-1, 9)[:, ::4]  # a view
+    diagonal = np.einsum("mkk->mk", regular)  # a view
     diagonal *= 1 + damping[:, None]
     diagonal += 1 / UNKNOWN
     return regular
+
+
+@dataclass(frozen=True)
+class _Ranges:
+    """Residuals of H ranges, and factors of their derivatives."""
+
+    residual: Array  # (H,) [standard deviations]
+    on_long: np.ndarray  # (H,) whether the beam hits the long face, not the short one
+    # (H,) derivatives of the residuals by the position of the face [standard deviations / m]
+    slope: Array
+    # (H,) movement of the face at the beam as the plate turns [m/rad]
+    lever: Array
 
 
 @dataclass(frozen=True)
@@ -246,28 +324,38 @@ class PlateLikelihood:
     huber: float  # residual above which the loss of a range is linear [standard deviations]
 
     def evaluate(self, beams: PlateBeams, pose: Array) -> Evaluation:
-        """Compute cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""
+        """Compute cost, gradient and Gauss-Newton Hessian at poses (M, 3).
+
+        With the weights w of the Huber loss, the ranges' residuals r with the Jacobian J, and the
+        edges' residuals e with the Jacobian E, the gradient is J' w r + E' e, and the Hessian
+        J' w J + E' E.
+        """
         view = View.of(self.plate, pose)
-        residual, on_long, slope, lever = self._ranges(beams, view)
+
+        # sums over the returns of each scan, all at once
+        ranges = self._ranges(beams, view)
+        residual = ranges.residual
         weight, cost = self.loss(residual)
-        # (3, H)
-        jacobian = np.array(
-            [np.where(on_long, 0.0, slope), np.where(on_long, slope, 0.0), lever * slope]
-        )
+        by_along = np.where(ranges.on_long, 0.0, ranges.slope)
+        by_across = np.where(ranges.on_long, ranges.slope, 0.0)
+        jacobian = np.array([by_along, by_across, ranges.lever * ranges.slope])  # (3, H)
         weighted = weight * jacobian
-        sums = beams.sums(
-            np.concatenate([cost[None], weighted * residual, weighted[_ROW] * jacobian[_COLUMN]])
-        )
+        products = weighted[_ROW] * jacobian[_COLUMN]  # (6, H)
+        sums = beams.sums(np.concatenate([cost[None], weighted * residual, products]))
+
+        # and the two edges
         edges = self.edges(beams.edges, view)  # (4, 2, M)
-        missed, by_edges = edges[0], edges[1:]
+        missed = edges[0]
+        by_edges = edges[1:]
         total = sums[0] + (missed**2).sum(axis=0) / 2
         gradient = sums[1:4] + (by_edges * missed).sum(axis=1)
         elements = sums[4:] + (by_edges[_ROW] * by_edges[_COLUMN]).sum(axis=1)
-        return Evaluation(pose, total, gradient.T, elements[_SYMMETRIC].transpose(2, 0, 1))
+        hessian = elements[_SYMMETRIC].transpose(2, 0, 1)
+        return Evaluation(pose, total, gradient.T, hessian)
 
     def misfit(self, beams: PlateBeams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
-        residual = self._ranges(beams, View.of(self.plate, pose))[0]
+        residual = self._ranges(beams, View.of(self.plate, pose)).residual
         return np.sqrt(beams.sums(residual * residual) / beams.count)
 
     def climb(self, beams: PlateBeams, pose: Array, iterations: int) -> Evaluation:
@@ -279,26 +367,29 @@ class PlateLikelihood:
         independently of the other rows.
         """
         fit = self.evaluate(beams, pose.copy())
-        climbing, damping = np.arange(len(pose)), np.full(len(pose), _DAMPING)
+        climbing = np.arange(len(pose))
+        damping = np.full(len(pose), _FIRST_DAMPING)
         for _ in range(iterations):
-            target, fall = fit.take(climbing).newton(damping[climbing])
-            going = fall >= _CONVERGED
-            last = ~going & (damping[climbing] < _REFUSED)
-            fit.pose[climbing[last]] = target[last]
-            fit.cost[climbing[last]] -= fall[last]
-            if not going.any():
+            target, decrease = fit.take(climbing).newton(damping[climbing])
+            goes_on = decrease >= _CONVERGED
+
+            # last steps are taken without another evaluation, unless the step before was rejected
+            is_last = ~goes_on & (damping[climbing] < _REJECTED_DAMPING)
+            fit.pose[climbing[is_last]] = target[is_last]
+            fit.cost[climbing[is_last]] -= decrease[is_last]
+            if not goes_on.any():
                 break
-            if not going.all():
-                climbing, beams, target = (
-                    climbing[going],
-                    beams.take(np.flatnonzero(going)),
-                    target[going],
-                )
+            if not goes_on.all():
+                climbing = climbing[goes_on]
+                beams = beams.take(np.flatnonzero(goes_on))
+                target = target[goes_on]
+
             trial = self.evaluate(beams, target)
-            better = trial.cost < fit.cost[climbing]
-            fit.put(climbing[better], trial.take(better))
+            is_better = trial.cost < fit.cost[climbing]
+            fit.put(climbing[is_better], trial.take(is_better))
             before = damping[climbing]
-            damping[climbing] = np.where(better, before / 10, np.maximum(10 * before, _REFUSED))
+            after_rejection = np.maximum(10 * before, _REJECTED_DAMPING)
+            damping[climbing] = np.where(is_better, before / 10, after_rejection)
         return fit
 
     def loss(self, residual: Array) -> tuple[Array, Array]:
@@ -310,53 +401,67 @@ class PlateLikelihood:
         weighted = weight * size
         return weight, weighted * (size - weighted / 2)
 
-    def _ranges(self, beams: PlateBeams, view: View) -> tuple[Array, Array, Array, Array]:
-        """Residuals (H,) of the ranges [standard deviations], and three factors of their
-        derivatives.
+    def _ranges(self, beams: PlateBeams, view: View) -> _Ranges:
+        """Residuals of the ranges, and the factors of their derivatives.
 
-        These are whether a beam hits the long face (H,), the derivative of its residual by the
-        position of the face (H,) [standard deviations per m], and the place on the face where the
-        beam hits (H,) [m].
+        In the plate's axes, the LRF is at -p, and a beam has the direction u. The face towards the
+        LRF of each pair is in a plane at the signed distance d, along one axis, so that the beam
+        meets it at the range d / u of that axis. It enters the plate where it meets the second of
+        both planes, at the longer range. Where it misses the plate, this is limited to the ranges
+        at which the plate can be.
+
+        The range changes by 1 / u with p along that axis. As the plate turns about its centre, the
+        face at the beam moves by the place on the face, counted from the plate's centre.
         """
+        # values of the scans, spread over their returns in one array, which is faster
         half = np.array([[self.plate.length], [self.plate.thickness]]) / 2
+        radius = math.hypot(self.plate.length, self.plate.thickness) / 2
+        centre_distance = np.abs(view.place)
         of_scans = np.empty((10, len(view.place)))
-        of_scans[0], of_scans[1] = view.axis.real, view.axis.imag
+        of_scans[0] = view.axis.real
+        of_scans[1] = view.axis.imag
         place = of_scans[2:4]  # along and across, like the pairs of rows below
-        place[0], place[1] = view.place.real, view.place.imag
-        # signed distances of the planes of the short and long faces that point to the LRF; 0 if
-        # neither of a pair does
+        place[0] = view.place.real
+        place[1] = view.place.imag
+        # the planes' distances d; 0 if neither face of a pair is towards the LRF
         np.subtract(place, np.minimum(np.maximum(place, -half), half), out=of_scans[4:6])
-        np.copysign(_TINY, place, out=of_scans[6:8])
-        distance, reach = (
-            np.abs(view.place),
-            math.hypot(self.plate.length, self.plate.thickness) / 2,
-        )
-        np.maximum(distance - reach, _TINY, out=of_scans[8])
-        np.add(distance, reach, out=of_scans[9])
+        np.copysign(_MIN_DIVISOR, place, out=of_scans[6:8])
+        np.maximum(centre_distance - radius, _MIN_DIVISOR, out=of_scans[8])
+        np.add(centre_distance, radius, out=of_scans[9])
         spread = beams.spread(of_scans)
-        cos, sin, near, far = spread[0], spread[1], spread[8], spread[9]
+        cos = spread[0]
+        sin = spread[1]
+        place_of_beams = spread[2:4]
+        plane_distance = spread[4:6]
+        tiny = spread[6:8]
+        nearest = spread[8]
+        farthest = spread[9]
+
+        # ranges to both planes, negative where the beam does not enter the half-plane behind it
         u = beams.u * cos + beams.u_turned * sin
-        # the range to a face is negative where the beam does not enter the half-plane behind the
-        # face
-        per_distance: Array = 1 / (u - spread[6:8])
-        to_short, to_long = spread[4:6] * per_distance
+        per_distance: Array = 1 / (u - tiny)
+        to_short, to_long = plane_distance * per_distance
         on_long = to_long > to_short
         entered = np.maximum(to_short, to_long)
-        predicted = np.minimum(np.maximum(entered, near), far)
+        predicted = np.minimum(np.maximum(entered, nearest), farthest)
+
+        # in standard deviations; a limited range doesn't depend on the pose
         scale = 1 / beams.noise
         residual = (predicted - beams.range) * scale
         slope = np.where(on_long, per_distance[1], per_distance[0])
         slope *= (predicted == entered) * scale
-        along, across = predicted * u - spread[2:4]
-        return residual, on_long, slope, np.where(on_long, along, -across)
+        along, across = predicted * u - place_of_beams  # where the beams end, from the centre
+        return _Ranges(residual, on_long, slope, lever=np.where(on_long, along, -across))
 
     def edges(self, edges: Edges, view: View) -> Array:
         """Residuals of the silhouette's two edges, followed by their three derivatives, (4, 2,
         M).
         """
-        bearing, *slopes = view.silhouette(edges.ahead)
-        slack, missed = edges.slack.T, bearing - edges.bearing.T
-        missed -= missed.clip(-slack, slack)
-        return np.array([missed, *slopes]) * np.where(
-            (slack == 0) | (missed != 0), edges.weight.T, 0.0
-        )
+        silhouette = view.silhouette(edges.ahead)
+        slack = edges.slack.T
+        off = silhouette[0] - edges.bearing.T
+        missed = off - off.clip(-slack, slack)
+        values = np.array([missed, *silhouette[1:]])
+        # an edge within its slack costs nothing
+        counts = (slack == 0) | (missed != 0)
+        return values * np.where(counts, edges.weight.T, 0.0)

@@ -22,18 +22,18 @@ from trackslip.localization.likelihood import (
     Evaluation,
     PlateBeams,
     PlateLikelihood,
-    in_axes,
+    in_lrf_axes,
     viewing_angle,
 )
 from trackslip.localization.line import starts
+from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.localization.rows import Rows
 from trackslip.localization.scan import (
     FINER_GAPS,
     MAX_GAP,
     MIN_RETURNS,
     Cluster,
     Plate,
-    PoseEstimate,
-    Rows,
     Scan,
     best_of_each,
     candidates,
@@ -41,29 +41,30 @@ from trackslip.localization.scan import (
     returns_at,
 )
 
-_AT_ONCE: Final = 2000  # maximum number of scans fitted at once, to limit memory
+_MAX_AT_ONCE: Final = 2000  # maximum number of scans fitted at once, to limit memory
 _HUBER: Final = 3.0  # residual above which the loss of a range is linear [standard deviations]
-_SCREENING: Final = 4  # iterations from every initial pose before the best fit is selected
-_ITERATIONS: Final = 8  # maximum number of iterations from the best screened fit
+_SCREENING_BEAMS: Final = 24  # number of beams per cluster with which initial poses are screened
+_SCREENING_STEPS: Final = 4  # iterations from every initial pose before the best fit is selected
+_MAX_STEPS: Final = 8  # maximum number of iterations from the best screened fit
+# cost difference below which the first fit is used, so that rounding does not decide
+_EQUAL_COST: Final = 1e-3
 _MAX_MISFIT: Final = 3.0  # maximum rms residual of a valid pose [standard deviations]
 _MAX_HEADING_ERROR: Final = np.radians(3.0)  # maximum standard error of a valid heading [rad]
 _MAX_POSITION_ERROR: Final = 0.05  # maximum standard error of a valid position [m]
-# excess of a misfit over 1 that indicates returns from other objects [standard deviations]
-_STRAINED: Final = 4.0
+# excess of a misfit over 1 that indicates returns from other objects, in its standard deviations
+_MAX_EXCESS: Final = 4.0
 # log likelihood gain if a return is from the plate instead of anything within a few metres
-_EXPLAINED: Final = 7.0
-# number of returns below which a cluster may look like a plate by chance
-_MIN_PLATE_RETURNS: Final = 8
-_ROUNDS: Final = 2  # number of times that returns are selected by the fitted pose
-_SCREENED: Final = 24  # number of beams per cluster with which initial poses are screened
-# cost difference below which the first fit is used, so that rounding does not decide
-_ALIKE: Final = 1e-3
-_FEW_BEAMS: Final = 1.5  # beam steps on a short face below which the face holds one or two beams
-# viewing angle above which a plate counts as seen from the side
-_FROM_SIDE: Final = np.radians(45.0)
-_TINY: Final = 1e-12  # avoids division by zero for edges without information
+_GAIN_PER_RETURN: Final = 7.0
 # lowest assumed probability that a beam that hits the plate gives no return
 _MIN_DROPOUT: Final = 0.02
+# number of returns below which a cluster may look like a plate by chance
+_MIN_PLATE_RETURNS: Final = 8
+_MAX_SELECTIONS: Final = 2  # number of times that returns are selected by the fitted pose
+# beam steps on a short face below which it holds one or two beams, which may miss it
+_MIN_SHORT_STEPS: Final = 1.5
+# viewing angle above which a plate counts as seen from the side [rad]
+_FROM_SIDE: Final = np.radians(45.0)
+_MIN_DIVISOR: Final = 1e-12  # avoids division by zero for edges without information
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,13 @@ class PlateSolution(Rows):
     @classmethod
     def none(cls, scans: int) -> PlateSolution:
         """Return placeholders for scans without a solution."""
-        unknown, unexplained = np.full((scans, 3, 3), UNKNOWN), np.full(scans, np.inf)
-        return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
+        return cls(
+            pose=np.zeros((scans, 3)),
+            covariance=np.full((scans, 3, 3), UNKNOWN),
+            misfit=np.full(scans, np.inf),
+            score=np.full(scans, -np.inf),
+            doubtful=np.zeros(scans, bool),
+        )
 
     def improve(self, rows: np.ndarray, other: PlateSolution) -> None:
         """Overwrite the solutions for the scans `rows` (R,) where the R solutions in `other` have
@@ -96,6 +102,11 @@ class PlateSolution(Rows):
 class PlateLocator:
     """Locator that fits the rectangle to each scan; poses are valid if they explain the returns and
     are precise.
+
+    Each scan passes through these steps: clusters of returns that may be the plate; for each a
+    likelihood, maximised from the expected pose or from several (`_solve`); the cluster with the
+    highest score; where that is doubtful, clusters with finer gaps, and returns selected anew by
+    the fitted pose (`_located`); at last the checks that make a pose valid (`_is_valid`).
     """
 
     plate: Plate = field(default_factory=Plate)
@@ -108,13 +119,14 @@ class PlateLocator:
         returns from the plate, its returns are selected again with the fitted pose.
         """
         near = None if predicted is None else scan.from_world(predicted)
-        found = PlateSolution.none(len(scan.ranges))
-        for rows in np.array_split(
-            np.arange(len(scan.ranges)), -(-len(scan.ranges) // _AT_ONCE) or 1
-        ):
+        scans = len(scan.ranges)
+        found = PlateSolution.none(scans)
+        for begin in range(0, scans, _MAX_AT_ONCE):
+            rows = np.arange(begin, min(begin + _MAX_AT_ONCE, scans))
             part = replace(scan, ranges=scan.ranges[rows])
             found.put(rows, self._located(part, None if near is None else near[rows]))
-        valid = self._believed(found)
+
+        valid = self._is_valid(found)
         covariance = scan.covariance_to_world(found.covariance)
         covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
@@ -124,30 +136,41 @@ class PlateLocator:
         these are known.
         """
         if near is None:
+            # without expected poses, whatever is doubtful may be another object altogether
             found = self._best(scan, MAX_GAP)
-            doubtful = astray = np.flatnonzero(found.doubtful | ~np.isfinite(found.misfit))
+            is_doubtful = found.doubtful | ~np.isfinite(found.misfit)
+            is_failed = is_doubtful
         else:
             found = self._solve(scan, extract_plate(scan, self.plate, near), near)
-            strange = found.misfit > _MAX_MISFIT
-            (astray,), (doubtful,) = strange.nonzero(), (found.doubtful | strange).nonzero()
-        for gap in FINER_GAPS if astray.size else ():
-            found.improve(astray, self._best(replace(scan, ranges=scan.ranges[astray]), gap))
+            is_failed = found.misfit > _MAX_MISFIT
+            is_doubtful = found.doubtful | is_failed
+
+        # a close object may be in the same cluster: smaller gaps may separate it from the plate
+        failed = np.flatnonzero(is_failed)
+        if failed.size:
+            part = replace(scan, ranges=scan.ranges[failed])
+            for gap in FINER_GAPS:
+                found.improve(failed, self._best(part, gap))
+
+        doubtful = np.flatnonzero(is_doubtful)
         if doubtful.size:
-            self._sort_out(scan, found, doubtful, near)
+            self._select_again(scan, found, doubtful, near)
         return found
 
-    def _sort_out(
+    def _select_again(
         self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None
     ) -> None:
         """Improve the solutions for the scans `rows` by selecting the returns anew with the fitted
-        poses.
+        poses, or with the expected poses `near` (S, 3) where a fit failed.
         """
         part = replace(scan, ranges=scan.ranges[rows])
-        for _ in range(_ROUNDS):
+        for _ in range(_MAX_SELECTIONS):
             pose = found.pose[rows]
             if near is not None:
-                pose = np.where((found.misfit[rows] < _MAX_MISFIT)[:, None], pose, near[rows])
-            found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
+                is_fitted = found.misfit[rows] < _MAX_MISFIT
+                pose = np.where(is_fitted[:, None], pose, near[rows])
+            cluster = returns_at(part, self.plate, pose)
+            found.improve(rows, self._solve(part, cluster, pose))
 
     def _best(self, scan: Scan, gap: float) -> PlateSolution:
         """The solution from the best cluster of each scan, where gaps above `gap` [m] separate
@@ -160,41 +183,47 @@ class PlateLocator:
         found.put(row[best], tried.take(best))
         return found
 
-    def _believed(self, found: PlateSolution) -> np.ndarray:
+    def _is_valid(self, found: PlateSolution) -> np.ndarray:
         """Mask (S,) of the valid solutions in `found`."""
         variance = np.einsum("sii->si", found.covariance)
-        return (
-            (found.misfit < _MAX_MISFIT)
-            & (variance[:, :2].max(axis=1) < _MAX_POSITION_ERROR**2)
-            & (variance[:, 2] < _MAX_HEADING_ERROR**2)
-            & (viewing_angle(found.pose) > EDGE_ON)
-        )
+        is_explained = found.misfit < _MAX_MISFIT
+        has_position = variance[:, :2].max(axis=1) < _MAX_POSITION_ERROR**2
+        has_heading = variance[:, 2] < _MAX_HEADING_ERROR**2
+        is_not_edge_on = viewing_angle(found.pose) > EDGE_ON
+        return is_explained & has_position & has_heading & is_not_edge_on
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
         """The best solution for each cluster of MIN_RETURNS or more returns."""
-        found, rows = (
-            PlateSolution.none(len(cluster.count)),
-            np.flatnonzero(cluster.count >= MIN_RETURNS),
-        )
+        found = PlateSolution.none(len(cluster.count))
+        rows = np.flatnonzero(cluster.count >= MIN_RETURNS)
         if not rows.size:
             return found
-        cluster, near = cluster.take(rows), None if near is None else near[rows]
+        cluster = cluster.take(rows)
+        if near is not None:
+            near = near[rows]
         beams = PlateBeams.of(scan, cluster)
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
-        axes = in_axes(fit.pose[:, 2])
-        short = self.plate.thickness / scan.beam_step
-        covariance = (
-            axes.swapaxes(1, 2)
-            @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short)
-            @ axes
-        )
-        strained = _strained(misfit, cluster.count)
-        covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
-        score = _EXPLAINED * cluster.count - fit.cost
+
+        # scattered returns and chance clusters determine less than the likelihood's curvature says
+        short_distance = self.plate.thickness / scan.beam_step
+        on_axes = _widened(fit.covariances(), fit.pose, beams.edges.weight, short_distance)
+        covariance = in_lrf_axes(on_axes, fit.pose[:, 2])
+        is_scattered = _scatters(misfit, cluster.count)
+        covariance[is_scattered] *= (misfit[is_scattered] ** 2)[:, None, None]
+        is_cut = cluster.hidden.max(axis=1) > 0
+        covariance[is_cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
+
+        # relative to a scan without a plate: each return gains, each beam without one loses
+        score = _GAIN_PER_RETURN * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
-        cut = cluster.hidden.max(axis=1) > 0
-        covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
-        found.put(rows, PlateSolution(fit.pose, covariance, misfit, score, strained | cut))
+        solution = PlateSolution(
+            pose=fit.pose,
+            covariance=covariance,
+            misfit=misfit,
+            score=score,
+            doubtful=is_scattered | is_cut,
+        )
+        found.put(rows, solution)
         return found
 
     def _fit(
@@ -206,50 +235,61 @@ class PlateLocator:
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
-        fit = PlateLikelihood(self.plate, _HUBER).climb(beams, near, _ITERATIONS)
-        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (
-            cluster.count < _MIN_PLATE_RETURNS
-        )
-        rows = np.flatnonzero(unexplained)
+
+        fit = PlateLikelihood(self.plate, _HUBER).climb(beams, near, _MAX_STEPS)
+        is_unsure = cluster.count < _MIN_PLATE_RETURNS
+        is_unsure |= _scatters(_misfit(fit, cluster), cluster.count)
+        rows = np.flatnonzero(is_unsure)
         if rows.size:
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit, _misfit(fit, cluster)
 
     def _screened(self, beams: PlateBeams, first: Array) -> Evaluation:
-        """The best fits for S scans from K initial poses each, `first` (S, K, 3)."""
-        scans, k, _ = first.shape
+        """The best fits for S scans from K initial poses each, `first` (S, K, 3).
+
+        A few iterations with some of the beams show which initial pose is the best.
+        """
+        scans, starts_per_scan, _ = first.shape
         likelihood = PlateLikelihood(self.plate, _HUBER)
-        thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
-        screened = likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
-        cost = screened.cost.reshape(scans, k)
-        best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(
-            scans
-        )
-        return likelihood.climb(beams, screened.pose[best], _ITERATIONS)
+        repeated = np.repeat(np.arange(scans), starts_per_scan)
+        thinned = beams.thinned(_SCREENING_BEAMS).take(repeated)
+        screened = likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING_STEPS)
+
+        cost = screened.cost.reshape(scans, starts_per_scan)
+        pose = screened.pose.reshape(scans, starts_per_scan, 3)
+        is_best = cost < cost.min(axis=1, keepdims=True) + _EQUAL_COST
+        best = np.argmax(is_best, axis=1)  # the first of them
+        return likelihood.climb(beams, pose[np.arange(scans), best], _MAX_STEPS)
 
 
-def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
+def _widened(covariance: Array, pose: Array, weight: Array, short_distance: float) -> Array:
     """Covariances (S, 3, 3) along and across plates at poses (S, 3), widened along the plates where
     too small.
 
     Covariances are too small where one or two beams hit the short face of a plate seen from the
     side. The beams seem to determine the position along the plate precisely, but do not if the
-    plate slides so that they hit the long face. The variance is then that from the edges, with
-    weights `weight` (S, 2) [1/rad]. `short` is the distance at which a short face turned towards
-    the LRF spans one beam step [m].
+    plate slides so that they hit the long face. The variance is then that from the edges, whose
+    bearings have the `weight` (S, 2) [1/rad]: a plate at the distance d, seen at the angle theta,
+    that slides by dx turns them by dx sin(theta) / d.
+
+    `short_distance` is the distance at which a short face turned towards the LRF spans one beam
+    step [m].
     """
-    angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
-    information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]
-    few = (angle > _FROM_SIDE) & (short * np.cos(angle) < _FEW_BEAMS * distance) & (information > 0)
-    factor = np.sqrt(
-        np.where(
-            few, np.maximum(1 / np.maximum(information * covariance[:, 0, 0], _TINY), 1.0), 1.0
-        )
-    )
-    covariance[:, 0, :] *= factor[:, None]
-    covariance[:, :, 0] *= factor[:, None]
-    return covariance
+    angle = viewing_angle(pose)
+    distance = np.hypot(pose[:, 0], pose[:, 1])
+    edge_slope = np.sin(angle) / distance  # [rad/m]
+    information = np.sum((weight * edge_slope[:, None]) ** 2, axis=1)  # from both edges [1/m^2]
+
+    is_from_side = angle > _FROM_SIDE
+    is_short_face_missed = short_distance * np.cos(angle) < _MIN_SHORT_STEPS * distance
+    is_widened = is_from_side & is_short_face_missed & (information > 0)
+
+    # the variance by the edges, relative to that of the likelihood
+    ratio = 1 / np.maximum(information * covariance[:, 0, 0], _MIN_DIVISOR)
+    scale = np.ones((len(pose), 3))
+    scale[:, 0] = np.sqrt(np.where(is_widened, np.maximum(ratio, 1.0), 1.0))
+    return np.asarray(covariance * scale[:, :, None] * scale[:, None, :])
 
 
 def _misfit(fit: Evaluation, cluster: Cluster) -> Array:
@@ -257,8 +297,10 @@ def _misfit(fit: Evaluation, cluster: Cluster) -> Array:
     return np.sqrt(2 * fit.cost / cluster.count)
 
 
-def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:
+def _scatters(misfit: Array, count: np.ndarray) -> np.ndarray:
     """Mask (S,) of the scans whose `count` (S,) returns scatter about the plate by more than noise
     explains.
+
+    The rms of n normal residuals has the mean 1 and nearly the standard deviation 1 / sqrt(2 n).
     """
-    return misfit - 1 > _STRAINED / np.sqrt(2 * count)
+    return misfit - 1 > _MAX_EXCESS / np.sqrt(2 * count)

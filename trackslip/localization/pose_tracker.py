@@ -16,7 +16,8 @@ from scipy.interpolate import interp1d
 
 from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
 from trackslip.localization.likelihood import EDGE_ON, viewing_angle
-from trackslip.localization.scan import Locator, PoseEstimate, Scan
+from trackslip.localization.pose_estimate import Locator, PoseEstimate
+from trackslip.localization.scan import Scan
 from trackslip.restorable import Restorable
 
 GATE_POSITION: Final = 0.10
@@ -31,7 +32,8 @@ BLIND_TURN: Final = np.radians(60.0)
 """Expected heading error above which the robot is lost [rad]. The sum with GATE_HEADING must be
 below pi / 2.
 """
-EVERY: Final = 8  # interval between scans that are located independently [scans]
+EVERY: Final = 8
+"""Interval between scans that are located independently [scans]."""
 
 
 class Tracker(Restorable):
@@ -42,21 +44,23 @@ class Tracker(Restorable):
     than a millimetre over one scan.
     """
 
-    STATE = ("_pose", "_blind", "_last")
+    STATE = ("_pose", "_unseen", "_last_covariance")
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """Start from the known poses `start` (N, 3) of the robots in the world frame."""
         self._pose: Array = np.array(start, float)
         self.geometry = geometry
-        # distance [m] and turn [rad] since the last valid poses
-        self._blind = np.zeros((len(self._pose), 2))
-        self._last: Array = np.zeros((len(self._pose), 3, 3))  # covariances of the last valid poses
+        robots = len(self._pose)
+        # (N, 2) distance [m] and turn [rad] since the last valid poses
+        self._unseen = np.zeros((robots, 2))
+        # (N, 3, 3) covariances of the last valid poses
+        self._last_covariance: Array = np.zeros((robots, 3, 3))
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Restart the tracks of some `robots` (R,) at known poses `start` (R, 3)."""
         self._pose[robots] = start
-        self._blind[robots] = 0.0
-        self._last[robots] = 0.0
+        self._unseen[robots] = 0.0
+        self._last_covariance[robots] = 0.0
 
     def predict(self, omega: Array, duration: float) -> Array:
         """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s], and return
@@ -65,49 +69,57 @@ class Tracker(Restorable):
         # without slip
         twist = twist_of_tracks(self.geometry.sprocket_radius * omega, self.geometry.half_gauge)
         self._pose = advance(self._pose, twist, duration)
-        self._blind += np.abs(twist) * duration
+        self._unseen += np.abs(twist) * duration
         return self._pose.copy()
 
     def believes(self, estimate: PoseEstimate) -> np.ndarray:
         """Mask (N,) of the robots whose estimates are valid and close enough to the predictions."""
-        away = self._unwrapped(estimate.pose) - self._pose
-        growth = GROWTH * self._blind
-        far = np.hypot(away[:, 0], away[:, 1]) > GATE_POSITION + growth[:, 0]
-        turned = np.abs(away[:, 2]) > GATE_HEADING + growth[:, 1]
-        lost = growth[:, 1] > BLIND_TURN
-        return estimate.valid & ~far & ~turned & ~lost
+        error = self._nearest_half_turn(estimate.pose) - self._pose
+        distance = np.hypot(error[:, 0], error[:, 1])
+        turn = np.abs(error[:, 2])
+        growth = GROWTH * self._unseen
+        is_near = distance <= GATE_POSITION + growth[:, 0]
+        is_aligned = turn <= GATE_HEADING + growth[:, 1]
+        is_lost = growth[:, 1] > BLIND_TURN
+        return estimate.valid & is_near & is_aligned & ~is_lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
         """Continue the tracks with one estimate per robot. Predictions, marked invalid, replace
         rejected estimates.
         """
-        pose, valid = self._unwrapped(estimate.pose), self.believes(estimate)
+        pose = self._nearest_half_turn(estimate.pose)
+        valid = self.believes(estimate)
         self._pose[valid] = pose[valid]
-        self._blind[valid] = 0.0
-        self._last[valid] = estimate.covariance[valid]
+        self._unseen[valid] = 0.0
+        self._last_covariance[valid] = estimate.covariance[valid]
         return PoseEstimate(self._pose.copy(), self._covariance(), valid)
 
-    def _unwrapped(self, pose: Array) -> Array:
+    def _nearest_half_turn(self, pose: Array) -> Array:
         """Poses (N, 3) with headings shifted by half turns, so that they are nearest to the
         predictions.
         """
-        unwrapped = pose.copy()
-        unwrapped[:, 2] -= np.rint((pose[:, 2] - self._pose[:, 2]) / np.pi) * np.pi
-        return unwrapped
+        shifted = pose.copy()
+        half_turns = np.rint((pose[:, 2] - self._pose[:, 2]) / np.pi)
+        shifted[:, 2] -= half_turns * np.pi
+        return shifted
 
     def _covariance(self) -> Array:
         """Covariances (N, 3, 3) of the last valid poses plus their growth over the distance driven
         since.
 
         Slip is not white noise: its error grows in proportion to distance, and a heading error adds
-        a lateral error.
+        a lateral error. So with the distance l and the turn t driven since, the share g = GROWTH,
+        and the variance V of the last heading, the heading's variance grows by (g t)^2, and those
+        of x and y by (g l)^2 + l^2 (V + (g t)^2).
         """
-        way, turn = self._blind.T
-        heading = GROWTH * turn
-        astray = way * np.sqrt(self._last[:, 2, 2] + heading**2)
-        covariance = self._last.copy()
-        covariance[:, [0, 1], [0, 1]] += ((GROWTH * way) ** 2 + astray**2)[:, None]
-        covariance[:, 2, 2] += heading**2
+        distance, turn = self._unseen.T
+        heading_error = GROWTH * turn
+        lateral_error = distance * np.sqrt(self._last_covariance[:, 2, 2] + heading_error**2)
+        position_variance = (GROWTH * distance) ** 2 + lateral_error**2
+        covariance = self._last_covariance.copy()
+        covariance[:, 0, 0] += position_variance
+        covariance[:, 1, 1] += position_variance
+        covariance[:, 2, 2] += heading_error**2
         return covariance
 
 
@@ -122,7 +134,9 @@ class Follower:
         """Store the locator, and the `tracker` with the poses of the N robots in their first
         scan.
         """
-        self._locator, self._tracker, self._of_keys = locator, tracker, copy.deepcopy(tracker)
+        self._locator = locator
+        self._tracker = tracker
+        self._key_tracker = copy.deepcopy(tracker)  # through the scans located independently
 
     def follow(self, scan: Scan, angle: Array) -> PoseEstimate:
         """Track the N robots through the next block of T scans, with ranges (N, T, B).
@@ -132,11 +146,18 @@ class Follower:
         """
         rows = scan.ranges.shape[1]
         keys = np.append(np.arange(EVERY - 1, rows - 1, EVERY), rows - 1)
-        start = self._of_keys.predict(angle[:, 0], 0.0)  # poses at the end of the previous block
-        turned = np.add.reduceat(angle, np.append(0, keys[:-1] + 1), axis=1)
-        known = self._tracked(self._of_keys, replace(scan, ranges=scan.ranges[:, keys]), turned)
-        path = np.concatenate([start[:, None], known.pose], axis=1)
-        expected = interp1d(np.append(-1, keys), path, axis=1)(np.arange(rows))
+
+        # a track through a few scans, from the pose at the end of the previous block
+        start = self._key_tracker.predict(angle[:, 0], 0.0)
+        first_after_key = np.append(0, keys[:-1] + 1)
+        angle_to_key = np.add.reduceat(angle, first_after_key, axis=1)
+        key_scan = replace(scan, ranges=scan.ranges[:, keys])
+        track = self._tracked(self._key_tracker, key_scan, angle_to_key)
+
+        # all scans, near that track
+        known_rows = np.append(-1, keys)
+        known_poses = np.concatenate([start[:, None], track.pose], axis=1)
+        expected = interp1d(known_rows, known_poses, axis=1)(np.arange(rows))
         return self._tracked(self._tracker, scan, angle, expected.reshape(-1, 3))
 
     def _tracked(
@@ -149,18 +170,22 @@ class Follower:
         is located again from the predicted pose.
         """
         robots, rows, beams = scan.ranges.shape
-        single = self._locator.locate(
-            replace(scan, ranges=scan.ranges.reshape(-1, beams)), expected
-        )
+        all_scans = replace(scan, ranges=scan.ranges.reshape(-1, beams))
+        located = self._locator.locate(all_scans, expected)
         tracked = []
         for row in range(rows):
             predicted = tracker.predict(angle[:, row], 1.0)
-            here = single.take(rows * np.arange(robots) + row)
-            edge_on = viewing_angle(scan.from_world(predicted)) < EDGE_ON
-            doubted = np.flatnonzero(~tracker.believes(here) & ~edge_on)
-            if doubted.size:
-                part = replace(scan, ranges=scan.ranges[doubted, row])
-                here.put(doubted, self._locator.locate(part, predicted[doubted]))
+            here = located.take(rows * np.arange(robots) + row)
+
+            # rejected poses are located again, except where a scan determines none
+            is_edge_on = viewing_angle(scan.from_world(predicted)) < EDGE_ON
+            rejected = np.flatnonzero(~tracker.believes(here) & ~is_edge_on)
+            if rejected.size:
+                part = replace(scan, ranges=scan.ranges[rejected, row])
+                here.put(rejected, self._locator.locate(part, predicted[rejected]))
             tracked.append(tracker.update(here))
-        parts = zip(*(vars(track).values() for track in tracked), strict=True)
-        return PoseEstimate(*(np.stack(part, axis=1) for part in parts))
+        return PoseEstimate(
+            pose=np.stack([one.pose for one in tracked], axis=1),
+            covariance=np.stack([one.covariance for one in tracked], axis=1),
+            valid=np.stack([one.valid for one in tracked], axis=1),
+        )

@@ -1,12 +1,12 @@
-"""Scans of a real or simulated laser range finder (LRF), the points in them that are on the plate,
-and estimates.
+"""Scans of a real or simulated laser range finder (LRF), and the points in them that are on the
+plate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol, Self
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +28,16 @@ MIN_RETURNS: Final = 4
 MIN_NOISE: Final = 0.5e-3
 """Smallest assumed noise of a scanner, because the plate is never a perfect rectangle [m]."""
 # maximum distance of a return from an expected plate, above a tracker's error [m]
-_ABOUT: Final = 0.15
+_EXPECTED_MARGIN: Final = 0.15
 # maximum distance of a return from its plate, unless five standard deviations are more [m]
-_ON_PLATE: Final = 0.03
-_HOUSING: Final = 0.05  # range below which returns are from the LRF's housing or stand [m]
+_MAX_RESIDUAL: Final = 0.03
+# range below which returns are from the LRF's housing or stand [m]
+_HOUSING_RADIUS: Final = 0.05
 # distance from the background within which returns belong to it [standard deviations]
-_STATIC: Final = 5.0
+_BACKGROUND_DEVIATIONS: Final = 5.0
 # distance in front of the plate from which a return is from another object [m]
 _IN_FRONT: Final = 0.05
-_CANDIDATES: Final = 4  # maximum number of candidate clusters per scan
+_MAX_CANDIDATES: Final = 4  # maximum number of candidate clusters per scan
 
 
 @dataclass(frozen=True)
@@ -58,21 +59,33 @@ class Plate:
                 "thickness", self.thickness, f"less than length = {self.length}"
             )
 
+    def largest_extent(self, noise: float) -> float:
+        """Largest side of a box around returns from the plate, with range errors [m].
+
+        `noise` is the standard deviation of a range [m].
+        """
+        return self.length + self.thickness + 6 * noise
+
     def outside(self, pose: Array, which: np.ndarray, x: Array, y: Array) -> Array:
         """Distances (H,) [m] of points (x, y) from the plates `which` (H,) among those at `pose`
         (S, 3); < 0 inside.
+
+        In the axes of its plate, a point is beyond the nearer end by `beyond_end`, and beyond the
+        nearer long face by `beyond_face`; both are negative inside. Outside, the distance is the
+        hypotenuse of the positive ones. Inside, it is the larger of both, to the nearest face.
         """
-        places = np.array([pose[:, 0], pose[:, 1], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
-        p_x, p_y, cos, sin = places.take(which, axis=1)
-        x, y = x - p_x, y - p_y
-        along = np.abs(cos * x + sin * y) - self.length / 2
-        across = np.abs(cos * y - sin * x) - self.thickness / 2
-        inside, x, y = (
-            np.minimum(np.maximum(along, across), 0),
-            np.maximum(along, 0),
-            np.maximum(across, 0),
-        )
-        return np.sqrt(x * x + y * y) + inside
+        heading = pose[:, 2]
+        plates = np.array([pose[:, 0], pose[:, 1], np.cos(heading), np.sin(heading)])
+        centre_x, centre_y, cos, sin = plates.take(which, axis=1)
+        x = x - centre_x
+        y = y - centre_y
+        beyond_end = np.abs(cos * x + sin * y) - self.length / 2
+        beyond_face = np.abs(cos * y - sin * x) - self.thickness / 2
+
+        inside = np.minimum(np.maximum(beyond_end, beyond_face), 0)
+        outside_x = np.maximum(beyond_end, 0)
+        outside_y = np.maximum(beyond_face, 0)
+        return np.sqrt(outside_x * outside_x + outside_y * outside_y) + inside
 
 
 @dataclass(frozen=True)
@@ -111,7 +124,8 @@ class Scan:
         """Convert covariances (..., 3, 3) of (x, y, phi) from the LRF's frame to the world
         frame.
         """
-        cos, sin = np.cos(self.mount[2]), np.sin(self.mount[2])
+        cos = np.cos(self.mount[2])
+        sin = np.sin(self.mount[2])
         turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
         return turn @ covariance @ turn.T
 
@@ -163,11 +177,19 @@ class Cluster:
     def joined(cls, parts: Sequence[Cluster]) -> Cluster:
         """Concatenate the clusters of all parts, in order."""
         return cls(
-            *(
-                np.concatenate(values)
-                for values in zip(*(vars(part).values() for part in parts), strict=True)
-            )
+            bearing=np.concatenate([part.bearing for part in parts]),
+            range=np.concatenate([part.range for part in parts]),
+            count=np.concatenate([part.count for part in parts]),
+            lost=np.concatenate([part.lost for part in parts]),
+            hidden=np.concatenate([part.hidden for part in parts]),
         )
+
+    @property
+    def positions(self) -> tuple[Array, Array]:
+        """Positions x and y (H,) of the returns in the LRF's frame [m]."""
+        x = self.range * np.cos(self.bearing)
+        y = self.range * np.sin(self.bearing)
+        return x, y
 
     def sums(self, values: Array) -> Array:
         """Sum the returns' values (H,) in each scan: (S,)."""
@@ -177,14 +199,13 @@ class Cluster:
         """Minimum and maximum (S,) of the returns' values (H,) in each scan; 0 for scans without
         returns.
         """
-        low, high = np.zeros(len(self.count)), np.zeros(len(self.count))
+        low = np.zeros(len(self.count))
+        high = np.zeros(len(self.count))
         filled = self.count > 0
         first = (self.count.cumsum() - self.count)[filled]
         if first.size:
-            low[filled], high[filled] = (
-                np.minimum.reduceat(values, first),
-                np.maximum.reduceat(values, first),
-            )
+            low[filled] = np.minimum.reduceat(values, first)
+            high[filled] = np.maximum.reduceat(values, first)
         return low, high
 
 
@@ -201,22 +222,30 @@ class Returns:
         """Split the returns into pieces where neighbouring returns are more than `gap` [m]
         apart.
         """
-        apart = (self.x[1:] - self.x[:-1]) ** 2 + (self.y[1:] - self.y[:-1]) ** 2 > gap**2
-        apart |= self.row[1:] != self.row[:-1]
-        starts = np.ones(len(self.row), bool)
-        starts[1:] = apart
-        first = np.flatnonzero(starts)
-        label = np.cumsum(starts) - 1
-        count = np.append(first[1:], len(starts)) - first
-        spans = [
-            np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (self.x, self.y)
-        ]
-        return ReturnPieces(self.row[first], label, count[: len(first)], np.maximum(*spans))
+        # a piece begins with a new scan, and after each gap
+        distance_squared = (self.x[1:] - self.x[:-1]) ** 2 + (self.y[1:] - self.y[:-1]) ** 2
+        is_apart = distance_squared > gap**2
+        is_apart |= self.row[1:] != self.row[:-1]
+        begins = np.ones(len(self.row), bool)
+        begins[1:] = is_apart
+
+        first = np.flatnonzero(begins)
+        end = np.append(first, len(begins))[1:]
+        width = np.maximum.reduceat(self.x, first) - np.minimum.reduceat(self.x, first)
+        height = np.maximum.reduceat(self.y, first) - np.minimum.reduceat(self.y, first)
+        return ReturnPieces(
+            row=self.row[first],
+            label=np.cumsum(begins) - 1,
+            count=end - first,
+            extent=np.maximum(width, height),
+        )
 
     def centres(self, pieces: ReturnPieces) -> Array:
         """Mean positions (P, 2) of the returns in each piece [m]."""
-        sums = [np.bincount(pieces.label, c, len(pieces.count)) for c in (self.x, self.y)]
-        return np.stack(sums, axis=-1) / pieces.count[:, None]
+        number = len(pieces.count)
+        x_sums = np.bincount(pieces.label, self.x, number)
+        y_sums = np.bincount(pieces.label, self.y, number)
+        return np.stack([x_sums, y_sums], axis=-1) / pieces.count[:, None]
 
 
 @dataclass(frozen=True)
@@ -233,9 +262,13 @@ def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
     """Mask (P,) of the pieces with the highest score in each row; of pieces with equal scores, the
     last.
     """
+    # sorted by row and then by score, the last of each row is its best
     order = np.lexsort((score, row))
+    sorted_row = row[order]
+    is_last = np.ones(len(row), bool)
+    is_last[:-1] = sorted_row[1:] != sorted_row[:-1]
     best = np.zeros(len(row), bool)
-    best[order[np.append(np.diff(row[order]) != 0, True)[: len(order)]]] = True
+    best[order[is_last]] = True
     return best
 
 
@@ -243,9 +276,11 @@ def places_of(count: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Indices of the returns from the scans `rows`, where `count` (S,) is the number of returns in
     each scan.
     """
-    first, count = (count.cumsum() - count)[rows], count[rows]
-    end = count.cumsum()
-    return np.repeat(first - end + count, count) + np.arange(end[-1] if end.size else 0)
+    first = (count.cumsum() - count)[rows]
+    selected = count[rows]
+    first_selected = selected.cumsum() - selected
+    shift = np.repeat(first - first_selected, selected)
+    return shift + np.arange(len(shift))
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
@@ -258,22 +293,26 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     MAX_GAP apart.
     """
     returns = returns_of(scan)
-    mine = np.zeros(len(returns.row), bool)
-    expected = np.zeros(len(scan.ranges), bool)
+    scans = np.arange(len(scan.ranges))
+
+    # the returns around the expected plates
+    is_on_plate = np.zeros(len(returns.row), bool)
+    is_as_expected = np.zeros(len(scan.ranges), bool)
     if near is not None:
-        mine = _about(returns, plate, near)
-        expected[returns.row[mine]] = True
-    if not expected.all():
+        is_on_plate = _near_expected(returns, plate, near)
+        is_as_expected[returns.row[is_on_plate]] = True
+
+    # in scans without such returns, the best piece
+    if not is_as_expected.all():
         pieces = returns.split(MAX_GAP)
-        fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
-        score = (
-            pieces.count
-            if near is None
-            else -np.hypot(*(returns.centres(pieces) - near[pieces.row, :2]).T)
-        )
-        best = (fits & best_of_each(pieces.row, np.where(fits, score, -np.inf)))[pieces.label]
-        mine = np.where(expected[returns.row], mine, best)
-    return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
+        fits = pieces.extent < plate.largest_extent(scan.noise)
+        score: Array = pieces.count
+        if near is not None:
+            away = returns.centres(pieces) - near[pieces.row, :2]
+            score = -np.hypot(away[:, 0], away[:, 1])
+        is_best = fits & best_of_each(pieces.row, np.where(fits, score, -np.inf))
+        is_on_plate = np.where(is_as_expected[returns.row], is_on_plate, is_best[pieces.label])
+    return gather(scan, scans, returns.row[is_on_plate], returns.beam[is_on_plate])
 
 
 def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
@@ -285,19 +324,25 @@ def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarra
     """
     returns = returns_of(scan)
     pieces = returns.split(gap)
-    possible = (pieces.count >= MIN_RETURNS) & (
-        pieces.extent < plate.length + plate.thickness + 6 * scan.noise
-    )
-    order = np.flatnonzero(possible)
+    is_possible = pieces.count >= MIN_RETURNS
+    is_possible &= pieces.extent < plate.largest_extent(scan.noise)
+
+    # the possible pieces by scan, the largest first, and of each scan only the first few
+    order = np.flatnonzero(is_possible)
     order = order[np.lexsort((-pieces.count[order], pieces.row[order]))]
     row = pieces.row[order]
-    largest = np.arange(len(row)) - np.searchsorted(row, row) < _CANDIDATES
-    place = np.full(len(pieces.row), -1)
-    place[order[largest]] = np.arange(np.sum(largest))
-    member = place[pieces.label]
-    mine = np.flatnonzero(member >= 0)
-    mine = mine[np.argsort(member[mine], kind="stable")]
-    return gather(scan, row[largest], member[mine], returns.beam[mine]), row[largest]
+    rank = np.arange(len(row)) - np.searchsorted(row, row)
+    is_chosen = rank < _MAX_CANDIDATES
+    chosen = order[is_chosen]
+    chosen_row = row[is_chosen]
+
+    # the returns by cluster, in the order of the clusters
+    cluster_of_piece = np.full(len(pieces.row), -1)
+    cluster_of_piece[chosen] = np.arange(len(chosen))
+    cluster = cluster_of_piece[pieces.label]
+    members = np.flatnonzero(cluster >= 0)
+    members = members[np.argsort(cluster[members], kind="stable")]
+    return gather(scan, chosen_row, cluster[members], returns.beam[members]), chosen_row
 
 
 def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
@@ -306,8 +351,9 @@ def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
     """
     returns = returns_of(scan)
     outside = plate.outside(pose, returns.row, returns.x, returns.y)
-    mine = np.abs(outside) < max(_ON_PLATE, 5 * scan.noise)
-    return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
+    is_on_plate = np.abs(outside) < max(_MAX_RESIDUAL, 5 * scan.noise)
+    scans = np.arange(len(scan.ranges))
+    return gather(scan, scans, returns.row[is_on_plate], returns.beam[is_on_plate])
 
 
 def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
@@ -316,41 +362,63 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
     """
     count = np.bincount(cluster, minlength=len(rows))
     found = Cluster(
-        scan.bearings[beam],
-        scan.ranges[rows[cluster], beam],
-        count,
-        0 * count,
-        np.zeros((len(rows), 2)),
+        bearing=scan.bearings[beam],
+        range=scan.ranges[rows[cluster], beam],
+        count=count,
+        lost=np.zeros_like(count),
+        hidden=np.zeros((len(rows), 2)),
     )
+    # the first and last beams of the clusters that have any
     filled = np.flatnonzero(count)
     end = count.cumsum()[filled]
-    low, high = beam[end - count[filled]], beam[end - 1]
-    gaps = np.flatnonzero(high - low + 1 > count[filled])
-    if gaps.size:
-        width = (high - low + 1)[gaps]
-        gap = np.repeat(np.arange(len(gaps)), width)
-        between = low[gaps][gap] + np.arange(len(gap)) - (width.cumsum() - width)[gap]
-        farthest = found.extremes(found.range)[1]
-        not_in_front = ~(
-            scan.ranges[rows[filled[gaps]][gap], between] < farthest[filled[gaps]][gap]
-        )
-        # the farthest returns aren't in front either
-        own = found.sums(found.range >= farthest[cluster])
-        found.lost[filled[gaps]] = np.bincount(gap, not_in_front) - own[filled[gaps]]
+    low = beam[end - count[filled]]
+    high = beam[end - 1]
+
+    has_gaps = high - low + 1 > count[filled]
+    if has_gaps.any():
+        gappy = filled[has_gaps]
+        found.lost[gappy] = _lost(scan, rows, found, gappy, low[has_gaps], high[has_gaps])
     found.hidden[filled] = _hidden(scan, rows[filled], low, high)
     return found
 
 
+def _lost(
+    scan: Scan,
+    rows: np.ndarray,
+    clusters: Cluster,
+    which: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> np.ndarray:
+    """Beams (G,) between `low` (G,) and `high` (G,) that were lost in the clusters `which` (G,).
+
+    `rows` (C,) are the scans of all clusters. A beam isn't lost if it is in the cluster, or if it
+    returned from an object closer than the cluster's farthest return.
+    """
+    width = high - low + 1
+    gappy = np.repeat(np.arange(len(which)), width)  # index in `which` of each beam in between
+    place = np.arange(len(gappy)) - np.repeat(width.cumsum() - width, width)
+    between = low[gappy] + place
+
+    farthest = clusters.extremes(clusters.range)[1]
+    ranges = scan.ranges[rows[which[gappy]], between]
+    is_in_front = ranges < farthest[which[gappy]]  # false for NaN
+    # the cluster's own farthest returns aren't in front either
+    own = clusters.sums(clusters.range >= farthest[clusters.row])
+    return np.bincount(gappy, ~is_in_front) - own[which]
+
+
 def returns_of(scan: Scan) -> Returns:
     """Select all returns that are not from the background."""
-    kept = scan.ranges > _HOUSING  # false for NaN
+    is_kept = scan.ranges > _HOUSING_RADIUS  # false for NaN
     if scan.background is not None:
-        tolerance = _STATIC * max(scan.noise, MIN_NOISE)
+        tolerance = _BACKGROUND_DEVIATIONS * max(scan.noise, MIN_NOISE)
         for level in np.atleast_2d(scan.background):
-            kept &= ~(np.abs(scan.ranges - level) < tolerance)
-    place = np.flatnonzero(kept)
-    row, beam = np.divmod(place, kept.shape[1])
-    distance, bearing = scan.ranges.ravel()[place], scan.bearings[beam]
+            is_kept &= ~(np.abs(scan.ranges - level) < tolerance)
+    place = np.flatnonzero(is_kept)
+    row, beam = np.divmod(place, is_kept.shape[1])
+    distance = scan.ranges.ravel()[place]
+    bearing = scan.bearings[beam]
     return Returns(row, beam, distance * np.cos(bearing), distance * np.sin(bearing))
 
 
@@ -364,80 +432,59 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     background is known.
     """
     last = scan.ranges.shape[1] - 1
-    beside = (
-        scan.ranges[rows, np.maximum(low - 1, 0)],
-        scan.ranges[rows, np.minimum(high + 1, last)],
-    )
-    if np.isnan(beside).all():  # no returns beside any cluster, as in an open field
+    below = scan.ranges[rows, np.maximum(low - 1, 0)]
+    above = scan.ranges[rows, np.minimum(high + 1, last)]
+    if np.isnan(below).all() and np.isnan(above).all():  # no returns beside any cluster
         return np.zeros((len(rows), 2))
-    way = np.repeat([-1, 1], len(rows))
-    rows, edge = np.concatenate([rows, rows]), np.concatenate([low, high])
-    own = scan.ranges[rows, edge]
-    beam, second = edge + way, edge + 2 * way
-    on = (beam >= 0) & (beam <= last)
-    farther = np.where(on, scan.ranges[rows, np.minimum(np.maximum(beam, 0), last)] - own, np.inf)
-    goes_on = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0]) & (second >= 0) & (second <= last)
+
+    def is_beam(beam: np.ndarray) -> np.ndarray:
+        return (beam >= 0) & (beam <= last)
+
+    def range_at(rows: np.ndarray, beam: np.ndarray) -> Array:
+        return np.asarray(scan.ranges[rows, np.clip(beam, 0, last)])
+
+    # the edges of all clusters, first the lower and then the upper, with the beams beyond
+    outwards = np.repeat([-1, 1], len(rows))
+    rows = np.concatenate([rows, rows])
+    edge = np.concatenate([low, high])
+    edge_range = scan.ranges[rows, edge]
+    beam = edge + outwards
+    second = edge + 2 * outwards
+
+    # without a hidden part: does the plate continue beyond the edge?
+    farther = np.where(is_beam(beam), range_at(rows, beam) - edge_range, np.inf)
+    continues = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0]) & is_beam(second)
     if scan.background is None:
-        goes_on &= scan.ranges[rows, np.clip(second, 0, last)] < own + MAX_GAP
-    angle = np.where(goes_on, np.inf, 0.0)
+        continues &= range_at(rows, second) < edge_range + MAX_GAP
+    angle = np.where(continues, np.inf, 0.0)
+
+    # with a hidden part: go on beam by beam until its end
     active = np.flatnonzero((farther < -_IN_FRONT) & (angle == 0))
     while active.size:
         angle[active] += scan.beam_step
-        beam[active] += way[active]
-        on = (beam[active] >= 0) & (beam[active] <= last)
-        next_range = np.where(on, scan.ranges[rows[active], np.clip(beam[active], 0, last)], 0.0)
-        nearer = on & (next_range < own[active] - _IN_FRONT)
-        angle[active[~nearer & (next_range < own[active] + MAX_GAP)]] = np.inf
-        active = active[nearer]
+        beam[active] += outwards[active]
+        is_inside = is_beam(beam[active])
+        next_range = np.where(is_inside, range_at(rows[active], beam[active]), 0.0)
+        is_in_front = is_inside & (next_range < edge_range[active] - _IN_FRONT)
+        may_be_plate = next_range < edge_range[active] + MAX_GAP
+        angle[active[~is_in_front & may_be_plate]] = np.inf
+        active = active[is_in_front]
     return angle.reshape(2, -1).T.copy()
 
 
-def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
+def _near_expected(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
     """Mask (H,) of the returns in pieces that are mostly close to the plates expected at `near` (S,
     3).
     """
-    close = plate.outside(near, returns.row, returns.x, returns.y) < _ABOUT
-    if close.all():  # all returns are close, as in an open field
-        return close
+    outside = plate.outside(near, returns.row, returns.x, returns.y)
+    is_close = outside < _EXPECTED_MARGIN
+    if is_close.all():  # as in an open field
+        return is_close
     pieces = returns.split(FINER_GAPS[-1])
-    share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(
-        pieces.count, 1
-    )
-    # if all of a piece is close
-    fits = pieces.extent <= np.hypot(plate.length, plate.thickness) + 2 * _ABOUT
-    return (fits & (share >= 0.5))[pieces.label]
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Base class of dataclasses of arrays with the same first axis."""
-
-    def take(self, rows: np.ndarray) -> Self:
-        """Select the rows with indices `rows`, in that order, possibly repeated."""
-        return type(self)(**{name: values[rows] for name, values in vars(self).items()})
-
-    def put(self, rows: np.ndarray, other: Self) -> None:
-        """Overwrite the rows with indices `rows` (R,) with the R rows of `other`."""
-        for mine, others in zip(vars(self).values(), vars(other).values(), strict=True):
-            mine[rows] = others
-
-
-@dataclass(frozen=True)
-class PoseEstimate(Rows):
-    """Poses of the robot in the world frame, with covariances and validity."""
-
-    pose: Array  # (S, 3) [m, m, rad]
-    covariance: Array  # (S, 3, 3) of (x, y, phi); NaN where a locator found no valid pose
-    # (S,) bool; a locator's invalid pose is meaningless, a tracker's is predicted
-    valid: np.ndarray
-
-
-class Locator(Protocol):
-    """Locator of the plate in single scans, from which headings are ambiguous by half a turn (see
-    `Tracker`).
-    """
-
-    def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
-        """Locate the plate in scans with ranges (S, B), near expected robot poses `predicted` (S,
-        3) in the world.
-        """
+    close_count = np.bincount(pieces.label, weights=is_close, minlength=len(pieces.count))
+    share = close_count / np.maximum(pieces.count, 1)
+    # the largest piece of which all is close
+    diagonal = np.hypot(plate.length, plate.thickness)
+    fits = pieces.extent <= diagonal + 2 * _EXPECTED_MARGIN
+    is_expected = fits & (share >= 0.5)
+    return is_expected[pieces.label]

@@ -1,4 +1,4 @@
-"""Checks on the rows of a run: restarted clocks, stamps that go back, yaw rates in wrong units."""
+"""Checks on the rows of a run: restarted clocks, gaps, stamps that go back, wrapped headings."""
 
 from __future__ import annotations
 
@@ -13,15 +13,9 @@ from trackslip.kinematics import Array
 
 # longest time from a row to the next in a drive: longer than in any log of a driving robot [s]
 LONGEST_STEP: Final = 10.0
-_RESTART = 1.0  # least time by which a restarted clock goes back [s]
+_RESTART: Final = 1.0  # least time by which a restarted clock goes back [s]
 # most successive rows that may have wrong stamps; a longer series belongs to another drive
-_GLITCH = 4
-_MIN_STEPS = 5  # least number of turns for a comparison
-_DISAGREES = 0.5  # correlation below which two sets of turns are from different motions
-# duration of the turns that are compared with a gyro's: poses may be stamped half a second late [s]
-_TURN_TIME = 2.0
-_MIN_TURN = 0.1  # least rms of the turns for a check of a gyro's axis and unit [rad]
-_SAME_UNIT = (0.5, 2.0)  # limits on the ratio between turns in the same unit [-]
+_GLITCH: Final = 4
 
 
 def restarts(time: Array) -> np.ndarray:
@@ -80,50 +74,3 @@ def in_order(time: Array) -> np.ndarray:
     for k in range(len(ends) - 1, -1, -1):
         rows[k], row = row, before[row]
     return rows
-
-
-def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array] | None:
-    """Turns (n,) of the headings and (..., n) of `turned` [rad] during each _TURN_TIME; None if the
-    robot hardly turns.
-
-    `heading` (T,) [rad] is NaN where not measured; `turned` (..., T) are angles turned since any
-    fixed time [rad].
-    """
-    known = np.flatnonzero(np.isfinite(heading))
-    if not known.size:
-        return None
-    ends = known[
-        np.unique(
-            np.searchsorted(time[known], np.arange(time[known[0]], time[known[-1]], _TURN_TIME))
-        )
-    ]
-    turn, by = (
-        np.diff(np.unwrap(heading[known])[np.searchsorted(known, ends)]),
-        np.diff(turned[..., ends]),
-    )
-    return None if len(turn) < _MIN_STEPS or np.mean(turn**2) < _MIN_TURN**2 else (turn, by)
-
-
-def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
-    """Return yaw rates (T,) and an empty note; None and a note if the rates don't follow the
-    headings (T,).
-
-    Rates and headings may contain NaN. Raises LogError for rates in a wrong unit or positive
-    clockwise.
-    """
-    turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
-    paired = paired_turns(time, turned, heading)
-    if paired is None or not paired[1].any():
-        return rate, ""
-    turn, by = paired
-    agreement = turn @ by / np.sqrt((turn @ turn) * (by @ by))
-    factor = turn @ by / (turn @ turn)
-    if abs(agreement) < _DISAGREES:
-        follow = f"its turns don't follow the headings (correlation {agreement:.2f})"
-        return None, f"run {run!r}: column gyro left out: {follow}"
-    if not _SAME_UNIT[0] < factor < _SAME_UNIT[1]:
-        must = "must be in rad/s, counter-clockwise"
-        raise LogError(
-            f"run {run!r}: column gyro: turns are {factor:.3g} times the headings', {must}"
-        )
-    return rate, ""

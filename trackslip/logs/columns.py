@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
+from trackslip.logs.layout import SCALE, UNITS
 from trackslip.logs.runlog import MAX_YAW_RATE
-from trackslip.logs.schema import COLUMNS
+from trackslip.logs.schema import READ
 
-HUGE = 1e21  # no measurement in SI units and no time in ns is larger
-_BOOLEANS = {"true": 1.0, "1": 1.0, "1.0": 1.0, "false": 0.0, "0": 0.0, "0.0": 0.0, "": np.nan}
-_EXPECTED = {"valid": "true or false", "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s"}
+HUGE: Final = 1e21  # no measurement in SI units and no time in ns is larger
+_BOOLEANS: Final = {
+    "true": 1.0,
+    "1": 1.0,
+    "1.0": 1.0,
+    "false": 0.0,
+    "0": 0.0,
+    "0.0": 0.0,
+    "": np.nan,
+}
+# seconds per unit of Arrow's times
+_TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_EXPECTED: Final = {
+    "valid": "true or false",
+    "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s",
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +74,9 @@ class Columns:
     """
 
     def __init__(self, table: pa.Table, source: str, first_row: int = 0) -> None:
-        self._table, self._source, self._first_row = table, source, first_row
+        self._table = table
+        self._source = source
+        self._first_row = first_row
 
     def require(self, names: Sequence[str]) -> None:
         """Raise LogError if one of `names` is missing or any column occurs twice."""
@@ -74,29 +91,50 @@ class Columns:
                 raise LogError(f"{self._source}: column {name} is there {count} times")
 
     def cells(self, name: str) -> Cells:
-        """Read a column of numbers; a missing column has empty cells. Raises LogError for a wrong
-        type or unit.
+        """Read a column of numbers in our unit; a missing column has empty cells. Raises LogError
+        for a wrong type or unit.
         """
         if name not in self._table.column_names:
             nowhere = np.zeros(len(self._table), bool)
             return Cells(np.full(len(nowhere), np.nan), ~nowhere, nowhere)
-        stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
-        if stated is not None and name in COLUMNS:
-            unit, expected = stated.decode(errors="replace"), COLUMNS[name].unit
-            if unit != expected:
-                raise LogError(
-                    f"{self._source}: column {name}: in {unit!r}, must be in "
-                    f"{expected or 'no unit'}"
-                )
+        metadata = self._table.schema.field(name).metadata or {}
+        self._require_unit(name, metadata)
+        scale = float(metadata.get(SCALE, b"1"))
         column = self._table.column(name)
-        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
-            return _from_text(column)
-        if not any(
-            of(column.type)
-            for of in (pa.types.is_floating, pa.types.is_integer, pa.types.is_decimal)
+        kind = column.type
+        if _is_text(kind):
+            return _scaled(_from_text(column), scale)
+        if name == "t" and (pa.types.is_timestamp(kind) or pa.types.is_duration(kind)):
+            scale = _TIME_UNITS[kind.unit]
+            column = column.cast(pa.int64())
+        elif not (
+            pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
         ):
-            raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
-        return _cells(_as_floats(column), column.is_null().to_numpy())
+            raise LogError(f"{self._source}: column {name}: {kind} is not a number")
+        return _scaled(_cells(_as_floats(column), column.is_null().to_numpy()), scale)
+
+    def any_numbers(self, name: str) -> Array:
+        """Values (n,) of a column; none if it isn't a column of numbers."""
+        try:
+            return self.cells(name).values
+        except LogError:
+            return np.zeros(0)
+
+    def _require_unit(self, name: str, metadata: Mapping[bytes, bytes]) -> None:
+        """Raise LogError if the `metadata` of a column state another unit than ours."""
+        stated = metadata.get(b"unit")
+        if stated is None or name not in READ:
+            return
+        unit = stated.decode(errors="replace")
+        expected = READ[name].unit
+        if unit == expected:
+            return
+        known = unit in UNITS.get(expected, {})
+        option = f"; --columns {name}={name}:{unit} converts it" if known else ""
+        raise LogError(
+            f"{self._source}: column {name}: in {unit!r}, must be in "
+            f"{expected or 'no unit'}{option}"
+        )
 
     def optional(self, names: Sequence[str], infinite: bool = False) -> Array | None:
         """Values (T, len(names)) of optional columns, NaN in cells without a number; None if any
@@ -157,6 +195,18 @@ class Columns:
         return _cells(values, np.isnan(values))
 
 
+def _is_text(kind: pa.DataType) -> bool:
+    """True for any of Arrow's types of text."""
+    return bool(
+        pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
+    )
+
+
+def _scaled(cells: Cells, scale: float) -> Cells:
+    """Cells with their values converted to our unit."""
+    return cells if scale == 1.0 else replace(cells, values=cells.values * scale)
+
+
 def _cells(values: Array, empty: np.ndarray) -> Cells:
     """Cells from values (T,); infinite and huge values count as damaged."""
     damaged = np.abs(values) > HUGE
@@ -167,7 +217,7 @@ def _from_text(column: pa.ChunkedArray) -> Cells:
     """Cells from a text column, with numbers in Python's notation."""
     import pyarrow.compute as pc  # a slow import, and few logs have numbers as text
 
-    text = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
+    text = pc.utf8_trim_whitespace(pc.fill_null(column.cast(pa.string()), ""))
     empty = pc.equal(text, "")
     try:
         values = _as_floats(pc.if_else(empty, None, text))

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 import pyarrow as pa
 import pyarrow.csv
@@ -21,19 +21,22 @@ import pyarrow.parquet
 from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.files import known_manifest, regular_file
 from trackslip.logs.columns import HUGE
+from trackslip.logs.layout import AS_DOCUMENTED, Layout
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.schema import COLUMNS, NO_UNIT
+from trackslip.logs.schema import NO_UNIT, READ
 from trackslip.logs.size import ParquetSize, first_lines, open_parquet, require_csv_fits
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
-RUNS = "runs.parquet"  # name of the file with a results folder's runs
+RUNS: Final = "runs.parquet"  # name of the file with a results folder's runs
 # least number of rows that are read at once from a file of many runs: tens of megabytes
-_ROWS_AT_ONCE = 20_000
-_BLOCK = 8_000_000  # size of the part of a CSV file that is in memory as text [bytes]
-_LOOKED_AT = 50  # number of lines that decide the separator and the decimal mark
-_DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
-_TIMES = ("s", "sec", "ms", "us", "ns")  # units of the column t that identify a row of units
+_ROWS_AT_ONCE: Final = 20_000
+_BLOCK: Final = 8_000_000  # size of the part of a CSV file that is in memory as text [bytes]
+_LOOKED_AT: Final = 50  # number of lines that decide the separator and the decimal mark
+_DECIMAL_COMMA: Final = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
+# names in a header, one of each kind of encoder readings
+_OF_HEADERS: Final = ("omega_l", "angle_l", "ticks_l", "odom_x", "odom_v")
+_TIMES: Final = ("s", "sec", "ms", "us", "ns")  # units of the column t that identify a row of units
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -164,45 +167,60 @@ def _read_csv(path: Path, max_memory: int | None) -> pa.Table:
     columns' units.
     """
     lines = first_lines(path, _LOOKED_AT)
-    comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
-    if (
-        comments
-        and "omega_l" in lines[comments - 1]
-        and "omega_l" not in "".join(lines[comments : comments + 1])
-    ):
-        comments -= 1  # the last comment is the header, as from numpy.savetxt
+    comments = _comments_before_header(lines)
     header = lines[comments] if comments < len(lines) else ""
     separator = max(",;\t", key=header.count)
     require_csv_fits(path, 1 + header.count(separator), max_memory)
+
+    # the first rows tell the columns' names, units and decimal mark
     rows = [row for row in csv.reader(lines[comments:], delimiter=separator) if row]
-    decimal_comma = separator != "," and any(_DECIMAL_COMMA.match(c) for row in rows for c in row)
-    names = [name.strip("# ") for name in rows[0]] if rows else []
-    units = _units(names, rows[1] if len(rows) > 1 else [])
+    stated = rows[0] if rows else []
+    units = _units([_name(cell) for cell in stated], rows[1] if len(rows) > 1 else [])
+    cells = (cell for row in rows for cell in row)
+    decimal_comma = separator != "," and any(_DECIMAL_COMMA.match(cell) for cell in cells)
+
+    # the text of one block at a time is in memory
+    read_options = pa.csv.ReadOptions(
+        skip_rows=comments, skip_rows_after_names=1 if units else 0, block_size=_BLOCK
+    )
+    as_text = pa.csv.ConvertOptions(column_types=dict.fromkeys(stated, pa.string()))
     blocks = pa.csv.open_csv(
         path,
-        read_options=pa.csv.ReadOptions(
-            skip_rows=comments, skip_rows_after_names=1 if units else 0, block_size=_BLOCK
-        ),
+        read_options=read_options,
         parse_options=pa.csv.ParseOptions(delimiter=separator),
-        convert_options=pa.csv.ConvertOptions(
-            column_types=dict.fromkeys(rows[0] if rows else (), pa.string())
-        ),
+        convert_options=as_text,
     )
-    names = [name.strip("# ") for name in blocks.schema.names]
-    # the text of one block at a time is in memory
-    parts = [
-        [
-            _trimmed(name, column, decimal_comma)
-            for name, column in zip(names, block.columns, strict=True)
-        ]
-        for block in blocks
-    ]
+    names = [_name(cell) for cell in blocks.schema.names]
+    parts: list[list[pa.Array]] = []
+    for block in blocks:
+        named = zip(names, block.columns, strict=True)
+        parts.append([_trimmed(name, column, decimal_comma) for name, column in named])
+
     columns = [_joined([part[k] for part in parts]) for k in range(len(names))]
     fields = [
         pa.field(name, column.type, metadata=units.get(name))
         for name, column in zip(names, columns, strict=True)
     ]
     return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+
+
+def _comments_before_header(lines: Sequence[str]) -> int:
+    """Number of lines before the header: those that begin with #, unless the last of them is the
+    header, as from numpy.savetxt.
+    """
+    comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
+    if not comments:
+        return 0
+    after = "".join(lines[comments : comments + 1])
+    is_header = any(name in lines[comments - 1] for name in _OF_HEADERS)
+    return (
+        comments - 1 if is_header and not any(name in after for name in _OF_HEADERS) else comments
+    )
+
+
+def _name(cell: str) -> str:
+    """A column's name in a header."""
+    return cell.strip("# ")
 
 
 def _units(names: Sequence[str], row: Sequence[str]) -> dict[str, dict[str, str]]:
@@ -212,7 +230,7 @@ def _units(names: Sequence[str], row: Sequence[str]) -> dict[str, dict[str, str]
         return {}
     no_unit = ("", "-", "1")
     return {
-        name: {"unit": unit} if name in COLUMNS and unit not in no_unit else {}
+        name: {"unit": unit} if name in READ and unit not in no_unit else {}
         for name, unit in cells.items()
     }
 
@@ -226,7 +244,7 @@ def _trimmed(name: str, column: pa.Array, decimal_comma: bool) -> pa.Array:
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     if decimal_comma and name != "run":
         text = pc.replace_substring(text, ",", ".")
-    if name in COLUMNS and COLUMNS[name].unit == NO_UNIT:
+    if name in READ and READ[name].unit == NO_UNIT:
         return text
     try:
         numbers = pc.if_else(pc.equal(text, ""), None, text).cast(pa.float64())
@@ -257,29 +275,34 @@ def runs_file(path: Path) -> Path:
     return path / RUNS
 
 
-def read_runs(path: Path, max_memory: int | None = None) -> list[RunLog]:
+def read_runs(
+    path: Path, max_memory: int | None = None, layout: Layout = AS_DOCUMENTED
+) -> list[RunLog]:
     """Read the runs in a file, with a LogWarning for each part left out; raises LogError if no run
     can be read, or if reading takes more than `max_memory` [bytes].
     """
-    read = read_log(path, max_memory)
+    read = read_log(path, max_memory, layout)
     for line in read.warnings:
         warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
     return list(read.runs)
 
 
-def read_log(path: Path, max_memory: int | None = None) -> ReadRuns:
+def read_log(path: Path, max_memory: int | None = None, layout: Layout = AS_DOCUMENTED) -> ReadRuns:
     """Read the runs in a file, with notes on the parts left out; raises LogError if no run can be
     read, or if reading takes more than `max_memory` [bytes].
     """
-    return RunsInTables(read_tables(path, max_memory), str(path), max_memory).read()
+    tables = read_tables(path, max_memory)
+    return RunsInTables(tables, str(path), max_memory, layout).read()
 
 
-def runs_in(path: Path, max_memory: int | None = None) -> RunsInTables:
+def runs_in(
+    path: Path, max_memory: int | None = None, layout: Layout = AS_DOCUMENTED
+) -> RunsInTables:
     """The runs in a file, to iterate over, of which those of one part at a time are in memory; see
     `read_log`.
     """
     tables = read_tables(path, max_memory, all_kept=False)
-    return RunsInTables(tables, str(path), max_memory)
+    return RunsInTables(tables, str(path), max_memory, layout)
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:

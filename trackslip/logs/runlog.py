@@ -7,20 +7,28 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.checks import LONGEST_STEP, gaps
+from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped
 
-MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
+MALFORMED: Final = (
+    TrackslipError,
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    OverflowError,
+)
 """Errors that a run's metadata may cause if trackslip did not write them."""
-_OPTIONAL = (
+_OPTIONAL: Final = (
     "command",
     "twist_command",
     "icr",
@@ -31,10 +39,10 @@ _OPTIONAL = (
     "truth",
     "scans",
 )
-_NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
-MAX_YAW_RATE = 100.0  # yaw rate above which a gyro reading is invalid [rad/s]
+_NUMBERS_AND_NAMES: Final = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
+MAX_YAW_RATE: Final = 100.0  # yaw rate above which a gyro reading is invalid [rad/s]
 # least share of an interval with gyro readings for which the gyro's turn counts [-]
-MEASURED = 0.99
+MEASURED: Final = 0.99
 
 
 @dataclass(frozen=True)
@@ -85,7 +93,7 @@ class RunLog:
     run: str
     """Name of the run, unique within a file."""
     time: Array  # (T,) [s], ascending in steps of at most LONGEST_STEP
-    omega: Array  # (T, 2) measured sprocket speeds [rad/s]
+    omega: Array  # (T, 2) measured sprocket speeds, means since the previous reading [rad/s]
     # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN where positions or headings weren't
     # measured
     pose: Array
@@ -96,6 +104,9 @@ class RunLog:
     covariance: Array | None = None  # (T, 3, 3) covariance of the pose
     # (T,) bool: true where the pose was measured; None if all poses were measured
     valid: np.ndarray | None = None
+    # (T,) bool: true where the encoders were read; None if they were in every row. A row without a
+    # reading has the speeds of the next reading, which are means over that row, too.
+    read: np.ndarray | None = None
     # (T, 2) required traction per unit load, forwards and to the left [-]
     load: Array | None = None
     # (T,) yaw rate from a gyro, mean since the previous row [rad/s]; NaN where not measured
@@ -129,10 +140,77 @@ class RunLog:
                 f"drives, whose rows are at most {LONGEST_STEP:g} s apart"
             )
 
+    @classmethod
+    def from_arrays(
+        cls,
+        encoders: Sequence[ArrayLike],
+        poses: Sequence[ArrayLike],
+        gyro: Sequence[ArrayLike] | None = None,
+        *,
+        run: str = "run",
+        geometry: RobotGeometry | None = None,
+    ) -> RunLog:
+        """Make the log of a drive from arrays, each sensor at times of its own.
+
+        Args:
+            encoders: times (N,) [s] and sprocket speeds (N,), left and right, means since the
+                previous reading [rad/s]: `(t, omega_l, omega_r)`.
+            poses: times (K,) [s], positions (K,) [m] and headings (K,), counter-clockwise [rad],
+                NaN where not measured: `(t, x, y, phi)`, or `(t, x, y)` without headings.
+            gyro: times (G,) [s] and yaw rates (G,), counter-clockwise, means since the previous
+                reading [rad/s]: `(t, rate)`.
+            run: name of the run.
+            geometry: the robot's geometry, which `identify` then needn't be given.
+
+        Times of all sensors are of one clock, or of clocks that differ by up to 2 s. The log has a
+        row for each encoder reading and for each pose between the readings.
+
+        Raises:
+            LogError: for arrays of other shapes, times that don't ascend and readings that aren't
+                finite; the message names the argument.
+        """
+        time, *omega = _sensor_arrays("encoders", encoders, (("t", "omega_l", "omega_r"),))
+        usual = (("t", "x", "y", "phi"), ("t", "x", "y"))
+        posed, *columns = _sensor_arrays("poses", poses, usual)
+        pose = np.full((len(posed), 3), np.nan)
+        pose[:, : len(columns)] = np.stack(columns, axis=-1)
+        measured = np.isfinite(pose).any(axis=1)
+        headed = np.isfinite(pose[:, 2])
+        pose[headed, 2] = unwrapped(pose[headed, 2])
+
+        # a row for each reading of the encoders and each pose between them
+        within = measured & (posed >= time[0]) & (posed <= time[-1])
+        rows = np.union1d(time, posed[within])
+        valid = np.isin(rows, posed[within])
+        pose_of_row = np.full((len(rows), 3), np.nan)
+        pose_of_row[valid] = pose[within]
+        next_reading = np.searchsorted(time, rows)
+        beyond = np.column_stack([posed, pose])[measured & ~within]
+
+        rate = None
+        if gyro is not None:
+            read, yaw_rate = _sensor_arrays("gyro", gyro, (("t", "rate"),))
+            rate = _mean_rates(rows, read, yaw_rate)
+        return cls(
+            run=run,
+            time=rows,
+            omega=np.stack(omega, axis=-1)[next_reading],
+            pose=pose_of_row,
+            valid=None if valid.all() else valid,
+            gyro=rate,
+            beyond=beyond if len(beyond) else None,
+            metadata={} if geometry is None else {"geometry": asdict(geometry)},
+        )
+
     @property
     def is_valid(self) -> np.ndarray:
         """(T,) bool: true where the pose was measured."""
         return np.ones(len(self.time), bool) if self.valid is None else self.valid
+
+    @property
+    def is_read(self) -> np.ndarray:
+        """(T,) bool: true where the encoders were read."""
+        return np.ones(len(self.time), bool) if self.read is None else self.read
 
     @property
     def has_place(self) -> np.ndarray:
@@ -143,18 +221,6 @@ class RunLog:
     def has_heading(self) -> np.ndarray:
         """(T,) bool: true where the heading was measured."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
-
-    @property
-    def gyro_sums(self) -> Array | None:
-        """Sums (T, 2) up to each row: the gyro's turn [rad] and the time with readings [s]; None
-        without a gyro.
-        """
-        if self.gyro is None:
-            return None
-        rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
-        return np.concatenate(
-            [np.zeros((1, 2)), np.cumsum(rates * np.diff(self.time)[:, None], axis=0)]
-        )
 
     def between(self, first: int, end: int) -> RunLog:
         """The rows from `first` up to, but not including, `end`."""
@@ -176,22 +242,70 @@ class RunLog:
         """Cut the log into parts of equal duration, about `duration` [s] each; a shorter log is
         returned whole.
         """
-        count = max(round((self.time[-1] - self.time[0]) / duration), 1)
-        ends = np.searchsorted(
-            self.time, np.linspace(self.time[0], self.time[-1], count + 1)
-        ).tolist()
-        ends[-1] += 1
-        parts = [self.between(first, end) for first, end in pairwise(ends) if end - first > 1]
-        return (
-            [replace(part, run=f"{self.run} {k}") for k, part in enumerate(parts, start=1)]
-            if count > 1
-            else [self]
-        )
+        whole = float(self.time[-1] - self.time[0])
+        count = max(round(whole / duration), 1)
+        if count == 1:
+            return [self]
+        edges = self.time[0] + whole * np.arange(count + 1) / count
+        rows = np.searchsorted(self.time, edges).tolist()
+        rows[-1] = len(self.time)
+        parts = [self.between(first, end) for first, end in pairwise(rows) if end - first > 1]
+        return [replace(part, run=f"{self.run} {k}") for k, part in enumerate(parts, start=1)]
 
     def __repr__(self) -> str:
         known = [name for name in _OPTIONAL if getattr(self, name) is not None]
         size = f"{len(self.time)} rows, {self.time[-1] - self.time[0]:.4g} s"
         return f"<RunLog {self.run!r}: {', '.join([size, *known])}>"
+
+
+def _sensor_arrays(
+    argument: str, arrays: Sequence[ArrayLike], usual: Sequence[tuple[str, ...]]
+) -> list[Array]:
+    """The arrays (n,) of a sensor, times first; `usual` are the names of arrays that it may have.
+
+    Raises LogError, with the name of the argument, if the arrays are others, of different shapes or
+    of no numbers, or times don't ascend or speeds aren't finite.
+    """
+    shown = " or ".join(f"({', '.join(names)})" for names in usual)
+    counts = [len(names) for names in usual]
+    try:
+        given = [np.asarray(each, float) for each in arrays]
+    except (TypeError, ValueError) as error:
+        raise LogError(f"{argument}: must be arrays {shown} of numbers") from error
+    if len(given) not in counts:
+        columns = "; for the columns of a table give *table.T" if len(given) > max(counts) else ""
+        raise LogError(f"{argument}: must be arrays {shown}, not {len(given)}{columns}")
+    names = usual[counts.index(len(given))]
+    time = given[0]
+    for name, values in zip(names, given, strict=True):
+        if values.ndim != 1 or values.shape != time.shape:
+            raise LogError(
+                f"{argument}: {name} has shape {values.shape}, must be (n,) like {names[0]}, which "
+                f"has {time.shape}"
+            )
+    if not len(time):
+        raise LogError(f"{argument}: has no rows")
+    if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+        raise LogError(f"{argument}: {names[0]} must be finite and ascend")
+    if argument == "encoders":
+        for name, values in zip(names, given, strict=True):
+            if not np.isfinite(values).all():
+                row = int(np.argmin(np.isfinite(values)))
+                raise LogError(f"{argument}: {name}[{row}] is {values[row]}, must be finite")
+    return given
+
+
+def _mean_rates(rows: Array, time: Array, rate: Array) -> Array:
+    """Yaw rates (T,) at `rows` (T,), means since the previous row, from readings (n,) at `time`
+    (n,), means since the previous reading; NaN outside the readings and where one isn't finite.
+    """
+    known = np.isfinite(rate[1:])
+    turn = np.append(0.0, np.cumsum(np.where(known, rate[1:], 0.0) * np.diff(time)))
+    covered = np.append(0.0, np.cumsum(known * np.diff(time)))
+    interval = np.diff(rows)
+    mean = np.diff(np.interp(rows, time, turn)) / interval
+    share = np.diff(np.interp(rows, time, covered)) / interval
+    return np.append(np.nan, np.where(share >= MEASURED, mean, np.nan))
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import pyarrow as pa
 
-PURE = "1"  # unit of a pure number
-NO_UNIT = ""  # unit of a column that is not a number
+PURE: Final = "1"  # unit of a pure number
+NO_UNIT: Final = ""  # unit of a column that is not a number
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
     )
 
 
-_ALL = (
+_ALL: Final = (
     Column("run", NO_UNIT, "name of the run, the same in all its rows"),
     Column("t", "s", "time of the scan since the start of the run, ascending"),
     *_tracks(
@@ -118,7 +119,20 @@ _ALL = (
     Column("w", "rad/s", "yaw rate of a steady sample"),
     *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
 )
-COLUMNS = {column.name: column for column in _ALL}  # columns by name
+COLUMNS: Final = {column.name: column for column in _ALL}
+"""Columns of the tables that trackslip writes, by name."""
+_READ_ONLY: Final = (
+    *_tracks("angle", "rad", "angle turned by the sprocket since any fixed time"),
+    *_tracks("ticks", PURE, "ticks counted by the encoder since any fixed time"),
+    Column("odom_x", "m", "position by the odometry of the wheels"),
+    Column("odom_y", "m", "position by the odometry of the wheels"),
+    Column("odom_phi", "rad", "heading by the odometry of the wheels, counter-clockwise"),
+    Column("odom_v", "m/s", "forward speed by the odometry, mean since the previous reading"),
+    Column("odom_w", "rad/s", "yaw rate by the odometry, mean since the previous reading"),
+    Column("lateral", "m/s", "speed to the left of a steady sample"),
+)
+READ: Final = COLUMNS | {column.name: column for column in _READ_ONLY}
+"""Columns that trackslip reads: those that it writes, and other readings of the encoders."""
 
 
 def with_units(table: pa.Table) -> pa.Table:

@@ -133,6 +133,8 @@ def _blocks(log: RunLog) -> dict[tuple[str, ...], Array | None]:
     """
     blocks: dict[tuple[str, ...], Array | None] = {("t",): log.time}
     blocks |= {names: getattr(log, field) for field, names in BLOCKS.items()}
+    # an empty cell says that the encoders weren't read
+    blocks[BLOCKS["omega"]] = np.where(log.is_read[:, None], log.omega, np.nan)
     blocks[COVARIANCE] = None if log.covariance is None else log.covariance[:, *np.triu_indices(3)]
     if log.truth is not None:
         blocks |= {names: getattr(log.truth, field) for field, names in TRUTH.items()}

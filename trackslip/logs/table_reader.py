@@ -6,22 +6,34 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import LogError, counted
+from trackslip.errors import LogError, counted, require
 from trackslip.kinematics import Array
-from trackslip.logs.checks import gaps, in_order, plausible_gyro, restarts, unwrapped
+from trackslip.logs.angles import (
+    COUNTERS,
+    EncoderKind,
+    continuous,
+    encoder_kind,
+    mean_speeds,
+    odometry_angles,
+    odometry_jump,
+    odometry_speeds,
+    unwrapped_angle,
+)
+from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
 from trackslip.logs.columns import Columns
+from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
+from trackslip.logs.recognition import suggested_columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.size import require_runs_fit
 from trackslip.logs.table import (
     BLOCKS,
     CONTACT,
     COVARIANCE,
-    REQUIRED,
     SCANNED,
     SHEAR,
     SYMMETRIC,
@@ -31,12 +43,18 @@ from trackslip.logs.table import (
     stored_metadata,
 )
 
-_OPTIONAL = ("command", "twist_command", "icr", "load")
-_NAMES = ("t", *BLOCKS["omega"], *BLOCKS["pose"], *BLOCKS["gyro"], "valid")
-_OMEGA, _POSE, _GYRO, _VALID = [1, 2], [3, 4, 5], 6, 7
-_GAP = 1.0  # longest time without readings that the next reading may fill [s]
-_QUATERNION = re.compile(r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE)
-_MOST = 0.5  # share of damaged rows above which a run is refused
+_OPTIONAL: Final = ("command", "twist_command", "icr", "load")
+_NAMES: Final = ("t", *BLOCKS["pose"], *BLOCKS["gyro"], "valid")
+"""Names of the first columns of a reader's values; the columns of the encoders follow."""
+_TIME: Final = 0
+_POSE: Final = [1, 2, 3]
+_GYRO: Final = 4
+_VALID: Final = 5
+_GAP: Final = 1.0  # longest time without readings that the next reading may fill [s]
+_QUATERNION: Final = re.compile(
+    r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE
+)
+_MOST: Final = 0.5  # share of damaged rows above which a run is refused
 
 
 @dataclass(frozen=True)
@@ -60,7 +78,12 @@ class ReadRuns:
         return (*self.notes, *map(str, self.refused))
 
 
-def runs_from_table(table: pa.Table, source: str, max_memory: int | None = None) -> ReadRuns:
+def runs_from_table(
+    table: pa.Table,
+    source: str,
+    max_memory: int | None = None,
+    layout: Layout = AS_DOCUMENTED,
+) -> ReadRuns:
     """Read the runs in a table, which errors call `source`; raises LogError if no run can be read,
     or if reading takes more than `max_memory` [bytes].
 
@@ -68,7 +91,7 @@ def runs_from_table(table: pa.Table, source: str, max_memory: int | None = None)
     without an encoder reading gets the next reading, which is a mean over that row, too. Rows with
     a damaged reading or time are left out.
     """
-    return RunsInTables([table], source, max_memory).read()
+    return RunsInTables([table], source, max_memory, layout).read()
 
 
 class RunsInTables:
@@ -82,21 +105,27 @@ class RunsInTables:
     taken: tuple[str, ...] = ()  # as in ReadRuns: a table offers no choice
 
     def __init__(
-        self, tables: Iterable[pa.Table], source: str, max_memory: int | None = None
+        self,
+        tables: Iterable[pa.Table],
+        source: str,
+        max_memory: int | None = None,
+        layout: Layout = AS_DOCUMENTED,
     ) -> None:
         self._tables = tables
         self._source = source
         self._max_memory = max_memory
+        self._layout = layout
         self._refused: list[Refused] = []
         self._notes: list[str] = []
 
     def __iter__(self) -> Iterator[RunLog]:
-        rows, found = 0, False
+        rows = 0
+        found = False
         metadata: dict[str, dict[str, Any]] | None = None
         for table in self._tables:
             if metadata is None:  # the same in all parts
                 metadata = stored_metadata(table.schema.metadata, self._source)
-            reader = _Reader(table, self._source, metadata, rows)
+            reader = _Reader(table, self._source, metadata, rows, self._layout)
             for run in reader.runs(self._max_memory):
                 found = True
                 yield run
@@ -131,18 +160,25 @@ class _Reader:
         source: str,
         metadata: Mapping[str, Mapping[str, Any]],
         first_row: int = 0,
+        layout: Layout = AS_DOCUMENTED,
     ) -> None:
-        table = _with_heading(table, source)
+        table = _with_heading(layout.applied(table, source), source)
         columns = Columns(table, source, first_row)
-        given = set(table.column_names)
-        turns_alone = given >= set(REQUIRED) and given & {"phi", "gyro"} and not given & {"x", "y"}
-        columns.require(REQUIRED if turns_alone else (*REQUIRED, "x", "y"))
-        self._table, self._source, self._columns = table, source, columns
-        self._metadata, self._first_row = metadata, first_row
-        # (T, 8), ordered as _NAMES; NaN where not read
-        self._values = np.empty((len(table), len(_NAMES)))
-        self._damaged = np.empty((len(table), len(_NAMES)), bool)
-        for k, name in enumerate(_NAMES):
+        self._kind = _required_columns(table, columns, source)
+        require_fitting(layout, self._kind, source)
+        self._table = table
+        self._source = source
+        self._layout = layout
+        self._columns = columns
+        self._metadata = metadata
+        self._first_row = first_row
+
+        # (T, n), ordered as names; NaN where not read
+        self._names = (*_NAMES, *self._kind.value)
+        self._encoders = list(range(len(_NAMES), len(self._names)))
+        self._values = np.empty((len(table), len(self._names)))
+        self._damaged = np.empty((len(table), len(self._names)), bool)
+        for k, name in enumerate(self._names):
             cells = columns.boolean(name) if k == _VALID else columns.cells(name)
             self._values[:, k] = cells.values
             self._damaged[:, k] = cells.damaged
@@ -150,12 +186,14 @@ class _Reader:
                 self._gyro_empty = cells.empty
         self._damaged[:, _GYRO] |= np.abs(self._values[:, _GYRO]) > MAX_YAW_RATE
         self._values[self._damaged] = np.nan
-        self._damaged[:, 0] = np.isnan(self._values[:, 0])
+        self._damaged[:, _TIME] = np.isnan(self._values[:, _TIME])
+
         self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
         upper = columns.optional(COVARIANCE)
         self._blocks["covariance"] = None if upper is None else upper[:, SYMMETRIC]
         self._truth = {field: columns.optional(names) for field, names in TRUTH.items()}
-        self._contact, self._shear = columns.lists(CONTACT), columns.lists(SHEAR)
+        self._contact = columns.lists(CONTACT)
+        self._shear = columns.lists(SHEAR)
         self._scans = ScanColumns.of(columns)
         self.refused: list[Refused] = []
         self.notes: list[str] = []
@@ -206,8 +244,10 @@ class _Reader:
         """The rows of a run without those that are damaged, cut where its clock restarts, or sorted
         if they just aren't in the order of time.
         """
-        rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
-        time = self._values[rows, 0]
+        rows = rows[
+            ~self._left_out(name, rows, self._damaged[rows], [*self._encoders, _TIME], "row")
+        ]
+        time = self._values[rows, _TIME]
         starts = restarts(time)
         if not starts.size:
             return [rows]
@@ -242,9 +282,9 @@ class _Reader:
     def _cut_at_gaps(self, name: str, rows: np.ndarray) -> list[np.ndarray]:
         """The rows of a run in the order of time, cut where its encoders have a gap."""
         rows = self._in_order(name, self._joined(self._by_time(rows)))
-        time = self._values[rows, 0]
+        time = self._values[rows, _TIME]
         starts = gaps(time, name)
-        read = np.flatnonzero(np.isfinite(self._values[rows[:, None], _OMEGA]).all(axis=1))
+        read = np.flatnonzero(np.isfinite(self._values[rows[:, None], self._encoders]).all(axis=1))
         # before and after the encoder readings, poses may have a clock of their own
         ends = read[[0, -1]] if read.size else (0, 0)
         starts = starts[(starts > ends[0]) & (starts <= ends[1])]
@@ -263,39 +303,47 @@ class _Reader:
         single sensor.
         """
         read = np.isfinite(self._values[rows])
-        return bool(
-            min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1
-        )
+        encoders = read[:, self._encoders].all(axis=1).sum()
+        poses = read[:, [*_POSE, _GYRO]].any(axis=1).sum()
+        return bool(min(encoders, poses) > 1)
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
-        omega, read = self._encoder(name, rows)
+        omega, covered, is_read = self._encoder(name, rows)
         is_beyond = np.zeros(len(self._values), bool)
         is_beyond[rows] = True
-        is_beyond[read] = False
+        is_beyond[covered] = False
         beyond = self._beyond(rows[is_beyond[rows]])
-        rows = read
+        rows = covered
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
         pose[headed, 2] = unwrapped(pose[headed, 2])
         all_valid = valid.all() and "valid" not in self._table.column_names
         return RunLog(
             run=name,
-            time=self._values[rows, 0],
+            time=self._values[rows, _TIME],
             omega=omega,
             pose=pose,
             **_present(self._blocks, rows),
             valid=None if all_valid else valid,
-            gyro=self._gyro(name, rows, np.where(headed, pose[:, 2], np.nan)),
+            read=None if is_read.all() else is_read,
+            gyro=self._gyro(name, rows),
             truth=self._truth_of(rows),
             scans=self._scans.scans(rows, metadata),
             beyond=beyond,
-            metadata={key: value for key, value in metadata.items() if key != SCANNED},
+            metadata=self._about(metadata),
         )
+
+    def _about(self, metadata: Mapping[str, Any]) -> dict[str, Any]:
+        """The run's description, and the odometry if that replaces encoders."""
+        about = {key: value for key, value in metadata.items() if key != SCANNED}
+        if self._kind.is_odometry:
+            about["odometry"] = f"columns {', '.join(self._kind.value)}"
+        return about
 
     def _left_out(
         self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str
     ) -> np.ndarray:
-        """Mask (n,) of rows `damaged` (n, 8) in any of `columns`, with a note; raises LogError if
+        """Mask (n,) of rows `damaged` (n, k) in any of `columns`, with a note; raises LogError if
         most rows are bad.
         """
         bad = np.asarray(damaged[:, columns].any(axis=1))
@@ -308,7 +356,7 @@ class _Reader:
                 int(bad.sum()),
                 total,
                 what,
-                self._columns.complaint(_NAMES[column], int(rows[k])),
+                self._columns.complaint(self._names[column], int(rows[k])),
             )
         return bad
 
@@ -326,10 +374,11 @@ class _Reader:
         """Sort rows by time, as poses may be logged late; rows that break their own sensor's order
         stay in place.
         """
-        time = self._values[rows, 0]
+        time = self._values[rows, _TIME]
         if (np.diff(time) > 0).all():
             return rows
-        known = np.isfinite(self._values[rows, 1:_VALID])
+        readings = [*_POSE, _GYRO, *self._encoders]
+        known = np.isfinite(self._values[rows[:, None], readings])
         place = time.copy()
         for sensor in np.unique(known, axis=0):
             own = np.flatnonzero((known == sensor).all(axis=1))
@@ -343,23 +392,25 @@ class _Reader:
 
         Encoders, gyro and pose may be logged in separate rows.
         """
-        first = np.append(True, np.diff(self._values[rows, 0]) != 0)[: len(rows)]
+        first = np.append(True, np.diff(self._values[rows, _TIME]) != 0)[: len(rows)]
         if first.all():
             return rows
-        starts, group = np.flatnonzero(first), np.cumsum(first) - 1
-        values, damaged = self._values[rows], self._damaged[rows].any(axis=1)
+        starts = np.flatnonzero(first)
+        group = np.cumsum(first) - 1
+        values = self._values[rows]
+        damaged = self._damaged[rows].any(axis=1)
         # `valid` means nothing without a pose
         values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan
-        low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
-        joins = ((low == high) | np.isnan(high)).all(axis=1) & ~np.logical_or.reduceat(
-            damaged, starts
-        )
+        low = np.fmin.reduceat(values, starts)
+        high = np.fmax.reduceat(values, starts)
+        agree = ((low == high) | np.isnan(high)).all(axis=1)
+        joins = agree & ~np.logical_or.reduceat(damaged, starts)
         self._values[rows[starts[joins]]] = high[joins]
         return rows[first | ~joins[group]]
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
         """Select rows with ascending times; notes the rows left out."""
-        time = self._values[rows, 0]
+        time = self._values[rows, _TIME]
         ascending = in_order(time)
         if len(ascending) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
@@ -368,29 +419,108 @@ class _Reader:
             self._note(name, len(rows) - len(ascending), len(rows), "row", reason)
         return rows[ascending]
 
-    def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Sprocket speeds (n, 2), and the rows (n,) from _GAP before the first encoder reading to
-        the last reading.
+    def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
+        """Sprocket speeds (n, 2), the rows (n,) from the first encoder reading to the last, and a
+        mask (n,) of those with a reading.
 
-        A row without a reading gets the next reading.
+        A row without a reading gets the next reading. Speeds are means since the reading before,
+        so that rows up to _GAP before the first of them are covered, too.
         """
-        time, omega = self._values[rows, 0], self._values[rows[:, None], _OMEGA]
-        read = np.flatnonzero(np.isfinite(omega).all(axis=1))
-        if not read.size:
-            raise LogError("columns omega_l, omega_r: no row has both")
-        begin, end = int(np.searchsorted(time, time[read[0]] - _GAP)), int(read[-1]) + 1
+        time = self._values[rows, _TIME]
+        readings = self._values[rows[:, None], self._encoders]
+        if self._kind.is_cumulative:
+            read, speeds = self._speeds_between(rows, time, readings)
+            begin = int(read[0])
+        else:
+            read = np.flatnonzero(np.isfinite(readings).all(axis=1))
+            if not read.size:
+                raise self._no_row_has_both()
+            speeds = readings[read]
+            if self._kind is EncoderKind.ODOMETRY_TWISTS:
+                speeds = odometry_speeds(
+                    speeds, known_odometry(self._layout, f"columns {', '.join(self._kind.value)}")
+                )
+            begin = int(np.searchsorted(time, time[read[0]] - _GAP))
+        end = int(read[-1]) + 1
         for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
             if count:
                 self.notes.append(
                     f"run {name!r}: {counted(count, 'row')} {where} encoder reading left out"
                 )
-        return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
+        covered = np.arange(begin, end)
+        next_reading = np.searchsorted(read, covered)
+        return speeds[next_reading], rows[covered], np.isin(covered, read)
+
+    def _speeds_between(
+        self, rows: np.ndarray, time: Array, readings: Array
+    ) -> tuple[np.ndarray, Array]:
+        """The rows (n,), counted in `rows`, with readings of angles or positions, and the mean
+        speeds (n, 2) since the reading before.
+        """
+        if self._kind is EncoderKind.ODOMETRY_POSES:
+            read = np.flatnonzero(np.isfinite(readings).all(axis=1))
+            if len(read) < 2:
+                raise self._no_row_has_both()
+            jump = odometry_jump(time[read], readings[read])
+            if jump is not None:
+                row, distance = jump
+                raise LogError(
+                    f"row {self._place(rows[read[row]])}, columns odom_x, odom_y: jump by "
+                    f"{distance:.3g} m: was the odometry reset? Cut the log there"
+                )
+            geometry = known_odometry(self._layout, f"columns {', '.join(self._kind.value)}")
+            return read, mean_speeds(time[read], odometry_angles(readings[read], geometry))
+
+        # sides may be read at different times: the side that is read more often sets the times
+        known = np.isfinite(readings)
+        if (known.sum(axis=0) < 2).any():
+            raise self._no_row_has_both()
+        begin = max(int(np.argmax(side)) for side in known.T)
+        end = min(len(side) - int(np.argmax(side[::-1])) for side in known.T)
+        often = known[:, int(np.argmax(known.sum(axis=0)))]
+        read = begin + np.flatnonzero(often[begin:end])
+        if len(read) < 2:
+            raise self._no_row_has_both()
+        angles = []
+        for side, column in enumerate(self._kind.value):
+            own = np.flatnonzero(known[:, side])
+            angle = self._angle(column, rows[own], time[own], readings[own, side])
+            angles.append(np.interp(time[read], time[own], angle))
+        return read, mean_speeds(time[read], np.stack(angles, axis=-1))
+
+    def _angle(self, column: str, rows: np.ndarray, time: Array, readings: Array) -> Array:
+        """Continuous angles (n,) of a sprocket [rad] from its readings; raises LogError if the
+        counter restarts.
+        """
+        if self._kind is EncoderKind.TICKS:
+            per_turn = known_ticks(self._layout)
+            counts, restart = continuous(time, readings, (per_turn, *COUNTERS))
+            angle = 2 * np.pi / per_turn * counts
+        else:
+            angle = unwrapped_angle(readings)
+            counts, restart = continuous(time, 1e3 * angle, ())  # in steps of a milliradian
+            angle = 1e-3 * counts
+        if restart is not None:
+            before, after = readings[restart - 1 : restart + 1]
+            raise LogError(
+                f"row {self._place(rows[restart])}, column {column}: jumps from {before:.9g} to "
+                f"{after:.9g}, and by no number of ticks at which it wraps: did the counter "
+                "restart? Cut the log there"
+            )
+        return angle
+
+    def _no_row_has_both(self) -> LogError:
+        """The error for a run without a reading of all columns of the encoders."""
+        names = self._kind.value
+        all_of = "both" if len(names) == 2 else f"all {len(names)}"
+        needed = "fewer than 2 rows have" if self._kind.is_cumulative else "no row has"
+        return LogError(f"columns {', '.join(names)}: {needed} {all_of}")
 
     def _beyond(self, rows: np.ndarray) -> Array | None:
         """Times and poses (B, 4) in rows outside the encoder readings, used to align clocks; None
         without poses.
         """
-        poses = self._values[rows[:, None], [0, *_POSE]]
+        poses = self._values[rows[:, None], [_TIME, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
         poses[headed, 3] = unwrapped(poses[headed, 3])
@@ -398,11 +528,9 @@ class _Reader:
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Poses (n, 3), and a mask (n,) of measured poses."""
-        pose, stated, damaged = (
-            self._values[rows[:, None], _POSE],
-            self._values[rows, _VALID],
-            self._damaged[rows],
-        )
+        pose = self._values[rows[:, None], _POSE]
+        stated = self._values[rows, _VALID]
+        damaged = self._damaged[rows]
         measured = np.ones(len(rows), bool)
         if (np.isfinite(stated) | damaged[:, _VALID]).any():
             measured = stated == 1
@@ -412,14 +540,12 @@ class _Reader:
         pose[np.isnan(pose[:, :2]).any(axis=1), :2] = np.nan
         return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
-    def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
+    def _gyro(self, name: str, rows: np.ndarray) -> Array | None:
         """Yaw rates (n,), NaN where not measured; None without readings. Empty cells get the next
         reading.
-
-        `heading` (n,) [rad] is NaN where not measured. Raises LogError if headings show that the
-        gyro's unit is wrong.
         """
-        time, rate = self._values[rows, 0], self._values[rows, _GYRO]
+        time = self._values[rows, _TIME]
+        rate = self._values[rows, _GYRO]
         self._left_out(name, rows, self._damaged[rows], [_GYRO], "gyro reading")
         read = np.flatnonzero(np.isfinite(rate))
         if not read.size:
@@ -427,9 +553,7 @@ class _Reader:
         after = read[np.minimum(np.searchsorted(read, np.arange(len(rows))), len(read) - 1)]
         ahead = time[after] - time
         covered = np.isnan(rate) & self._gyro_empty[rows] & (ahead >= 0) & (ahead <= _GAP)
-        plausible, doubt = plausible_gyro(time, np.where(covered, rate[after], rate), heading, name)
-        self.notes += [doubt] if doubt else []
-        return plausible
+        return np.where(covered, rate[after], rate)
 
     def _truth_of(self, rows: np.ndarray) -> Truth | None:
         parts = _present(self._truth, rows)
@@ -443,6 +567,50 @@ class _Reader:
             **parts,
             contact=None if contact is None else contact.reshape(len(rows), -1, 3),
             shear=shear,
+        )
+
+
+def _required_columns(table: pa.Table, columns: Columns, source: str) -> EncoderKind:
+    """The kind of readings of the encoders; raises LogError, if possible with the option that
+    reads the table, unless it has time, encoders and poses.
+    """
+    given = set(table.column_names)
+    try:
+        kind = encoder_kind(given)
+    except LogError as error:
+        raise LogError(f"{source}: {error}") from error
+    encoders = (kind or EncoderKind.SPEEDS).value
+    turns_alone = bool(given & {"phi", "gyro"}) and not given & {"x", "y"}
+    needed = ("t", *encoders) if turns_alone else ("t", *encoders, "x", "y")
+    try:
+        columns.require(needed)
+    except LogError as error:
+        option = suggested_columns(table.column_names, columns.any_numbers)
+        raise LogError(f"{error}; {option} reads it" if option else str(error)) from error
+    return kind or EncoderKind.SPEEDS
+
+
+def require_fitting(layout: Layout, kind: EncoderKind, source: str) -> None:
+    """Raise InvalidValueError for what a layout lacks to read encoders of a `kind`, and for what
+    it states in vain.
+    """
+    if kind is EncoderKind.TICKS:
+        known_ticks(layout)
+    else:
+        require(
+            layout.ticks_per_turn is None,
+            "ticks_per_turn",
+            layout.ticks_per_turn,
+            f"left out: {source} has no columns ticks_l, ticks_r",
+        )
+    if kind.is_odometry:
+        known_odometry(layout, f"columns {', '.join(kind.value)}")
+    else:
+        require(
+            layout.odometry is None,
+            "odometry",
+            layout.odometry,
+            f"left out: {source} has no columns of odometry that replaces encoders",
         )
 
 

@@ -12,21 +12,27 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.drives.encoders import encoders_of
+from trackslip.drives.gyro import mean_yaw_rates, with_usable_gyro
 from trackslip.drives.poses import measured_poses
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
-from trackslip.logs.runlog import MEASURED, RunLog
+from trackslip.logs.runlog import RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
 
-_TOLERANCE = 0.1  # largest relative deviation from the requested length of a stretch, as in evo [-]
-_ROUNDING = 1e-6  # rounding of time stamps [s]
+LENGTHS: Final = (1.0, 2.0, 5.0, 10.0)
+"""Lengths of the stretches for relative errors [m and s]."""
+# largest relative deviation from the requested length of a stretch, as in evo [-]
+_TOLERANCE: Final = 0.1
+_ROUNDING: Final = 1e-6  # rounding of time stamps [s]
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Trajectory:
 
     name: str  # name of the drive
     time: Array  # (K,) stamps of the measured poses [s]
-    way: Array  # (K,) distance driven up to each pose [m]
+    distance: Array  # (K,) distance driven up to each pose [m]
     measured: Array  # (K, 3) measured poses [m, m, rad]; headings are NaN where not measured
     estimated: Array  # (K, 3) estimated poses [m, m, rad], from an arbitrary start
     # (K,) headings at starts of stretches, measured or from earlier positions [rad]; NaN if unknown
@@ -49,30 +55,32 @@ class Trajectory:
     @property
     def placed(self) -> Array:
         """Estimated poses (K, 3), aligned at the first pose with a heading or, without headings, at
-        all positions.
+        all positions. Without positions, the first pose is at the origin.
         """
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
-        return from_pose(
-            self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax())
-        )
+        first = int(np.isfinite(self.measured[:, 2]).argmax())
+        if not np.isfinite(self.measured[:, 0]).any():
+            return from_pose(self.estimated, np.nan_to_num(self.measured), first)
+        return from_pose(self.estimated, self.measured, first)
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:
     """`errors_between` the ends of stretches of `length` [m], to within a tenth, that start at each
     pose.
     """
-    return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
+    start, end = stretches(drive.distance, length, _TOLERANCE * length)
+    return errors_between(drive, start, end)
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Array:
     """`errors_between` the ends of stretches of `length` [s], to within half an interval, that
     start at each pose.
     """
-    usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
-    return errors_between(
-        drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING))
-    )
+    interval = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
+    tolerance = min(_TOLERANCE * length, interval / 2 + _ROUNDING)
+    start, end = stretches(drive.time, length, tolerance)
+    return errors_between(drive, start, end)
 
 
 def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -83,14 +91,21 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
     are left out.
     """
     if len(axis) < 2:
-        return np.zeros(0, int), np.zeros(0, int)
-    start = np.arange(len(axis))
-    after = np.clip(np.searchsorted(axis, axis + length), 1, len(axis) - 1)
+        none = np.zeros(0, int)
+        return none, none
+
+    # the places on both sides of each wanted end; of equal places before it, the first
+    wanted = axis + length
+    after = np.clip(np.searchsorted(axis, wanted), 1, len(axis) - 1)
     before = np.searchsorted(axis, axis[after - 1])
-    missed = np.abs(axis[[before, after]] - axis - length)
-    end = np.where(missed[0] <= missed[1], before, after)
-    near = (missed.min(axis=0) <= tolerance) & (end > start)
-    return start[near], end[near]
+    missed_before = np.abs(axis[before] - axis - length)
+    missed_after = np.abs(axis[after] - axis - length)
+
+    start = np.arange(len(axis))
+    end = np.where(missed_before <= missed_after, before, after)
+    is_near = np.minimum(missed_before, missed_after) <= tolerance
+    kept = is_near & (end > start)
+    return start[kept], end[kept]
 
 
 def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Array:
@@ -98,23 +113,32 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Arr
     known headings.
 
     The rows are the distance driven [m], the distance between the estimated and the measured end
-    [m], and the absolute error of the turn [rad], which is NaN where no turn was measured.
+    [m], and the absolute error of the turn [rad]; errors are NaN where no position, or no turn, was
+    measured.
     """
-    known = np.isfinite(drive.heading[start])
-    start, end = start[known], end[known]
+    has_heading = np.isfinite(drive.heading[start])
+    start = start[has_heading]
+    end = end[has_heading]
+
+    # the estimated motion, turned so that it starts with the measured heading
     turn = drive.heading[start] - drive.estimated[start, 2]
     step = drive.estimated[end] - drive.estimated[start]
-    driven = np.column_stack([rotate(turn, step[:, :2]), step[:, 2]])
-    error = driven - (drive.measured[end] - drive.measured[start])
-    position, heading = np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
-    return np.stack([drive.way[end] - drive.way[start], position, heading])
+    estimated = np.column_stack([rotate(turn, step[:, :2]), step[:, 2]])
+    measured = drive.measured[end] - drive.measured[start]
+
+    error = estimated - measured
+    distance = drive.distance[end] - drive.distance[start]
+    position_error = np.hypot(error[:, 0], error[:, 1])
+    heading_error = np.abs(wrap_angle(error[:, 2]))
+    return np.stack([distance, position_error, heading_error])
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:
     """Turn poses (K, 3) by `turn` [rad] about the point `pivot` (2,), which moves to `target`
     (2,).
     """
-    return np.column_stack([target + rotate(turn, pose[:, :2] - pivot), pose[:, 2] + turn])
+    position = target + rotate(turn, pose[:, :2] - pivot)
+    return np.column_stack([position, pose[:, 2] + turn])
 
 
 def best_fit(pose: Array, measured: Array) -> Array:
@@ -122,45 +146,56 @@ def best_fit(pose: Array, measured: Array) -> Array:
     least squares.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
-    (1991), without scale.
+    (1991), without scale. In the plane, with the positions p_k and the measured positions q_k as
+    complex numbers relative to their means, the turn by the angle of sum_k conj(p_k) q_k minimises
+    the sum of |q_k - exp(i turn) p_k|^2.
     """
-    centre, target = pose[:, :2].mean(axis=0), measured[:, :2].mean(axis=0)
-    here, there = (pose[:, :2] - centre) @ [1, 1j], (measured[:, :2] - target) @ [1, 1j]
-    return moved(pose, float(np.angle(np.vdot(here, there))), centre, target)
+    centre = pose[:, :2].mean(axis=0)
+    target = measured[:, :2].mean(axis=0)
+    p = (pose[:, :2] - centre) @ [1, 1j]
+    q = (measured[:, :2] - target) @ [1, 1j]
+    turn = float(np.angle(np.vdot(p, q)))
+    return moved(pose, turn, centre, target)
 
 
 def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
     """Move poses (K, 3) so that the pose in `row` equals the measured pose in `row` of (K, 3),
     including heading.
     """
-    return moved(pose, float(measured[row, 2] - pose[row, 2]), pose[row, :2], measured[row, :2])
+    turn = float(measured[row, 2] - pose[row, 2])
+    return moved(pose, turn, pivot=pose[row, :2], target=measured[row, :2])
 
 
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
 
-    The poses lie in the plane z = 0. NaN headings, which were not measured, are written as 0.
+    The poses lie in the plane z = 0. NaN positions and headings, which were not measured, are
+    written as 0.
 
     Raises:
         InvalidValueError: if the numbers of times and poses differ.
         OutputError: if the file cannot be written.
     """
-    time, pose = np.asarray(time, float), np.asarray(pose, float)
+    time = np.asarray(time, float)
+    pose = np.asarray(pose, float)
     if time.ndim != 1 or pose.shape != (len(time), 3):
-        raise InvalidValueError(
-            "pose", pose.shape, f"of shape {(*time.shape, 3)}, as there are that many times"
-        )
-    half, none = np.nan_to_num(pose[:, 2], nan=0.0) / 2, np.zeros(len(time))
-    rows = np.column_stack([time, pose[:, :2], none, none, none, np.sin(half), np.cos(half)])
-    text = "".join(" ".join(map("{:.9f}".format, row)) + "\n" for row in rows.tolist())
+        allowed = f"of shape {(*time.shape, 3)}, as there are that many times"
+        raise InvalidValueError("pose", pose.shape, allowed)
+
+    # the columns: t, x, y, z, and a quaternion x, y, z, w for the rotation about z
+    x, y, heading = np.where(np.isnan(pose), 0.0, pose).T
+    half_heading = heading / 2
+    zero = np.zeros(len(time))
+    columns = [time, x, y, zero, zero, zero, np.sin(half_heading), np.cos(half_heading)]
+    lines = [
+        " ".join(f"{value:.9f}" for value in row) + "\n"
+        for row in np.column_stack(columns).tolist()
+    ]
+    text = "".join(lines)
     try:
         Path(path).write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-LENGTHS = (1.0, 2.0, 5.0, 10.0)
-"""Lengths of the stretches for relative errors [m and s]."""
 
 
 @dataclass(frozen=True)
@@ -201,12 +236,19 @@ def odometry_errors(
     Raises:
         LogError: if no drive has at least two measured poses during its encoder readings.
     """
-    trajectories, notes = [], []
-    for log in [logs] if isinstance(logs, RunLog) else logs:
+    trajectories = []
+    notes = []
+    drives = [logs] if isinstance(logs, RunLog) else logs
+    for log in drives:
         try:
-            trajectories.append(trajectory_of(log, odometry, mounting or Mounting(), clock_offset))
+            if odometry.gyro is not None:
+                log, note = with_usable_gyro(log)
+                notes += [note] if note else []
+            drive = trajectory_of(log, odometry, mounting or Mounting(), clock_offset)
         except LogError as error:
             notes.append(str(error))
+        else:
+            trajectories.append(drive)
     return errors_of(trajectories, notes)
 
 
@@ -216,23 +258,35 @@ def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> 
     """
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
-    notes, errors = (
-        list(notes),
-        {"m": dict[float, PredictionErrors](), "s": dict[float, PredictionErrors]()},
+    after_metres, notes_on_metres = _by_length(trajectories, errors_after_metres, "m")
+    after_seconds, notes_on_seconds = _by_length(trajectories, errors_after_seconds, "s")
+    return OdometryErrors(
+        after_metres=after_metres,
+        after_seconds=after_seconds,
+        trajectories=tuple(trajectories),
+        notes=(*notes, *notes_on_metres, *notes_on_seconds),
     )
-    for unit, errors_after in (("m", errors_after_metres), ("s", errors_after_seconds)):
-        short = []
-        for length in LENGTHS:
-            every = np.concatenate([errors_after(drive, length) for drive in trajectories], axis=1)
-            if every.size:
-                errors[unit][length] = PredictionErrors.of(*every)
-            else:
-                short.append(f"{length:g}")
-        if short:
-            notes.append(
-                f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before"
-            )
-    return OdometryErrors(errors["m"], errors["s"], tuple(trajectories), tuple(notes))
+
+
+def _by_length(
+    trajectories: Sequence[Trajectory],
+    errors_after: Callable[[Trajectory, float], Array],
+    unit: str,
+) -> tuple[dict[float, PredictionErrors], list[str]]:
+    """Errors of all trajectories by the length of stretches, and a note on missing lengths."""
+    errors = {}
+    missing = []
+    for length in LENGTHS:
+        of_drives = [errors_after(drive, length) for drive in trajectories]
+        distance, position, heading = np.concatenate(of_drives, axis=1)
+        if distance.size:
+            errors[length] = PredictionErrors.of(distance, position, heading)
+        else:
+            missing.append(f"{length:g}")
+    if not missing:
+        return errors, []
+    lengths = ", ".join(missing)
+    return errors, [f"no two poses are {lengths} {unit} apart, so relative errors end before"]
 
 
 def trajectory_of(
@@ -242,11 +296,17 @@ def trajectory_of(
     fewer than two.
     """
 
+    encoders = encoders_of(log).smooth()
+
     def by_odometry(at: Array) -> Array:
-        time = np.union1d(log.time, at)
-        gyro = None if odometry.gyro is None else _readings(log, time + odometry.gyro.clock)
-        path = odometry.path(time, log.omega[np.searchsorted(log.time, time)], gyro)
-        return se2.compose(path.pose[np.searchsorted(time, at)], mounting.pose)
+        # rows at the times of readings and of poses; a reading is a mean since the row before it
+        time = np.union1d(encoders.edges, at)
+        gyro = None
+        if odometry.gyro is not None:
+            gyro = mean_yaw_rates(log, time + odometry.gyro.clock)
+        path = odometry.path(time, encoders.at(time), gyro)
+        rows = np.searchsorted(time, at)
+        return se2.compose(path.pose[rows], mounting.pose)
 
     return estimated_trajectory(log, by_odometry, odometry.geometry, clock_offset)
 
@@ -259,32 +319,41 @@ def estimated_trajectory(
 
     Raises LogError for fewer than two poses.
     """
-    rows = np.flatnonzero(log.has_place)
-    repeated = (np.diff(np.nan_to_num(log.pose[rows]), axis=0) == 0).all(axis=1)
-    rows = np.delete(rows, 1 + np.flatnonzero(repeated))
-    time, measured = measured_poses(log.time[rows], log.pose[rows])
-    at = time + clock_offset
-    covered = (at >= log.time[0]) & (at <= log.time[-1])
-    if covered.sum() < 2:
-        count = f"{int(covered.sum())} of {counted(len(time), 'measured pose')}"
+    # measured positions or, where there are none, headings
+    poses = measured_poses(log)
+    is_placed = np.isfinite(poses.pose[:, 0])
+    used = is_placed if is_placed.any() else np.isfinite(poses.pose[:, 2])
+    time = poses.time[used]
+    measured = poses.pose[used]
+
+    # those in the time of the encoders
+    encoder_time = time + clock_offset
+    is_covered = (encoder_time >= log.time[0]) & (encoder_time <= log.time[-1])
+    covered = int(is_covered.sum())
+    if covered < 2:
+        count = f"{covered} of {counted(len(time), 'measured pose')}"
         raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least 2")
-    time, at, measured = time[covered], at[covered], measured[covered]
-    estimated = estimate(at)
+    time = time[is_covered]
+    encoder_time = encoder_time[is_covered]
+    measured = measured[is_covered]
+    estimated = estimate(encoder_time)
+
+    # where no heading is measured, positions before a pose show its heading
     heading = measured[:, 2]
     if not np.isfinite(heading).any():
-        place, estimated_place = (pose[:, 0] + 1j * pose[:, 1] for pose in (measured, estimated))
-        heading = trailing_heading(at, place, estimated_place, estimated[:, 2])
-    speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
-    way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
-    return Trajectory(log.run, time, np.interp(at, log.time, way), measured, estimated, heading)
+        place = measured[:, 0] + 1j * measured[:, 1]
+        estimated_place = estimated[:, 0] + 1j * estimated[:, 1]
+        heading = trailing_heading(encoder_time, place, estimated_place, estimated[:, 2])
 
-
-def _readings(log: RunLog, time: Array) -> Array | None:
-    """Mean yaw rates (T,) from the gyro between successive times (T,), NaN if not measured; None
-    without a gyro.
-    """
-    if log.gyro_sums is None:
-        return None
-    turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)
-    step = np.diff(time)
-    return np.append(np.nan, np.where(measured >= MEASURED * step, turned / step, np.nan))
+    # the middle of tracks without slip
+    encoders = encoders_of(log).smooth()
+    speed = np.abs(body_twist(encoders.omega, 0.0, geometry)[:, 0])
+    sums = np.append(0.0, np.cumsum(speed * np.diff(encoders.edges)))
+    return Trajectory(
+        name=log.run,
+        time=time,
+        distance=np.interp(encoder_time, encoders.edges, sums),
+        measured=measured,
+        estimated=estimated,
+        heading=heading,
+    )

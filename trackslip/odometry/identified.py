@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,25 +92,39 @@ def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
     if fit.get("values") and fit.get("stderr"):
         errors = LawErrors.stored(fit)
         # unknown errors aren't zero
-        if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):
+        with_errors = set(fit["values"]) & set(fit["stderr"])
+        if set(errors.names) >= with_errors:
             known["errors"] = errors
     drive = stored.content.get("drive")
     if not drive:
         return known
-    own = stored.drive_fit(name)
-    fit = own or drive["laws"][drive["best"]]
-    extras = {key: float(value) for key, value in fit["extras"].items()}
+
+    # a law without a fit of its own to whole drives gets the noise and sensor of the best law
+    own_fit = stored.drive_fit(name)
+    drive_fit = own_fit or drive["laws"][drive["best"]]
+    extras = {key: float(value) for key, value in drive_fit["extras"].items()}
     for key, value in extras.items():
         require_finite(key, value)
-    if "gyro" in fit["noise"]:
-        bias, scale = extras["gyro_bias"], extras["gyro_scale"]
-        errors_of_gyro = (float(fit["stderr"].get(name) or 0.0) for name in GYRO)
-        known["gyro"] = Gyro(bias, scale, float(fit["noise"]["gyro"]), *errors_of_gyro)
-    return known | {
-        "noise": SlipNoise.of(fit["noise"]),
-        "drift": extras["drift"] if own else 0.0,
-        "clock_offset": extras["clock_offset"] - extras["lag"],
-        "mounting": Mounting(
-            extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"]))
-        ),
-    }
+    known["noise"] = SlipNoise.of(drive_fit["noise"])
+    known["drift"] = extras["drift"] if own_fit else 0.0
+    known["clock_offset"] = extras["clock_offset"] - extras["lag"]
+    known["mounting"] = Mounting(
+        x=extras["sensor_x"],
+        y=extras["sensor_y"],
+        yaw=float(wrap_angle(extras["sensor_yaw"])),
+    )
+    if "gyro" in drive_fit["noise"]:
+        known["gyro"] = _gyro(drive_fit, extras)
+    return known
+
+
+def _gyro(fit: Mapping[str, Any], extras: Mapping[str, float]) -> Gyro:
+    """The errors of the gyroscope in a fit to whole drives with the parameters `extras`."""
+    bias_error, scale_error = (float(fit["stderr"].get(name) or 0.0) for name in GYRO)
+    return Gyro(
+        bias=extras["gyro_bias"],
+        scale=extras["gyro_scale"],
+        noise=float(fit["noise"]["gyro"]),
+        bias_error=bias_error,
+        scale_error=scale_error,
+    )

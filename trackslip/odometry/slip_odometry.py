@@ -1,39 +1,47 @@
 """Odometry by a slip law: computes poses with covariance from encoder readings.
 
 Between two readings, the robot drives an arc with the twist that the law predicts from the sprocket
-speeds. To first order, the errors dz_T and dphi_T of place and heading are sums over the arcs: arc
-k has an error e_k of its displacement, in the world frame, and an error d_k of its turn, which also
-turns the path after arc k,
+speeds. Points in the plane are complex numbers x + i y, so that a factor i is a quarter turn to the
+left.
 
-    dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter
-    turn
+To first order, the errors dz_T of the place and dphi_T of the heading are sums over the arcs. Arc k
+has an error e_k of its displacement, in the world frame, and an error d_k of its turn, which also
+turns the path after arc k about the arc's middle m_k:
 
-where m_k is the middle of arc k. So sums of moments of e_k - d_k J m_k and of d_k, computed once
-along the path, determine the covariance at every pose, and step-by-step odometry equals the
-odometry of a whole log to the last bit.
+    dz_T = sum_k (e_k + d_k i (z_T - m_k)) = sum_k (e_k - d_k i m_k) + i z_T sum_k d_k
+    dphi_T = sum_k d_k
+
+So second moments of e_k - d_k i m_k and of d_k, summed once along the path, determine the
+covariance at every pose, and step-by-step odometry equals the odometry of a whole log to the last
+bit.
 
 Turns come from gyro readings where these exist, since errors of laws persist, unlike noise. While
-the sprockets stand still and the gyro reads almost nothing, the robot doesn't turn, and the mean
-reading is the gyro's bias.
+the sprockets stand still and the gyro reads almost nothing, the robot is at rest: the mean reading
+is the gyro's bias, and turns come from the law, by which it hardly turns.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from trackslip.errors import require, require_finite
+from trackslip.errors import InvalidValueError, require, require_finite
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import arc_quotients
 
-_STILL = 1e-3  # largest sprocket speed of a robot at rest [rad/s]
-_MAX_DRIFT = 0.05  # largest reading of a gyro at rest, minus its bias [rad/s]
-_TRUSTED = 5.0  # weight of the initial bias, as a time at rest with readings [s]
+# largest sprocket speed of a robot at rest [rad/s]
+_MAX_SPEED_AT_REST: Final = 1e-3
+# largest reading of a gyro at rest, minus its bias [rad/s]
+_MAX_READING_AT_REST: Final = 0.05
+# weight of the initial bias, as a time at rest with readings: a minute at rest overrules it, see
+# test_at_rest_it_learns_the_bias [s]
+_TIME_FOR_BIAS: Final = 5.0
 
 
 @dataclass(frozen=True)
@@ -51,12 +59,43 @@ class _State:
     (T,).
     """
 
-    place: np.ndarray  # (...) complex, x + i y from the start [m]
+    place: np.ndarray  # (...) complex, from the start [m]
     heading: Array  # (...) [rad]
-    moments: Array  # (..., 3, 3) second moments of the sums of e - d J m and of d
-    swing: Array  # (..., p) derivatives of the heading by the parameters
-    drift: np.ndarray  # (..., p) complex, derivatives of the place by the parameters
-    rest: Array  # (..., 2) time at rest [s], and the gyro's turn at rest [rad]
+    moments: Array  # (..., 3, 3) second moments of the sums of e - d i m and of d
+    place_slopes: np.ndarray  # (..., p) complex, derivatives of the place by the parameters
+    heading_slopes: Array  # (..., p) derivatives of the heading by the parameters
+    rest_time: Array  # (...) time at rest with readings of the gyro [s]
+    rest_turn: Array  # (...) integral of the gyro's readings over that time [rad]
+
+    @property
+    def last(self) -> _State:
+        """The state at the last of T times."""
+        return _State(
+            place=self.place[-1],
+            heading=self.heading[-1],
+            moments=self.moments[-1],
+            place_slopes=self.place_slopes[-1],
+            heading_slopes=self.heading_slopes[-1],
+            rest_time=self.rest_time[-1],
+            rest_turn=self.rest_turn[-1],
+        )
+
+
+@dataclass(frozen=True)
+class _LawTurning:
+    """Yaw rates in T motions according to the law, with their errors."""
+
+    rate: Array  # (T, ...) [rad/s]
+    slopes: Array  # (T, ..., p) derivatives of the rates by the parameters
+    variance: Array  # (T, ...) variances of the turns due to noise [rad^2]
+
+
+@dataclass(frozen=True)
+class _Turning(_LawTurning):
+    """Yaw rates in T motions, from readings of the gyro or else from the law, with their errors."""
+
+    rest_time: Array  # (T + 1, ...) see _State
+    rest_turn: Array  # (T + 1, ...) see _State
 
 
 class SlipOdometry:
@@ -97,13 +136,17 @@ class SlipOdometry:
             InvalidValueError: for a value that is not finite, or of the wrong shape.
         """
         require_finite("drift", drift)
-        self.law, self.geometry, self.drift = law, geometry, drift
+        self.law = law
+        self.geometry = geometry
+        self.drift = drift
         self.noise = noise or SlipNoise()
         self.errors = errors or LawErrors((), np.zeros((0, 0)))
-        self.gyro, self._errors = gyro, self.errors.covariance
+        self.gyro = gyro
+        # (p, p) covariance of the parameters: those of the law, then the gyro's bias and scale
+        self._parameter_covariance = self.errors.covariance
         if gyro is not None:
             of_gyro = np.diag(np.square([gyro.bias_error, gyro.scale_error]))
-            self._errors = scipy.linalg.block_diag(self._errors, of_gyro)
+            self._parameter_covariance = scipy.linalg.block_diag(self.errors.covariance, of_gyro)
         self.reset(start, start_covariance)
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
@@ -111,21 +154,20 @@ class SlipOdometry:
         zero.
         """
         self._start = _finite("pose", pose, (3,))
-        known = (
-            np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, (3, 3))
-        )
-        shape, p, bias = (
-            self._start.shape[:-1],
-            len(self._errors),
-            self.gyro.bias if self.gyro else 0.0,
-        )
+        known: Array = np.zeros((3, 3))
+        if covariance is not None:
+            known = _finite("covariance", covariance, (3, 3))
+        robots = self._start.shape[:-1]
+        parameters = len(self._parameter_covariance)
+        bias = 0.0 if self.gyro is None else self.gyro.bias
         self._state = _State(
-            np.zeros(shape, complex),
-            self._start[..., 2].copy(),
-            np.broadcast_to(known, (*shape, 3, 3)).copy(),
-            np.zeros((*shape, p)),
-            np.zeros((*shape, p), complex),
-            np.broadcast_to(_TRUSTED * np.array([1.0, bias]), (*shape, 2)),
+            place=np.zeros(robots, complex),
+            heading=self._start[..., 2].copy(),
+            moments=np.broadcast_to(known, (*robots, 3, 3)).copy(),
+            place_slopes=np.zeros((*robots, parameters), complex),
+            heading_slopes=np.zeros((*robots, parameters)),
+            rest_time=np.full(robots, _TIME_FOR_BIAS),
+            rest_turn=np.full(robots, _TIME_FOR_BIAS * bias),
         )
 
     @property
@@ -147,8 +189,8 @@ class SlipOdometry:
         """
         require(0 <= dt < np.inf, "dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, (2,))
-        after = self._driven(omega[None], np.array([dt]), _readings(gyro, omega)[None])
-        self._state = _State(*(value[-1] for value in vars(after).values()))
+        reading = _readings(gyro, omega)
+        self._state = self._driven(omega[None], np.array([dt]), reading[None]).last
 
     def path(
         self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None
@@ -167,110 +209,202 @@ class SlipOdometry:
             InvalidValueError: for times that do not ascend, or values that are not finite or have
                 the wrong shape.
         """
-        time, omega = np.asarray(time, float), _finite("omega", omega, (2,))
+        time = np.asarray(time, float)
+        omega = _finite("omega", omega, (2,))
         step = np.diff(time)
         fits = omega.ndim > 1 and time.shape == omega.shape[:1] and len(time) > 0
         require(fits, "time", time.shape, f"one time per row of omega, ({len(omega)},)")
         ascends = np.isfinite(time).all() and (step > 0).all()
         require(ascends, "time", float(time[0]), "finite, and ascending from row to row")
-        states = self._driven(omega[1:], step, _readings(gyro, omega)[1:])
+        readings = _readings(gyro, omega)
+        states = self._driven(omega[1:], step, readings[1:])
         return OdometryPath(time, self._poses(states), self._covariances(states))
 
     def _driven(self, omega: Array, step: Array, gyro: Array) -> _State:
         """The current state and the states (T + 1, ...) after driving at each `omega` (T, ..., 2)
         for `step` (T,).
+
+        `gyro` (T, ...) are mean yaw rates from a gyroscope [rad/s], NaN without a reading.
+
+        An arc starts at the heading phi and lasts for the time h, with the speed v and the yaw rate
+        w. In its own frame, the robot has the velocity u = v - i c v w, forwards and to the left,
+        where c is `drift`. So it turns by t = w h, and moves by
+
+            m = u h q(t) exp(i phi)        q(t) = sin(t) / t + i (1 - cos(t)) / t
+
+        With the derivatives v' and w' by a parameter, and phi' of the heading at the start, those
+        of the turn and the displacement are
+
+            t' = w' h
+            u' = v' - i c (v' w + v w')
+            m' = (u' h q(t) + w' u h^2 dq/dt) exp(i phi) + i phi' m
         """
-        now, geometry = self._state, self.geometry
-        dt = step.reshape(-1, *[1] * (omega.ndim - 2))
-        twist = self.law.twist(omega, geometry)
-        v, w = np.broadcast_arrays(twist[..., 0], twist[..., 1])
-        slopes = self.errors.slopes(self.law, omega, geometry)
-        way = geometry.sprocket_radius * np.abs(omega).mean(axis=-1) * dt
-        if len(self._errors) > slopes.shape[-1]:
-            slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], 2))], axis=-1)
-        w, variance, rest = self._with_gyro(gyro, omega, w, dt, self.noise.turn**2 * way, slopes)
-        speed, turn = v - 1j * self.drift * v * w, w * dt
-        along, across, d_along, d_across = arc_quotients(turn)
-        heading = _summed(now.heading, turn)
-        before = heading[:-1]
-        moved = speed * dt * (along + 1j * across) * np.exp(1j * before)
-        place = _summed(now.place, moved)
-        dv, dw = slopes[..., 0, :], slopes[..., 1, :]
-        swing = _summed(now.swing, dw * dt[..., None])
-        by_speed = dv - 1j * self.drift * (dv * w[..., None] + v[..., None] * dw)
-        aside: np.ndarray = by_speed * (dt * (along + 1j * across) * np.exp(1j * before))[..., None]
-        aside = (
-            aside
-            + dw * (speed * dt**2 * (d_along + 1j * d_across) * np.exp(1j * before))[..., None]
+        start = self._state
+        h = np.expand_dims(step, tuple(range(1, omega.ndim - 1)))  # (T, ...), for all robots
+
+        # the twists by the law, with the gyro's yaw rates where it has readings
+        twist = self.law.twist(omega, self.geometry)
+        speed = twist[..., 0]
+        speed_slopes, law_rate_slopes = self._law_slopes(omega)
+        distance = self.geometry.sprocket_radius * np.abs(omega).mean(axis=-1) * h
+        by_law = _LawTurning(twist[..., 1], law_rate_slopes, self.noise.turn**2 * distance)
+        turning = self._turning(omega, h, gyro, by_law)
+        rate = turning.rate
+
+        # headings, displacements and places
+        turn = rate * h
+        heading = _summed(start.heading, turn)
+        heading_before = heading[:-1]
+        along, across, along_slope, across_slope = arc_quotients(turn)
+        quotient = along + 1j * across
+        quotient_slope = along_slope + 1j * across_slope
+        ahead = np.exp(1j * heading_before)
+        velocity = speed - 1j * self.drift * speed * rate
+        displacement = velocity * h * quotient * ahead
+        place = _summed(start.place, displacement)
+
+        # their derivatives by the parameters, on the last axis
+        rate_slopes = turning.slopes
+        heading_slopes = _summed(start.heading_slopes, rate_slopes * h[..., None])
+        velocity_slopes = speed_slopes - 1j * self.drift * (
+            speed_slopes * rate[..., None] + speed[..., None] * rate_slopes
         )
-        aside = aside + 1j * swing[:-1] * moved[..., None]
-        moments = self._moments(place[:-1] + moved / 2, moved, before + turn / 2, way, variance)
+        by_velocity = h * quotient * ahead
+        by_rate = velocity * h**2 * quotient_slope * ahead
+        displacement_slopes = (
+            velocity_slopes * by_velocity[..., None]
+            + rate_slopes * by_rate[..., None]
+            + 1j * heading_slopes[:-1] * displacement[..., None]
+        )
+
+        # moments of the errors that vary from arc to arc
+        middle = place[:-1] + displacement / 2
+        middle_heading = heading_before + turn / 2
+        moments = self._moments(middle, middle_heading, displacement, distance, turning.variance)
         return _State(
-            place, heading, _summed(now.moments, moments), swing, _summed(now.drift, aside), rest
+            place=place,
+            heading=heading,
+            moments=_summed(start.moments, moments),
+            place_slopes=_summed(start.place_slopes, displacement_slopes),
+            heading_slopes=heading_slopes,
+            rest_time=turning.rest_time,
+            rest_turn=turning.rest_turn,
         )
 
-    def _with_gyro(
-        self, gyro: Array, omega: Array, w: Array, dt: Array, variance: Array, slopes: Array
-    ) -> tuple[Array, Array, Array]:
-        """Yaw rates and turn variances (T, ...), from gyro readings or otherwise from the law; and
-        `_State.rest`.
-
-        Changes `slopes` in place.
+    def _law_slopes(self, omega: Array) -> tuple[Array, Array]:
+        """Derivatives (T, ..., p) of the law's speeds and yaw rates at `omega` (T, ..., 2) by the
+        parameters.
         """
-        known, errors = np.isfinite(gyro), self.gyro or Gyro()
-        still = (
-            known
-            & (np.abs(omega) < _STILL).all(axis=-1)
-            & (np.abs(gyro - errors.bias) < _MAX_DRIFT)
-        )
-        gyro = np.where(known, gyro, 0.0)
-        rest = _summed(
-            self._state.rest,
-            np.where(still, dt, 0.0)[..., None] * np.stack([np.ones_like(gyro), gyro], -1),
-        )
-        unbiased = gyro - rest[:-1, ..., 1] / rest[:-1, ..., 0]
-        taken, size = known & ~still, 1 + errors.scale
-        slopes[taken, 1] = 0.0
+        slopes = self.errors.slopes(self.law, omega, self.geometry)
+        others = len(self._parameter_covariance) - slopes.shape[-1]  # the gyro's, without effect
+        slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], others))], axis=-1)
+        return slopes[..., 0, :], slopes[..., 1, :]
+
+    def _turning(self, omega: Array, h: Array, gyro: Array, by_law: _LawTurning) -> _Turning:
+        """Yaw rates during T motions at `omega` (T, ..., 2) that last for `h` (T, ...).
+
+        Where `gyro` (T, ...) has a reading g, the yaw rate is (g - b) / (1 + k) with the gyro's
+        bias b and scale error k; its derivatives are -1 / (1 + k) by b and -(g - b) / (1 + k)^2 by
+        k. Elsewhere, and at rest, it is that `by_law`.
+        """
+        errors = self.gyro or Gyro()
+        has_reading = np.isfinite(gyro)
+        reading = np.where(has_reading, gyro, 0.0)
+
+        # the bias so far is the mean reading at rest
+        stands = (np.abs(omega) < _MAX_SPEED_AT_REST).all(axis=-1)
+        reads_nothing = np.abs(reading - errors.bias) < _MAX_READING_AT_REST
+        is_at_rest = has_reading & stands & reads_nothing
+        at_rest = np.where(is_at_rest, h, 0.0)
+        rest_time = _summed(self._state.rest_time, at_rest)
+        rest_turn = _summed(self._state.rest_turn, at_rest * reading)
+        bias = rest_turn[:-1] / rest_time[:-1]
+
+        is_measured = has_reading & ~is_at_rest
+        scale = 1 + errors.scale
+        measured_rate = (reading - bias) / scale
+        slopes = np.where(is_measured[..., None], 0.0, by_law.slopes)
         if self.gyro is not None:
-            slopes[taken, 1, -2], slopes[taken, 1, -1] = -1 / size, -unbiased[taken] / size**2
-        turning = np.where(taken, unbiased / size, w)
-        return turning, np.where(taken, (errors.noise / size) ** 2 * dt, variance), rest
+            slopes[..., -2] = np.where(is_measured, -1 / scale, 0.0)
+            slopes[..., -1] = np.where(is_measured, -(reading - bias) / scale**2, 0.0)
+        gyro_variance = (errors.noise / scale) ** 2 * h
+        return _Turning(
+            rate=np.where(is_measured, measured_rate, by_law.rate),
+            slopes=slopes,
+            variance=np.where(is_measured, gyro_variance, by_law.variance),
+            rest_time=rest_time,
+            rest_turn=rest_turn,
+        )
 
     def _moments(
-        self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array, variance: Array
+        self,
+        middle: np.ndarray,
+        heading: Array,
+        displacement: np.ndarray,
+        distance: Array,
+        turn_variance: Array,
     ) -> Array:
-        """Error moments (T, ..., 3, 3) of arcs whose turns have a `variance` (T, ...).
+        """Second moments (T, ..., 3, 3) of the errors e - d i m and d of arcs.
 
-        A heading error that grows along an arc acts like an error at the arc's middle, plus a
-        scatter across the chord.
+        The arcs have the complex `middle` m (T, ...) and `displacement` (T, ...) [m], and in their
+        middle the `heading` (T, ...). The belts drive the `distance` (T, ...) [m]. The errors e are
+        white slip per distance, forwards and sideways. The errors d have `turn_variance` (T, ...).
+
+        The heading error of an arc is a random walk from 0 to d. Its mean over the arc is d / 2,
+        which acts like an error d at the arc's middle, plus a deviation that doesn't depend on d
+        and has the variance var(d) / 12, which acts across the displacement.
         """
-        noise = self.noise
         forward = np.exp(1j * heading)
-        lever = -1j * middle
-        place = noise.forward**2 * _outer(forward) + noise.sideways**2 * _outer(1j * forward)
-        swung = _outer(lever) + _outer(1j * moved) / 12
-        moments = np.empty((*way.shape, 3, 3))
-        moments[..., :2, :2] = way[..., None, None] * place + variance[..., None, None] * swung
-        moments[..., 0, 2] = moments[..., 2, 0] = variance * lever.real
-        moments[..., 1, 2] = moments[..., 2, 1] = variance * lever.imag
-        moments[..., 2, 2] = variance
+        leftward = 1j * forward
+        by_slip = self.noise.forward**2 * _outer(forward) + self.noise.sideways**2 * _outer(
+            leftward
+        )
+
+        lever = -1j * middle  # displacement by a unit of d
+        by_turn = _outer(lever) + _outer(1j * displacement) / 12
+
+        moments = np.empty((*distance.shape, 3, 3))
+        moments[..., :2, :2] = (
+            distance[..., None, None] * by_slip + turn_variance[..., None, None] * by_turn
+        )
+        # of x, y and the heading
+        moments[..., 0, 2] = turn_variance * lever.real
+        moments[..., 1, 2] = turn_variance * lever.imag
+        moments[..., 2, 0] = moments[..., 0, 2]
+        moments[..., 2, 1] = moments[..., 1, 2]
+        moments[..., 2, 2] = turn_variance
         return moments
 
     def _poses(self, state: _State) -> Array:
-        place = state.place
-        x, y = np.broadcast_arrays(
-            self._start[..., 0] + place.real, self._start[..., 1] + place.imag
-        )
-        return np.stack([x, y, np.broadcast_to(state.heading, x.shape)], axis=-1)
+        """Poses (..., 3) in a state."""
+        x = self._start[..., 0] + state.place.real
+        y = self._start[..., 1] + state.place.imag
+        return np.stack([x, y, state.heading], axis=-1)
 
     def _covariances(self, state: _State) -> Array:
-        carried = np.zeros((*state.place.shape, 3, 3))
-        carried[..., range(3), range(3)] = 1.0
-        carried[..., 0, 2], carried[..., 1, 2] = -state.place.imag, state.place.real
-        by_law = np.stack([state.drift.real, state.drift.imag, state.swing], axis=-2)
-        found = carried @ state.moments @ carried.swapaxes(-1, -2)
-        found = found + by_law @ self._errors @ by_law.swapaxes(-1, -2)
-        return (found + found.swapaxes(-1, -2)) / 2
+        """Covariances (..., 3, 3) of the poses in a state.
+
+        The errors of the place z and of the heading are the sums of e - d i m and of d, times
+
+            1  0  -y
+            0  1   x
+            0  0   1
+
+        as the sum of d also turns the whole path, by i z. To these are added the errors of the
+        parameters, by the derivatives of the pose.
+        """
+        carry = np.zeros((*state.place.shape, 3, 3))
+        carry[...] = np.eye(3)
+        carry[..., 0, 2] = -state.place.imag
+        carry[..., 1, 2] = state.place.real
+        of_arcs = carry @ state.moments @ carry.swapaxes(-1, -2)
+
+        slopes = np.stack(
+            [state.place_slopes.real, state.place_slopes.imag, state.heading_slopes], axis=-2
+        )
+        of_parameters = slopes @ self._parameter_covariance @ slopes.swapaxes(-1, -2)
+        covariance = of_arcs + of_parameters
+        return (covariance + covariance.swapaxes(-1, -2)) / 2  # symmetric despite rounding
 
 
 def _outer(vector: np.ndarray) -> Array:
@@ -289,19 +423,14 @@ def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
 
 def _readings(gyro: ArrayLike | None, omega: Array) -> Array:
     """Validate gyro readings (...) for sprocket speeds (..., 2); NaN without a reading."""
-    array = np.full(omega.shape[:-1], np.nan) if gyro is None else np.asarray(gyro, float)
-    require(
-        array.shape == omega.shape[:-1],
-        "gyro",
-        array.shape,
-        f"of shape {omega.shape[:-1]}, as omega",
-    )
-    require(
-        not np.isinf(array).any(),
-        "gyro",
-        float(array[np.isinf(array)].sum()),
-        "finite, or NaN for no reading",
-    )
+    expected = omega.shape[:-1]
+    if gyro is None:
+        return np.full(expected, np.nan)
+    array = np.asarray(gyro, float)
+    require(array.shape == expected, "gyro", array.shape, f"of shape {expected}, as omega")
+    infinite = array[np.isinf(array)]
+    if infinite.size:
+        raise InvalidValueError("gyro", float(infinite[0]), "finite, or NaN for no reading")
     return array
 
 
@@ -312,5 +441,7 @@ def _finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = np.asarray(values, float)
     fits = array.shape[-len(shape) :] == shape
     require(fits, name, array.shape, f"of shape (..., {', '.join(map(str, shape))})")
-    require(np.isfinite(array).all(), name, float(array[~np.isfinite(array)].sum()), "finite")
+    wrong = array[~np.isfinite(array)]
+    if wrong.size:
+        raise InvalidValueError(name, float(wrong[0]), "finite")
     return array

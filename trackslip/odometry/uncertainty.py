@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
-from trackslip.errors import require, require_finite, require_non_negative
+from trackslip.errors import (
+    InvalidValueError,
+    require,
+    require_finite,
+    require_non_negative,
+)
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 
-_SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
-_NORMAL_95 = 1.959963984540054  # half-width of a 95 % interval [standard deviations]
-_DIFFERENCE = 1e-3  # parameter step for derivatives [standard errors]
-_ASYMMETRY = 1e-6  # allowed asymmetry of a covariance, relative to its variances
+_SLIP_ENTRIES: Final = ("slip_forward", "slip_sideways", "slip_turn")  # in DriveFit.noise
+# half-width of a 95 % interval of a normal distribution [standard deviations]
+_NORMAL_95: Final = 1.959963984540054
+_DIFFERENCE: Final = 1e-3  # parameter step for derivatives [standard errors]
+# allowed asymmetry of a covariance, and excess of a correlation over 1, relative to the variances
+_ASYMMETRY: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,8 +49,11 @@ class SlipNoise:
 
         Raises InvalidValueError if an entry is missing or not a standard deviation.
         """
-        require(set(_SLIP) <= set(noise), "noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
-        return cls(*(float(noise[name]) for name in _SLIP))
+        is_complete = set(_SLIP_ENTRIES) <= set(noise)
+        allowed = f"a mapping with {', '.join(_SLIP_ENTRIES)}"
+        require(is_complete, "noise", [*noise], allowed)
+        forward, sideways, turn = (float(noise[name]) for name in _SLIP_ENTRIES)
+        return cls(forward, sideways, turn)
 
 
 @dataclass(frozen=True)
@@ -82,20 +92,21 @@ class LawErrors:
     """Covariance (p, p) of the parameters' errors, in the parameters' units."""
 
     def __post_init__(self) -> None:
-        p, matrix = len(self.names), np.asarray(self.covariance, float)
-        require(
-            matrix.shape == (p, p),
-            "covariance",
-            matrix.shape,
-            f"of shape {(p, p)}, as there are {p} names",
-        )
+        p = len(self.names)
+        matrix = np.asarray(self.covariance, float)
+        fits = matrix.shape == (p, p)
+        allowed = f"of shape {(p, p)}, as there are {p} names"
+        require(fits, "covariance", matrix.shape, allowed)
+
         variances = np.diag(matrix)
-        usable = np.isfinite(matrix).all() and (variances >= 0).all()
-        require(usable, "covariance", matrix.tolist(), "finite, with variances >= 0")
-        most = np.sqrt(np.outer(variances, variances))
-        usable = (np.abs(matrix - matrix.T) <= _ASYMMETRY * most).all()
-        usable &= (np.abs(matrix) <= (1 + _ASYMMETRY) * most).all()
-        require(usable, "covariance", matrix.tolist(), "symmetric, with correlations from -1 to 1")
+        are_variances = np.isfinite(matrix).all() and (variances >= 0).all()
+        require(are_variances, "covariance", matrix.tolist(), "finite, with variances >= 0")
+
+        limit = np.sqrt(np.outer(variances, variances))  # of a covariance, at a correlation of 1
+        is_symmetric = (np.abs(matrix - matrix.T) <= _ASYMMETRY * limit).all()
+        are_correlations = (np.abs(matrix) <= (1 + _ASYMMETRY) * limit).all()
+        allowed = "symmetric, with correlations from -1 to 1"
+        require(is_symmetric and are_correlations, "covariance", matrix.tolist(), allowed)
 
     @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
@@ -105,20 +116,24 @@ class LawErrors:
         Errors match the 95 % intervals, which allow for persistent slip. Parameters with unknown
         errors are left out.
         """
-        intervals, fitted = fit.get("interval95") or {}, list(fit["stderr"])
+        intervals = fit.get("interval95") or {}
+        fitted = list(fit["stderr"])
         errors = {}
         for name in fit["values"]:
             error = fit["stderr"].get(name)
-            if error is not None and 0 < float(error) < np.inf:
-                low, high = intervals.get(name) or (0.0, 0.0)
-                errors[name] = max(float(error), (float(high) - float(low)) / 2 / _NORMAL_95)
-        correlation = np.array(fit.get("correlation", np.eye(len(fitted))), float).reshape(
-            len(fitted), len(fitted)
-        )
+            if error is None or not 0 < float(error) < np.inf:
+                continue
+            low, high = intervals.get(name) or (0.0, 0.0)
+            of_interval = (float(high) - float(low)) / 2 / _NORMAL_95
+            errors[name] = max(float(error), of_interval)
+
+        count = len(fitted)
+        correlation = np.array(fit.get("correlation", np.eye(count)), float).reshape(count, count)
         rows = [fitted.index(name) for name in errors]
+        sizes = [*errors.values()]
         with np.errstate(over="ignore", invalid="ignore"):  # __post_init__ refuses infinities
-            spread = np.outer([*errors.values()], [*errors.values()])
-            return cls(tuple(errors), spread * correlation[np.ix_(rows, rows)])
+            covariance = np.outer(sizes, sizes) * correlation[np.ix_(rows, rows)]
+            return cls(tuple(errors), covariance)
 
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by the
@@ -128,15 +143,19 @@ class LawErrors:
         InvalidValueError for a name that is not a parameter of the law.
         """
         slopes = np.zeros((*omega.shape, len(self.names)))
-        for k, (name, variance) in enumerate(
-            zip(self.names, np.diag(self.covariance).tolist(), strict=True)
-        ):
-            value, step = getattr(law, name, None), _DIFFERENCE * np.sqrt(variance)
-            require(value is not None, "names", name, f"parameters of {law}")
+
+        def twist_with(name: str, value: float) -> Array:
+            changed = replace(law, **{name: value})  # type: ignore[type-var]
+            return changed.twist(omega, geometry)
+
+        errors = np.sqrt(np.diag(self.covariance)).tolist()
+        for k, (name, error) in enumerate(zip(self.names, errors, strict=True)):
+            value = getattr(law, name, None)
+            if value is None:
+                raise InvalidValueError("names", name, f"parameters of {law}")
+            step = _DIFFERENCE * error
             if step > 0:
-                ahead, behind = (
-                    replace(law, **{name: value + push}).twist(omega, geometry)  # type: ignore[type-var]
-                    for push in (step, -step)
-                )
-                slopes[..., k] = (ahead - behind) / (2 * step)
+                above = twist_with(name, value + step)
+                below = twist_with(name, value - step)
+                slopes[..., k] = (above - below) / (2 * step)
         return slopes

@@ -16,7 +16,7 @@ from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable
 
@@ -79,10 +79,12 @@ class LoadedLaw(Compensation, Restorable):
 
     def __init__(self, known: IcrLoad) -> None:
         self._known = known
+        # one pair without load for all robots, until a run begins
+        self._load: Array = np.zeros(2)
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3), without load."""
-        self._load: Array = np.zeros((len(start), 2))
+        self._load = np.zeros((len(start), 2))
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Start new runs for the robots with indices `robots` (R,), without load."""

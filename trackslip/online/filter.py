@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.restorable import Restorable
 
 # limits on the constants: g [-], epsilon [-] and c [m]

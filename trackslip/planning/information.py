@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from trackslip.drives.drive import Drive, Drives
-from trackslip.drives.encoders import merged
+from trackslip.drives.encoders import Encoders
 from trackslip.errors import require, require_positive
 from trackslip.identification.law_fit import held_parameters
 from trackslip.identification.path import DriveModel
@@ -61,7 +61,7 @@ class Expectation:
 
     # standard errors of the law's and the extra parameters by name, in their units
     stderr: Mapping[str, float]
-    held: tuple[str, ...]  # parameters that the drive doesn't determine
+    undetermined: tuple[str, ...]  # parameters that the drive doesn't determine
 
 
 def drive_to_measure(
@@ -72,13 +72,12 @@ def drive_to_measure(
     `merge` of the periods are combined into one. `radius` is that of the sprockets [m].
     """
     time = np.arange(len(speeds) + 1) / rate
-    periods = math.ceil(len(speeds) / merge)
-    edges, omega = merged(time, speeds / radius, periods)
-    pose_time = np.arange(0.5 / poses.rate, edges[-1], 1 / poses.rate)
+    encoders = Encoders(time, speeds / radius).merged(math.ceil(len(speeds) / merge))
+    pose_time = np.arange(0.5 / poses.rate, time[-1], 1 / poses.rate)
     pose = np.zeros((len(pose_time), 3))
     if poses.heading is None:
         pose[:, 2] = np.nan
-    return Drive("plan", edges, omega, pose_time, pose, 1 / poses.rate)
+    return Drive("plan", encoders.edges, encoders.omega, pose_time, pose, 1 / poses.rate)
 
 
 def expected(
@@ -126,8 +125,8 @@ def expected(
         for name, error, is_determined in zip(names, errors, determined, strict=True)
         if is_determined
     }
-    undetermined = [name for name in names if name not in stderr]
-    return Expectation(stderr, (*held, *undetermined))
+    too_imprecise = [name for name in names if name not in stderr]
+    return Expectation(stderr, undetermined=(*held, *too_imprecise))
 
 
 def _covariance(

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, require
 from trackslip.identification.path import DriveModel
-from trackslip.kinematics import SIDES, Array, RobotGeometry, twist_of_tracks
+from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
@@ -196,7 +196,9 @@ def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
 def paper_runs(geometry: RobotGeometry) -> list[Array]:
     """Belt speeds (2,) [m/s] in those of the paper's 25 runs whose radius suits the robot."""
     radii = [radius for radius in COMMANDED_RADII if radius > geometry.half_gauge]
-    return [v * (1 + SIDES * geometry.half_gauge / radius) for radius in radii for v in SPEEDS]
+    return [
+        v * (1 + TRACK_SIGNS * geometry.half_gauge / radius) for radius in radii for v in SPEEDS
+    ]
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:

@@ -1,11 +1,13 @@
 """Routes: drives back and forth between two of nine places in an area, with spins in between.
 
-Routes consist of maneuvers from rest to rest, in which the ratio of the belt speeds is constant.
+Routes consist of maneuvers from rest to rest, in which the ratio of the belt speeds is constant. A
+leg is a turn on the spot, to the heading at which the leg starts, and an arc to the other place.
+Pairs of spins are driven before the first leg, between legs and after the last one, to determine
+how the robot turns. Both spins of a pair are equal, to either side, so the heading after them does
+not depend on the law.
 
 The search varies routes. A route fixes directions and manner of driving, but not distances: its
-places are moved closer together until the robot stays in the area under every possible law. Each
-spin is followed by an equal spin to the other side, so the heading after both does not depend on
-the law.
+places are moved closer together until the robot stays in the area under every possible law.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from typing import Final
 import numpy as np
 import scipy.optimize
 
-from trackslip.kinematics import SIDES, Array, wrap_angle
+from trackslip.kinematics import TRACK_SIGNS, Array, wrap_angle
 from trackslip.planning.limits import DriveLimits, Knowledge
 
 RATE: Final = 50.0  # commands per second; maneuvers last whole command periods [Hz]
@@ -88,7 +90,8 @@ class Route:
     backwards: tuple[bool, bool]  # whether the legs out and back are driven in reverse
     bow: tuple[int, int]  # angle between the chord and the ends of each leg, in units of BOW
     spinning: float  # fraction of the time for pairs of spins, which turn to both sides [-]
-    pairs: int  # number of pairs of spins, spread over the route
+    # number of stretches of legs between pairs of spins, of which there is thus one more
+    pairs: int
     size: float = 1.0  # distances between the places, relative to the largest useful distances [-]
     ends: float = 0.5
     """Length of the first and last pair of spins relative to others, which serve two legs [-]."""
@@ -257,13 +260,15 @@ def _maneuvers(
 
     A leg is an arc that turns by 2 beta, where beta is its bow: the robot starts at the angle
     -beta to the chord and arrives at the angle beta. The arc is longer than its chord by the factor
-    beta / sin(beta). Before each leg, the robot spins to the heading at which the leg starts.
+    beta / sin(beta). Before it, the robot turns on the spot to the heading at which it starts. The
+    belts are driven as the expected law says.
     """
     # x and y of places with the coordinates 1
     longest = _MAX_DISTANCE_SHARE * limits.max_speed * limits.duration
     unit = scale * np.minimum(limits.room / 2, longest)
 
-    # the places in turn, for at least as many legs as there is time for
+    # the places in turn, for at least as many legs as there is time for: at top speed, a round out
+    # and back takes at least twice the shorter unit
     rounds = math.ceil(limits.duration * limits.max_speed / (2 * unit.min()))
     rounds = max(1, rounds)
     indices = [route.start, route.end] * rounds + [route.start]
@@ -278,20 +283,20 @@ def _maneuvers(
     sine_ratio = np.sinc(bow / np.pi)  # sin(bow) / bow
     length = chord_length / sine_ratio * np.where(backwards, -1.0, 1.0)
 
-    # the spins before them
+    # the turns on the spot before them
     heading = np.arctan2(chord[:, 1], chord[:, 0]) - bow + np.pi * backwards
     arrival = heading + 2 * bow
     heading_before = np.concatenate([heading[:1], arrival[:-1]])
     turn = wrap_angle(heading - heading_before)
 
-    spins = _belt_distances(np.zeros_like(turn), turn, knowledge)
+    turns = _belt_distances(np.zeros_like(turn), turn, knowledge)
     arcs = _belt_distances(length, 2 * bow, knowledge)
-    legs = np.stack([spins, arcs], axis=1)
+    legs = np.stack([turns, arcs], axis=1)
     return _timed(legs, route, limits), float(heading[0])
 
 
 def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
-    """Pairs of spins, and as many legs (n, 2, 2), each after its spin, as there is time for.
+    """Pairs of spins, and as many `legs` (n, 2, 2), each a turn and an arc, as there is time for.
 
     The pairs are spread evenly over the legs: the first pair before the first leg, the last pair
     after the last leg. Successive pairs begin to different sides.
@@ -307,24 +312,24 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
     share[[0, -1]] = route.ends if route.pairs > 1 else 1.0
     share /= share.sum()
     remaining = limits.duration - times[:count].sum()
-    to_the_left_and_back = np.outer([1.0, -1.0], SIDES)
+    to_the_left_and_back = np.outer([1.0, -1.0], TRACK_SIGNS)
     pairs = [longest_spin(remaining * part / 2, limits) * to_the_left_and_back for part in share]
     pairs[1::2] = [-pair for pair in pairs[1::2]]
 
-    # numbers of legs before each pair, and the maneuvers after each pair
+    # the legs between pairs, none after the last one; a leg has two maneuvers
     legs_before = np.linspace(0, count, route.pairs + 1).astype(int)
     maneuvers = legs[:count].reshape(-1, 2)
-    stages = np.split(maneuvers, 2 * legs_before[1:])
+    stretches = np.split(maneuvers, 2 * legs_before[1:])
 
     sequence = []
-    for pair, stage in zip(pairs, stages, strict=True):
-        sequence += [pair, stage]
+    for pair, stretch in zip(pairs, stretches, strict=True):
+        sequence += [pair, stretch]
     return Maneuvers.of(np.concatenate(sequence), limits)
 
 
 def _belt_distances(length: Array, turn: Array, knowledge: Knowledge) -> Array:
     """Distances (n, 2) [m] of the belts for path lengths (n,) [m] and turns (n,) [rad]."""
-    over_ground = length[:, None] + SIDES * knowledge.reach * turn[:, None]
+    over_ground = length[:, None] + TRACK_SIGNS * knowledge.reach * turn[:, None]
     return np.asarray(over_ground / (1 + knowledge.radius_error))
 
 
@@ -392,7 +397,7 @@ def best_route(
     low = np.array([gene.low for gene in GENES])
     high = np.array([gene.high for gene in GENES])
     whole = np.array([gene.whole for gene in GENES])
-    lines = [
+    diagonals = [
         Route(
             start=0,
             end=LAST_WAYPOINT,
@@ -406,7 +411,7 @@ def best_route(
         for pairs in _FIRST_PAIRS
     ]
     first = rng.uniform(low, high, (_POPULATION, len(GENES)))
-    first[: len(lines)] = [line.genes for line in lines]
+    first[: len(diagonals)] = [route.genes for route in diagonals]
     first = np.where(whole, np.round(first), first)
     found = scipy.optimize.differential_evolution(
         lambda genes: cost(Route.of(genes)),

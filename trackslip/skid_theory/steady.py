@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require, require_non_negative, require_positive
-from trackslip.kinematics import SIDES, Array
+from trackslip.kinematics import TRACK_SIGNS, Array
 from trackslip.skid_theory.contact import Contact, Load, balance, least_power
 
 _INERTIA_ITERATIONS: Final = 6
@@ -62,7 +62,7 @@ class SteadyTurns:
     @property
     def slip(self) -> Array:
         """Slips (M, 2) of the (left, right) tracks, i = 1 - V / r omega [-]."""
-        over_ground = self.radius[:, None] + self.half_gauge * SIDES  # V / w
+        over_ground = self.radius[:, None] + self.half_gauge * TRACK_SIGNS  # V / w
         return 1 - over_ground / self.belts
 
     @property
@@ -93,7 +93,7 @@ def steady_turns(
     """
     radius = np.asarray(radius, float)
     half_gauge = float(np.abs(contact.y).mean())
-    belts = radius[:, None] + half_gauge * SIDES
+    belts = radius[:, None] + half_gauge * TRACK_SIGNS
     for _ in range(_TURN_ITERATIONS):
         v, _, w = steady_twist(belts, contact, shear=shear, load=load).T
         if not ((v > 0) & (w > 0)).all():
@@ -104,7 +104,7 @@ def steady_turns(
         yaw_factor = 1 / w
         scaled_mean = speed_factor * mean
         scaled_difference = yaw_factor * half_difference
-        belts = scaled_mean[:, None] + scaled_difference[:, None] * SIDES
+        belts = scaled_mean[:, None] + scaled_difference[:, None] * TRACK_SIGNS
         error = max(np.abs(speed_factor - 1).max(), np.abs(yaw_factor - 1).max())
         if error < _TURN_TOLERANCE:
             return SteadyTurns(radius, belts, half_gauge)

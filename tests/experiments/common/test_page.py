@@ -79,13 +79,21 @@ def test_names_are_escaped_everywhere():
         Plot("slip", drawn(), HOSTILE, HOSTILE),
         Section(HOSTILE, [HOSTILE]),
     ]
-    answer = Answer(HOSTILE, [(HOSTILE, HOSTILE)], [HOSTILE], [HOSTILE], [HOSTILE])
+    answer = Answer(HOSTILE, [(HOSTILE, HOSTILE)], [HOSTILE], [HOSTILE], next=[HOSTILE])
     text = Page(
         HOSTILE, "", {HOSTILE: HOSTILE}, [Section(HOSTILE, blocks)], [HOSTILE], answer
     ).html()
     assert "<script" not in text
     assert text.count("&lt;script&gt;") == 22
     elements(text)
+
+
+def test_alarms_stand_in_place_of_the_heading():
+    answer = Answer("Best law: icr", alarms=["60 s are too few", HOSTILE])
+    text = Page("Laws", "", {}, [], answer=answer).html()
+    assert '<section class="answer alarm">\n<h2>60 s are too few</h2>' in text
+    assert "<script" not in text
+    assert "Best law" not in text
 
 
 def test_numbers_as_printed():

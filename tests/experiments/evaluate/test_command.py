@@ -18,7 +18,7 @@ from experiments.evaluate.log import parts
 from trackslip.errors import TrackslipError
 from trackslip.identification.result import identification_to_json
 from trackslip.laws.file import save_laws
-from trackslip.logs.logfile import write_parquet
+from trackslip.logs.logfile import read_runs, write_parquet
 
 SIZE = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 
@@ -75,6 +75,25 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
         "summary.json",
         "trajectories",
     ]
+
+
+@pytest.mark.parametrize(
+    ("measured", "better"),
+    [((1, 1, np.nan), "position"), ((np.nan, np.nan, 1), "heading")],
+    ids=["positions", "headings"],
+)
+def test_positions_or_headings_alone_are_predicted(trackslip, files, tmp_path, measured, better):
+    (log, _) = read_runs(files / "two.parquet")
+    write_parquet([replace(log, pose=log.pose * measured)], tmp_path / "log.parquet")
+    true = f"{files / 'true.json'}:icr_radius"
+    result = trackslip("evaluate", str(tmp_path / "log.parquet"), "--law", true, "--law", "none")
+    ahead = {name: model["after_seconds"]["10"] for name, model in result.summary["models"].items()}
+    assert ahead["icr_radius"][better]["median"] < 0.2 * ahead["none"][better]["median"]
+    other = "heading" if better == "position" else "position"
+    assert ahead["none"][other] is None
+    assert f"{better} " in result.printed.split("compared with no slip compensation: ")[1]
+    for file in (result.folder / "trajectories").iterdir():
+        assert np.isfinite(np.loadtxt(file)).all()
 
 
 def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip, files, folder):

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -14,7 +15,7 @@ from experiments.common import sweep
 from experiments.common.run_table import chosen
 from experiments.common.sweep import Store
 from experiments.simulate.grid_runs import drive_cells
-from trackslip.errors import OutputError
+from trackslip.errors import LogError, OutputError
 from trackslip.logs.logfile import read_runs
 from trackslip.replacement import STORE
 
@@ -116,6 +117,14 @@ def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
     # 40 % more friction across doubles it
     assert found.summary["slip_laws"]["icr"]["values"]["offset"] > 0.05
     assert len(chosen(Path(folder), ["friction_ratio=1", "radius=0.6"])) == 4
+
+
+def test_an_empty_run_in_a_sweeps_table_is_one_line(tmp_path):
+    table = pa.table({"run": ["a", None], "id": ["1", "2"], "seed": [0, 1]})
+    pq.write_table(table, tmp_path / "table.parquet")
+    with pytest.raises(LogError, match=r"table\.parquet: column run: empty in a chosen row$"):
+        chosen(tmp_path, ["seed=1"])
+    assert chosen(tmp_path, ["seed=0"]) == {"a"}
 
 
 def same_results(whole, resumed):

@@ -45,7 +45,7 @@ def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(fou
         )
         fit = each.main.laws[each.expressible]
         assert floats(facts["D"])[0] == pytest.approx(1e3 * fit.values["offset"], rel=0.06)
-        assert gain in facts["error today -> now"]
+        assert gain in facts["error today → now"]
         assert each.main.reason in facts["best law"]
         assert answer.next[0] == "trackslip evaluate ANOTHER_LOG --law out/mine"
         assert ("trackslip deploy out/mine" in answer.next) == (not each.alarms)

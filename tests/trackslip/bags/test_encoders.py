@@ -7,9 +7,10 @@ from hypothesis.extra.numpy import arrays
 from plain_drives import wandered
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
-from trackslip.bags.encoders import read_encoders, unwrapped
+from trackslip.bags.encoders import read_encoders
 from trackslip.bags.topics import sides
 from trackslip.errors import LogError
+from trackslip.logs.angles import unwrapped_angle
 
 LOG = wandered(duration=6.0)
 TURNED = sprocket_angles(LOG)
@@ -46,7 +47,7 @@ def test_speeds_are_means_since_the_reading_before(tmp_path):
 def test_unwrapping_undoes_wrapping(steps, first, low):
     angle = first + np.concatenate([[0.0], np.cumsum(steps)])
     wrapped = (angle - low) % (2 * np.pi) + low
-    np.testing.assert_allclose(np.diff(unwrapped(wrapped)), steps, atol=1e-9)
+    np.testing.assert_allclose(np.diff(unwrapped_angle(wrapped)), steps, atol=1e-9)
 
 
 def test_several_wheels_a_side_are_averaged(tmp_path):
@@ -200,10 +201,9 @@ def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
         )
     ]
     named = (
-        r"/encoders \(.*Int64MultiArray\), /left_ticks \(std_msgs/msg/Int32\), /right_ticks "
-        r"\(std_msgs/msg/Int32\)"
+        r"/encoders\[0\] \(.*Int64MultiArray\), /encoders\[1\] \(.*Int64MultiArray\), "
+        r"/left_ticks \(std_msgs/msg/Int32\), /right_ticks \(std_msgs/msg/Int32\)"
     )
-    with pytest.raises(
-        LogError, match=f"{named} may count ticks: publish 2π ticks / .*or write a table"
-    ):
+    option = "--encoders /left_ticks,/right_ticks --ticks-per-turn N reads them"
+    with pytest.raises(LogError, match=f"{named} may count ticks: {option}"):
         read(tmp_path, counts)

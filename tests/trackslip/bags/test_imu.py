@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from sim.bags.topics import FIELD
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import read_bags
+from trackslip.drives.conditioning import drive_of
 from trackslip.errors import LogError
 
 LOG = drive_log(0, 14.0)
@@ -110,6 +111,14 @@ def test_an_imu_without_a_gyro_leaves_the_log_without(tmp_path, messages, words)
     assert found.runs[0].gyro is None
     assert any(words in line for line in found.warnings)
     assert "gyro" not in found.taken[0]
+
+
+def test_an_imu_in_degrees_is_refused_as_in_a_table(tmp_path):
+    degrees = np.degrees(RATE)[:, None] * [0.0, 0.0, 1.0]
+    messages = [imu(stamp(t), w) for t, w in zip(TIME, degrees.tolist(), strict=True)]
+    (log,) = read(tmp_path, messages).runs
+    with pytest.raises(LogError, match=r"gyro: it turns 5[78].* times as far as the headings"):
+        drive_of(log)
 
 
 def without_poses(path, heading=None, **others):

@@ -1,13 +1,27 @@
 import shutil
+import stat
 import sys
 
 import numpy as np
 import pytest
-from bags import KINDS, contents, expected, in_order, joints_of, open_bag, poses_of, write_bag
+from bags import (
+    JOINTS,
+    KINDS,
+    contents,
+    expected,
+    in_order,
+    joints_of,
+    open_bag,
+    poses_of,
+    store,
+    write_bag,
+)
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plain_drives import wandered
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import trackslip
 from trackslip.bags.open import open_bags
@@ -174,6 +188,51 @@ def test_damage_never_ends_in_a_traceback(damaged, seed):
     except TrackslipError as error:
         said = str(error)
     assert not said or (file.name in said and "\n" not in said)
+
+
+LATE = (
+    "odd_msgs/Header header\nfloat64 value\n"
+    f"{80 * '='}\nMSG: odd_msgs/Header\nodd_msgs/Stamp stamp\n"
+    f"{80 * '='}\nMSG: odd_msgs/Stamp\nint64 sec\nuint32 nanosec\n"
+)
+
+
+def test_a_stamp_beyond_2116_is_refused_in_one_line(tmp_path):
+    """Differences of such stamps may not fit in 64 bits; a bag may define seconds of 64 bits."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg(LATE, "odd_msgs/msg/Late"))
+    stamp = types.types["odd_msgs/msg/Stamp"](2**62 // 10**9 + 1, 0)
+    message = types.types["odd_msgs/msg/Late"](types.types["odd_msgs/msg/Header"](stamp), 1.0)
+    folder = tmp_path / "late"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/late", "odd_msgs/msg/Late", typestore=types)
+        writer.write(connection, 1, types.serialize_cdr(message, "odd_msgs/msg/Late"))
+    said = r"^topic /late: a header stamp is 4611686019000000000 ns: must be below 2\^62 ns"
+    with pytest.raises(LogError, match=said):
+        open_bag(folder).table("/late", lambda content: (content.value,))
+
+
+def test_a_message_unlike_its_type_is_refused_in_one_line(tmp_path):
+    folder = tmp_path / "odd"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/joint_states", JOINTS, typestore=store(False))
+        writer.write(connection, 1, b"\0\1\0\0" + bytes(range(40)))
+    with pytest.raises(LogError, match=r"odd: can't be read \(.*") as refused:
+        list(open_bag(folder).messages("/joint_states"))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_packed_file_is_unpacked_into_a_private_folder(tmp_path, monkeypatch):
+    elsewhere = tmp_path / "temporary"
+    elsewhere.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+    folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES, compression="file")
+    messages = open_bag(folder).messages("/joint_states")
+    next(messages)
+    (private,) = elsewhere.iterdir()
+    assert stat.S_IMODE(private.stat().st_mode) == 0o700
+    messages.close()
+    assert not any(elsewhere.iterdir())
 
 
 def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):

@@ -202,7 +202,7 @@ def drive(law, reference, pose, duration, held=0.0, step=0.05):
 
 
 @SPEEDS
-def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
+def test_a_late_robot_stays_on_its_path_and_hurries(speed):
     """Held for 3 s on a circle of 1 m, it is 0.45 m late; Eq. 31 then cuts the corner by
     centimetres.
     """
@@ -220,7 +220,7 @@ def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
 
 
 @SPEEDS
-def test_regulated_pure_pursuit_is_pure_pursuit_where_nothing_is_regulated(speed):
+def test_without_regulation_it_is_plain_pure_pursuit(speed):
     reference = circle(1.0, speed, 40.0)
     plain = error_gains(PurePursuit(look_ahead=0.3), 5.0, reference)
     np.testing.assert_allclose(

@@ -128,7 +128,7 @@ def test_error_dynamics_by_finite_differences(twist):
 
 
 @pytest.mark.parametrize("speed", [0.15, -0.15])
-def test_on_a_long_arc_the_gain_solves_the_algebraic_riccati_equation(speed):
+def test_on_a_long_arc_the_gain_solves_the_riccati_equation(speed):
     controller = Lqr()
     reference = circle(1.0, speed, 120.0)
     a, b = error_dynamics(reference.twist(5.0), controller.period)
@@ -152,7 +152,7 @@ def test_gains_do_not_fade_towards_the_end():
 
 
 @pytest.mark.parametrize("speed", [0.15, -0.15])
-def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(speed):
+def test_near_the_reference_a_long_horizon_is_the_lqr(speed):
     """The same errors and inputs weighed over the same intervals, where no limit is near."""
     controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
     reference = circle(1.0, speed, 60.0)

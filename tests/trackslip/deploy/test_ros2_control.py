@@ -70,6 +70,16 @@ def test_variances_of_twists_add_up_to_the_slip_that_varies():
     assert "twist_covariance_diagonal" not in diff_drive_text(laws, "icr_radius")
 
 
+@pytest.mark.parametrize("unknown", ["forward", "sideways", "turn"])
+def test_no_variance_is_0_where_drives_don_t_tell_it(unknown):
+    """As with headings alone: to a filter, a variance of 0 is a velocity without error."""
+    noise = {"slip_forward": 0.02, "slip_sideways": 0.01, "slip_turn": 0.03}
+    noise[f"slip_{unknown}"] = 0.0
+    text = diff_drive_text(stored(method="drive", drive={"laws": {"icr": {"noise": noise}}}), "icr")
+    assert "twist_covariance_diagonal" not in parameters_in(text)
+    assert f"left out: the drives don't tell how much slip varies ({unknown})" in text
+
+
 def test_ros_1_takes_the_same_parameters_in_its_own_form():
     two, one = (deploy_law(SHIPPED, to, "icr_radius") for to in ("ros2_control", "ros_control"))
     assert read_yaml(one) == {"diff_drive_controller": parameters_in(two)}

@@ -32,7 +32,7 @@ CARRIER = Robot(half_gauge=0.31, radius=0.185, offset=0.0016, radius_error=0.004
 def around_blocks(
     change_omega=lambda omega: omega, change_pose=lambda pose: pose, sides=(3, 4)
 ) -> list[RunLog]:
-    """Drives along three or four sides of a block with a pose at both ends, half of them without its last side."""
+    """Drives along three or four sides of a block, with a pose at both ends."""
     logs = []
     for k in range(12):
         count = sides[k % 4 // 2]

@@ -64,6 +64,14 @@ def test_straights_and_turns_in_place_by_hand(seed):
     assert "the samples have 2 of the 4 different curvatures" in found.main.reason
 
 
+def test_speeds_that_scatter_by_hand_are_no_other_curvatures():
+    """A remote control's, by up to 5 % between the sides."""
+    straight = [(6.0, 6.3), (10.0, 9.8), (6.0, 6.0), (10.0, 10.3)]
+    spot = [(-5.0, 5.2), (5.2, -5.0), (-8.0, 7.8), (8.0, -8.3)]
+    found = answered(by_hand(straight + spot))
+    assert "the samples have 2 of the 4 different curvatures" in found.main.reason
+
+
 def test_radii_that_differ_by_hand():
     found = answered(by_hand(STRAIGHT + SPOT, left=0.97, right=1.0))
     for gain, true in zip(multipliers(found), (1.26, 0.97, 1.0), strict=True):

@@ -219,7 +219,7 @@ def test_straights_alone_tell_no_multiplier():
 
 
 def test_all_readings_of_a_long_and_a_short_drive_are_used(monkeypatch):
-    monkeypatch.setattr("trackslip.drives.conditioning._MAX_ROWS", 18_000)
+    monkeypatch.setattr("trackslip.drives.conditioning.MOST_INTERVALS", 18_000)
     logs = []
     for name, count in (("long", 4500), ("short", 500), ("a copy", 500)):
         drive = drive_of(duration=count * 0.06, seed=count)

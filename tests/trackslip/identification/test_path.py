@@ -4,7 +4,6 @@ from drives import drive_log, model
 
 from trackslip.drives.conditioning import drive_of
 from trackslip.drives.drive import Drives
-from trackslip.drives.encoders import interval_means
 from trackslip.identification.path import path_at
 from trackslip.kinematics import advance
 
@@ -75,31 +74,3 @@ def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
             slope, alone.heading_slope - alone.heading_slope[:, :1], atol=1e-9
         )
         begin += len(drive.time)
-
-
-def held(time, omega, period, shifts=(0.0, 0.0)):
-    """Speeds (T, 2) as a robot logs them that reads each encoder once a `period` [s], the two at
-    times of their own.
-    """
-    rows = [
-        np.searchsorted(time, period * np.floor((time - s) / period + 1e-9) + s - 1e-9)
-        for s in shifts
-    ]
-    return np.column_stack([omega[np.clip(row, 0, None), side] for side, row in enumerate(rows)])
-
-
-def test_a_reading_that_is_logged_again_and_again_counts_once_in_the_middle_of_its_time():
-    time = 0.05 * np.arange(400)
-    omega = np.column_stack([3 * np.sin(time), 2 + np.cos(0.7 * time)])
-    as_read = held(time, omega, 0.2, (0.0, 0.1))
-    # a reading stands for the row's interval and the three after it
-    later = time[1:] - 0.025 - 0.05
-    expected = np.column_stack([3 * np.sin(later), 2 + np.cos(0.7 * later)])
-    np.testing.assert_allclose(interval_means(time, as_read)[10:-10], expected[10:-10], atol=0.02)
-    assert np.abs(as_read[1:] - expected)[10:-10].max() > 0.2
-    for every_row in (
-        RNG.normal(size=(400, 2)),
-        np.repeat(RNG.normal(size=(8, 2)), 50, axis=0),
-        np.ones((400, 2)),
-    ):
-        np.testing.assert_array_equal(interval_means(time, every_row), every_row[1:])

@@ -9,8 +9,9 @@ from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.localization.likelihood import PlateBeams, PlateLikelihood, viewing_angle
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.scan import Plate, PoseEstimate, Scan, extract_plate
+from trackslip.localization.scan import Plate, Scan, extract_plate
 
 LOCATOR, PLATE = PlateLocator(), Plate()
 STEP = np.radians(0.25)
@@ -34,7 +35,7 @@ def errors_of(estimate, poses):
     return error, error / np.sqrt(np.einsum("sii->si", estimate.covariance))
 
 
-def test_line_is_unbiased_where_one_face_is_seen_knows_its_errors_and_declines_edge_on(
+def test_lines_know_their_errors_and_decline_edge_on(
     scan_rectangle,
 ):
     rng = np.random.default_rng(2)
@@ -84,7 +85,7 @@ def test_dropouts_cost_accuracy_and_the_covariance_says_so(scan_rectangle):
     assert np.abs(error[:, :2]).max() < 0.1
 
 
-def test_a_plate_cut_by_the_field_of_view_is_not_placed_by_the_cut(scan_rectangle):
+def test_the_edge_of_the_field_of_view_does_not_place_a_plate(scan_rectangle):
     rng = np.random.default_rng(9)
     bearing = np.radians(rng.uniform(82, 92, 600))
     distance = rng.uniform(1.5, 4.0, 600)
@@ -218,7 +219,7 @@ def with_ranges(scan, others, rng):
     return replace(scan, ranges=np.where(np.isfinite(nearest), nearest, np.nan))
 
 
-def test_a_post_in_front_cuts_the_plate_in_two_and_both_parts_count(scan_rectangle):
+def test_both_parts_of_a_plate_behind_a_post_count(scan_rectangle):
     rng = np.random.default_rng(1)
     poses = np.column_stack(
         [np.full(200, 3.0), rng.uniform(-0.05, 0.05, 200), np.full(200, np.pi / 2 + 0.2)]

@@ -82,7 +82,7 @@ STANDING = np.where(np.arange(1500)[:, None] < 750, 0.0, commands(30.0))
 
 
 @pytest.mark.parametrize(("omega", "fov"), [(STANDING, np.pi), (commands(40.0, 5.0), np.pi / 3)])
-def test_robots_that_stand_for_half_the_session_or_leave_the_field_of_view(omega, fov):
+def test_robots_that_rest_or_leave_the_field_of_view(omega, fov):
     session = drive(omega, things=room(), fov=fov)
     error, _ = errors(session, followed(session))
     assert (np.abs(error).max(axis=0) < [0.02, 0.02, 0.1]).all()

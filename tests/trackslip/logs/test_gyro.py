@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trackslip.errors import LogError
 from trackslip.logs.logfile import read_log, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog
 
@@ -63,26 +62,3 @@ def test_wild_readings_are_left_out_in_one_line(log, tmp_path):
         == "run 'a': 3 gyro readings left out: row 4, column gyro: '1e6' is not a yaw rate of at "
         "most 100 rad/s"
     )
-
-
-@pytest.mark.parametrize(
-    ("factor", "shown"), [(180 / np.pi, "57.3"), (-1.0, "-1"), (1e-3, "0.001")]
-)
-def test_other_units_are_refused(log, tmp_path, factor, shown):
-    write_parquet([replace(log, gyro=factor * log.gyro)], tmp_path / "a.parquet")
-    with pytest.raises(
-        LogError, match=f"run 'a': column gyro: turns are {shown} times the headings', must be"
-    ):
-        read_log(tmp_path / "a.parquet")
-
-
-@pytest.mark.parametrize("what", ["another axis", "the derivative of the yaw rate"])
-def test_what_does_not_follow_the_headings_is_left_out(log, tmp_path, what):
-    other = np.random.default_rng(1).normal(0, 0.2, len(TIME))
-    derivative = np.append(0.0, np.diff(log.gyro) / np.diff(TIME))
-    write_parquet(
-        [replace(log, gyro=other if what == "another axis" else derivative)], tmp_path / "a.parquet"
-    )
-    read = read_log(tmp_path / "a.parquet")
-    assert read.runs[0].gyro is None
-    assert "column gyro left out: its turns don't follow the headings" in read.warnings[0]

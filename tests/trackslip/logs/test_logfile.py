@@ -123,6 +123,30 @@ def test_a_long_run_is_cut_into_parts_of_equal_duration(duration, count):
 
 
 @pytest.mark.parametrize(
+    ("column", "cell", "said"),
+    [
+        ("first_beam", None, "its scans need numbers in first_beam, lost, hidden_first, hidden_la"),
+        ("lost", np.inf, "its scans need numbers in first_beam, lost, hidden_first, hidden_last"),
+        ("hidden_last", None, "its scans need numbers in first_beam, lost, hidden_first, hidden_l"),
+        ("ranges", None, "its scans have empty cells in ranges"),
+        ("ranges", [1.0] * 31, "its scans have beams beyond the scanner's 31"),
+        ("first_beam", -1, "its scans have beams beyond the scanner's 31"),
+    ],
+)
+def test_an_impossible_cell_of_a_scan_is_one_line(stored, column, cell, said):
+    table = pyarrow.parquet.read_table(stored)
+    cells = table[column].to_pylist()
+    cells[3] = cell
+    kind = pa.float64() if cell == np.inf else table.schema.field(column).type
+    place = table.column_names.index(column)
+    damaged = table.set_column(place, column, pa.array(cells, kind))
+    pyarrow.parquet.write_table(damaged, stored)
+    with pytest.raises(LogError, match=said) as refused:
+        read_runs(stored)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("run,t,omega_l,omega_r,x,phi\n", "has no column y"),

@@ -57,7 +57,7 @@ def test_a_circle_is_wrong_by_its_law():
         assert errors.count == len(time) - round(seconds / 0.02)
 
 
-def test_only_measured_poses_count_where_others_are_held_or_interpolated():
+def test_repeated_and_interpolated_poses_do_not_count():
     log = drive_log(1, 60.0, PoseSource(rate=1.0), STILL).between(20, 3030)
     rows = np.flatnonzero(log.is_valid)
     for kind in ("previous", "linear"):
@@ -77,7 +77,7 @@ def test_sensor_and_clock_are_allowed_for():
         assert largest(odometry_errors(log, BY_LAW, mounting, offset))[0] > 0.01
 
 
-def test_without_headings_stretches_start_as_the_positions_before():
+def test_without_headings_earlier_positions_show_the_start():
     log = drive_log(3, 60.0, replace(EXACT, heading=False), STILL)
     found = odometry_errors(log, BY_LAW)
     np.testing.assert_allclose(

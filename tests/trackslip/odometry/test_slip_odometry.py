@@ -83,7 +83,7 @@ def test_many_robots_are_independent_bit_by_bit():
         np.testing.assert_array_equal(fleet.covariance[:, k], alone.covariance)
 
 
-def test_on_a_straight_line_the_covariance_is_that_of_an_integrated_random_walk():
+def test_on_a_straight_line_headings_are_a_random_walk():
     """After a way L, the heading's variance is q L, its covariance with y is q L^2 / 2, and y adds
     q L^3 / 3.
     """

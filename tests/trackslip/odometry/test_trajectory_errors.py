@@ -67,7 +67,7 @@ def test_relative_errors_after_metres_are_those_of_evo(length):
         assert len(way) == len(metric.error) > 100
 
 
-def test_relative_errors_after_seconds_are_those_of_evo_after_frames():
+def test_errors_after_seconds_are_those_of_evo_after_frames():
     drive = trajectory()
     reference, estimate = of_evo(drive.time, drive.measured), of_evo(drive.time, drive.estimated)
     for seconds in (1.0, 2.0, 5.0, 10.0):
@@ -84,7 +84,7 @@ def test_relative_errors_after_seconds_are_those_of_evo_after_frames():
 
 
 @pytest.mark.parametrize(("start", "origin"), [(0.0, (0.0, 0.0)), (1.7e9, (4.5e5, 5.4e6))])
-def test_evo_reads_files_with_stamps_of_clocks_and_positions_on_the_earth(tmp_path, start, origin):
+def test_evo_reads_stamps_of_clocks_and_positions_on_the_earth(tmp_path, start, origin):
     drive = trajectory(count=30)
     time, pose = drive.time + start, drive.measured + np.array([*origin, 0.0])
     write_tum(tmp_path / "a.tum", time, pose)
@@ -107,7 +107,7 @@ def test_alignment_finds_a_known_motion():
         np.testing.assert_allclose(wrap_angle(aligned[:, 2] - drive.measured[:, 2]), 0, atol=1e-12)
 
 
-def test_a_gap_is_crossed_and_the_stretches_that_end_in_it_are_left_out():
+def test_stretches_cross_a_gap_but_do_not_end_in_it():
     time = np.concatenate([np.arange(0, 5, 0.1), np.arange(12, 20, 0.1)])
     start, end = stretches(time, 2.0, 0.2)
     assert (np.abs(time[end] - time[start] - 2.0) <= 0.2).all()

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
-from trackslip.localization.scan import PoseEstimate
+from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.online.filter import FilterTuning, IcrFilter, icr_motion
 
 GEOMETRY = RobotGeometry(0.168, 0.06)

@@ -41,7 +41,7 @@ def test_a_path_is_that_of_the_law():
     )
 
 
-def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
+def test_the_margin_is_three_and_a_half_deviations_of_slip():
     omega = np.concatenate([np.zeros((1, 2)), MANEUVERS.speeds(MANEUVERS.duration.sum())]) / 0.06
     law = ConstantIcr(EXACT.offset, 0.168)
     rng = np.random.default_rng(0)
@@ -101,12 +101,15 @@ def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, accelerati
     np.testing.assert_array_equal(speeds[-1], 0.0)
 
 
-def test_times_are_those_of_trapezoids_and_triangles_and_yaw_rates_are_limited():
+def test_times_are_those_of_trapezoids_and_triangles():
     straight = Maneuvers.of(np.array([[3.0, 3.0], [0.1, 0.1]]), LIMITS)
     np.testing.assert_allclose(
         straight.duration, [3.0 / 0.3 + 0.3 / 0.5, 2 * np.sqrt(0.1 / 0.5)], atol=1 / RATE
     )
     assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
+
+
+def test_yaw_rates_are_limited():
     spin = Maneuvers.of(np.array([[-3.0, 3.0]]), LIMITS).speeds(60.0)
     assert np.abs(spin).max() == pytest.approx(YAW_RATE_SHARE * 0.3, rel=1e-3)
     bend = Maneuvers.of(np.array([[2.0, 3.0]]), LIMITS).speeds(60.0)

@@ -52,7 +52,7 @@ def test_it_keeps_to_area_and_limits_and_turns_to_both_sides(plan):
     assert abs(plan.twist[:, 0]).max() > 0.29
 
 
-def test_plans_repeat_longer_drives_tell_more_and_smaller_areas_less(plan):
+def test_longer_drives_tell_more_and_smaller_areas_less(plan):
     again = plan_drive(GEOMETRY, LIMITS, SLAM)
     np.testing.assert_array_equal(again.speeds, plan.speeds)
     longer = plan_drive(GEOMETRY, replace(LIMITS, duration=80.0), SLAM)
@@ -219,13 +219,13 @@ def test_what_the_driving_does_not_tell_is_held():
     found = expected(
         MODEL, TRUTH, [drive_to_measure(straight, READINGS, COARSE, 0.06)], COARSE, SLIP
     )
-    assert "offset" in found.held
+    assert "offset" in found.undetermined
     assert "radius_error" in found.stderr
     without = PoseQuality(5.0, 0.05, None)
     found = expected(
         MODEL, TRUTH, [drive_to_measure(SPEEDS, READINGS, without, 0.06)], without, SLIP
     )
-    assert "sensor_yaw" in found.held
+    assert "sensor_yaw" in found.undetermined
 
 
 def test_information_from_before_adds_up():

@@ -75,7 +75,7 @@ def test_clothoid_is_fresnels(sharpness):
     ("length", "duration"),
     [(3.0, 3.0 / 0.2 + 0.2 / 0.05), *((way, 2 * np.sqrt(way / 0.05)) for way in (0.01, 0.3))],
 )
-def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, duration):
+def test_a_straight_takes_a_trapezium_or_triangle_of_speed(length, duration):
     reference = ProfiledReference(
         ClothoidPath(ORIGIN, [PathPiece(length)]), MotionLimits(speed=0.2, acceleration=0.05)
     )

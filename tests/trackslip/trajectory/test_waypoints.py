@@ -37,7 +37,7 @@ def nearest(reference, points):
     return np.array([np.hypot(*(xy - point).T).min() for point in points])
 
 
-def test_passes_through_points_in_order_with_continuous_curvature():
+def test_the_path_meets_all_points_with_continuous_curvature():
     reference = waypoints(POINTS)
     assert nearest(reference, POINTS).max() < 1e-4
     pose = reference.pose([0.0, reference.duration])
