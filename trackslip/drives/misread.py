@@ -200,6 +200,9 @@ def reading_checks(
     rare = are_rare(drives)
     evidence = now.evidence
     readings = [_angles(drives, geometry), *_other_readings(drives, now)]
+    if not rare and now.settled and rms(now.windows.turn) > _MOVING:
+        # distances and turns match to both sides, as by no other reading
+        return [Check(reading.subject, Verdict.HOLDS) for reading in _one_each(readings)]
     score = evidence.score if evidence is not None else 0.0
     found = [_evidence(reading.drives, geometry, clock, rare) for reading in readings]
     scores = np.array([-np.inf if other is None else other.score for other in found])
@@ -225,7 +228,7 @@ def reading_checks(
         return [Check(readings[best].subject, Verdict.FAILS, line)]
 
     checks = list[Check]()
-    for subject in dict.fromkeys(reading.subject for reading in readings):
+    for subject in (reading.subject for reading in _one_each(readings)):
         of_subject = [k for k, reading in enumerate(readings) if reading.subject == subject]
         worse = evidence is not None and all(scores[k] < score - 1 for k in of_subject)
         if worse:
@@ -255,6 +258,11 @@ def _quaternion_check(
             line = f"{looks}: give phi = 2 atan2(z, w)"
             return [Check("headings", Verdict.FAILS, line)]
     return []
+
+
+def _one_each(readings: Sequence[_Reading]) -> list[_Reading]:
+    """The last reading of each subject."""
+    return list({reading.subject: reading for reading in readings}.values())
 
 
 @dataclass(frozen=True)
