@@ -103,7 +103,7 @@ def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
     matching = Matching.of(covered, geometry, clock)
     checks = [
         _clock_check(drives, clocks, matching),
-        degrees_check(covered, matching, Ratios.of(matching, gains)),
+        degrees_check(covered, matching, gains),
     ]
     _refuse(checks)
     checks += reading_checks(covered, matching, geometry, clock)

@@ -435,12 +435,13 @@ class Ratios:
         return cls(far.speed if far.speed is not None else speed, far.turn)
 
 
-def degrees_check(drives: Sequence[Drive], now: Matching, ratios: Ratios) -> Check:
+def degrees_check(drives: Sequence[Drive], now: Matching, gains: Gains) -> Check:
     """Check that positions aren't degrees of longitude and latitude, which shrink with the cosine
     of the latitude.
     """
     subject = "positions in metres"
-    speed = ratios.speed
+    # from windows, as relative motions are fitted in metres, cm or mm
+    speed = abs(gains.speed.value) if gains.speed is not None else Ratios.of(now, gains).speed
     if speed is None:
         return Check(subject, Verdict.UNKNOWN, _why_no_distances(drives, now))
     place = np.concatenate([drive.pose[:, :2] for drive in drives])
