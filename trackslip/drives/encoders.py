@@ -166,7 +166,7 @@ def _ticks(size: Array) -> Array:
 def _are_few_ticks(size: Array) -> bool:
     """True if nearly all sizes (M,) are small multiples of the smallest."""
     ticks = _ticks(size)
-    if not ticks.any():
+    if len(ticks) < 2 or not ticks.any():  # a single one can't change
         return False
     tick = np.median(size[ticks > 0] / ticks[ticks > 0])
     exact = np.abs(size / tick - ticks) < _EXACTLY

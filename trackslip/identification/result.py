@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -68,18 +68,23 @@ class Identification:
         drive = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
         alarms = [
             *self._unstated_multiplier(),
-            *self._untold(),
+            *self._untold(drive),
             *drive,
             *self._contradiction(),
         ]
         # a law that is worse than none is the first to be known
         return tuple(sorted(alarms, key=lambda alarm: alarm.kind != TODAY))
 
-    def _untold(self) -> list[Alarm]:
-        """Return an alarm if the driving hardly determines D."""
+    def _untold(self, others: Sequence[Alarm]) -> list[Alarm]:
+        """Return an alarm if the driving hardly determines D; none if `others` name the cause, or
+        if the robot turns enough.
+        """
         key = "wheel_separation_multiplier"
         times = self.answer.get(key)
-        if times is None or not (key in self.undetermined or times.error > _VAGUE):
+        if times is None or others or not (key in self.undetermined or times.error > _VAGUE):
+            return []
+        look = self.drive.look if self.drive is not None and self.method == "drive" else None
+        if look is not None and not look.turns_to_one_side and key not in self.undetermined:
             return []
         return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
 
