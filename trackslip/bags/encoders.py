@@ -19,6 +19,7 @@ from trackslip.errors import LogError, require
 from trackslip.kinematics import Array
 from trackslip.logs.angles import COUNTERS, continuous, mean_speeds, unwrapped_angle
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
+from trackslip.logs.repeats import angle_readings
 from trackslip.logs.runlog import RunLog
 
 _MAX_ANGLE: Final = 1e9  # angle above which a value isn't a measurement [rad]
@@ -111,6 +112,16 @@ def read_encoders(
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
     turned = np.stack([side_turns(topic, side, turns, notes) for side in names], axis=-1)
     angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned * signs, axis=0)])
+    # messages may come more often than the encoders are read
+    once = angle_readings(time, angle)
+    if once is not None:
+        notes.append(
+            f"topic {topic}: each encoder reading is repeated in {len(time) / len(once):.2g} "
+            "messages: it counts once"
+        )
+        common = common.take(once)
+        time = time[once]
+        angle = angle[once]
     return Encoders(topic, common.stamp, common.arrival, mean_speeds(time, angle), names)
 
 

@@ -87,6 +87,7 @@ def drive_of(log: RunLog, most_intervals: int = MOST_INTERVALS) -> Drive:
         beyond=log.beyond,
         repeated=poses.repeated,
         interpolated=poses.interpolated,
+        by_ticks=encoders.by_ticks,
         whole=bool((log.omega == log.omega.round()).all()),
         notes=(note,) if note else (),
     )

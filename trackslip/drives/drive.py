@@ -45,6 +45,7 @@ class Drive:
     repeated: int = 0  # number of poses left out because they repeat the previous pose
     # number of poses left out because they lie on the line between other poses
     interpolated: int = 0
+    by_ticks: bool = False  # true if the angles change linearly from tick to tick
     whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
     notes: tuple[str, ...] = ()  # parts of the log that were left out, one line each
 

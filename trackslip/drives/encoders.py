@@ -8,13 +8,14 @@ a sprocket turned between two readings, or the order in which it turned.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from trackslip.kinematics import Array
+from trackslip.logs.repeats import changes_of, without_repeats
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import STANDING
 
@@ -23,7 +24,6 @@ _FEWEST_HELD: Final = 4  # least number of values that tell whether values are h
 _SEVERAL: Final = 1.5  # least number of rows that usually repeat a held value
 # usual time above which a held value is a held command, or its curve in between is unknown [s]
 _LONGEST_HELD: Final = 0.3
-_ROUNDING: Final = 1e-9  # relative difference up to which speeds are equal
 _EXACTLY: Final = 0.02  # largest deviation of a speed from a whole number of ticks [ticks]
 _NEARLY_ALL: Final = 0.97  # least share of readings with whole numbers of ticks
 _FEW_TICKS: Final = 40  # largest number of ticks per reading that counts as few
@@ -39,6 +39,7 @@ class Encoders:
 
     edges: Array  # (M + 1,) ends of the intervals, by the encoder clock [s]
     omega: Array  # (M, 2) mean speeds [rad/s]
+    by_ticks: bool = False  # true if angles change linearly from tick to tick
 
     def between(self, ends: np.ndarray) -> Encoders:
         """The means between the edges numbered `ends` (n + 1,), which include the first and last
@@ -46,7 +47,7 @@ class Encoders:
         """
         turned = np.add.reduceat(self.omega * np.diff(self.edges)[:, None], ends[:-1])
         edges = self.edges[ends]
-        return Encoders(edges, turned / np.diff(edges)[:, None])
+        return replace(self, edges=edges, omega=turned / np.diff(edges)[:, None])
 
     def merged(self, most: int) -> Encoders:
         """The encoders with at most about `most` intervals, each of which merges several."""
@@ -92,28 +93,18 @@ class Encoders:
         value that lasts longer than usual was read several times: it keeps the usual time of a
         reading at both ends, and all intervals in between.
         """
-        # a new value begins in these intervals
-        same = np.isclose(self.omega[1:], self.omega[:-1], rtol=_ROUNDING, atol=0.0).all(axis=1)
-        changes = 1 + np.flatnonzero(~same)
-        bounds = np.concatenate([[0], changes, [len(self.omega)]])
-        time = self.edges[bounds]
+        # a value lasts from edge to edge
+        bounds = np.append(changes_of(self.omega), len(self.omega))
+        duration = np.diff(self.edges[bounds])
 
         # at rest, equal values tell nothing
         turning = (np.abs(self.omega[bounds[:-1]]) > STANDING).any(axis=1)
         if turning.sum() < _FEWEST_HELD:
             return self
-        usual = float(np.median(np.diff(time)[turning]))
+        usual = float(np.median(duration[turning]))
         if np.median(np.diff(bounds)[turning]) < _SEVERAL or usual > _LONGEST_HELD:
             return self
-
-        # an edge is kept at each change, and where a change is further away than usual
-        edge = np.arange(len(self.edges))
-        value = np.searchsorted(bounds, edge, side="right") - 1
-        value = np.minimum(value, len(bounds) - 2)
-        since = self.edges - time[value]
-        until = time[value + 1] - self.edges
-        kept = (np.minimum(since, until) >= usual) | np.isin(edge, bounds)
-        return self.between(np.flatnonzero(kept))
+        return self.between(without_repeats(self.edges, bounds, usual))
 
     @property
     def angles(self) -> Array:
@@ -138,7 +129,7 @@ def encoders_of(log: RunLog) -> Encoders:
     if ticks is not None:
         sides = zip(readings.omega.T, ticks.T, strict=True)
         omega = [_between_ticks(readings.edges, speeds, count) for speeds, count in sides]
-        return Encoders(readings.edges, np.column_stack(omega))
+        return Encoders(readings.edges, np.column_stack(omega), by_ticks=True)
     return readings
 
 

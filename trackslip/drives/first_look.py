@@ -32,9 +32,14 @@ from trackslip.drives.misread import (
 from trackslip.errors import LogError
 from trackslip.intervals import FEWEST_BLOCKS
 from trackslip.kinematics import RobotGeometry
+from trackslip.logs.repeats import Repeats
 
 # gains of robots with their nominal gear and radius, and tracks or wheels on any ground but ice
 _POSSIBLE_GAINS: Final = (0.1, 3.0)
+# relative difference of angles that matters, though poses may tell less
+_UNCERTAIN_TURN: Final = 0.005
+# relative scatter of the times between readings above which angles may be wrong by more than 1 %
+_MOST_SCATTER: Final = 0.1
 ONE_SIDED: Final = 0.1
 """Share of all turns below which turns to one side count as none."""
 
@@ -112,6 +117,7 @@ def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
     checks += [
         units_check(covered, matching, ratios, geometry),
         counts_check(covered, ratios.speed),
+        _readings_check(covered, gains),
     ]
     _refuse(checks)
 
@@ -225,6 +231,40 @@ def _match_check(matching: Matching) -> Check:
         found = f"correlation {float(np.abs(matching.matches).mean()):.2f}"
     line = f"wheels and poses hardly go together ({found}): are they of one drive?"
     return Check(subject, Verdict.FAILS, line, alarm="match")
+
+
+def _readings_check(drives: Sequence[Drive], gains: Gains) -> Check:
+    """Check that each encoder reading has a time of its own, where that changes the angles.
+
+    Speeds that vary inversely with the time between readings are made from counts. If their
+    readings are repeated, or the rows tell these times coarsely, the angles aren't known.
+    """
+    subject = "times of encoder readings"
+    # between few ticks, speeds are the same for several readings
+    told = [(drive.edges[1:], drive.omega) for drive in drives if not drive.by_ticks]
+    repeats = Repeats.of(told)
+    if repeats is None:
+        return Check(subject, Verdict.HOLDS)
+    remedy = "log each reading once, with its own time, and leave cells empty in other rows"
+
+    # which rows are readings
+    known = _UNCERTAIN_TURN if gains.speed is None else gains.speed.error / gains.speed.value
+    far = abs(repeats.difference) > max(_UNCERTAIN_TURN, known)
+    if repeats.are_frequent and far and not repeats.are_held:
+        line = (
+            f"each encoder reading is repeated in {repeats.rows.mean():.2g} rows, and radii differ "
+            f"by {100 * abs(repeats.difference):.2g} % with the row that counts: {remedy}"
+        )
+        return Check(subject, Verdict.FAILS, line, alarm="readings")
+
+    # how exactly the times of readings are known
+    if (repeats.are_before or repeats.are_held) and repeats.scatter > _MOST_SCATTER:
+        line = (
+            "the encoder speeds vary with the time between readings, which the rows tell to "
+            f"{100 * repeats.scatter:.0f} % only: {remedy}"
+        )
+        return Check(subject, Verdict.FAILS, line, alarm="readings")
+    return Check(subject, Verdict.HOLDS)
 
 
 def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) -> Check:

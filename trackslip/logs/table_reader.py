@@ -28,6 +28,7 @@ from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
 from trackslip.logs.recognition import suggested_columns
+from trackslip.logs.repeats import angle_readings, speed_readings
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.size import require_runs_fit
 from trackslip.logs.table import (
@@ -429,7 +430,7 @@ class _Reader:
         time = self._values[rows, _TIME]
         readings = self._values[rows[:, None], self._encoders]
         if self._kind.is_cumulative:
-            read, speeds = self._speeds_between(rows, time, readings)
+            read, speeds = self._speeds_between(name, rows, time, readings)
             begin = int(read[0])
         else:
             read = np.flatnonzero(np.isfinite(readings).all(axis=1))
@@ -440,6 +441,11 @@ class _Reader:
                 speeds = odometry_speeds(
                     speeds, known_odometry(self._layout, f"columns {', '.join(self._kind.value)}")
                 )
+            once = speed_readings(time[read], speeds)
+            if once is not None:
+                self._note_repeats(name, len(read), len(once))
+                read = read[once]
+                speeds = speeds[once]
             begin = int(np.searchsorted(time, time[read[0]] - _GAP))
         end = int(read[-1]) + 1
         for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
@@ -451,8 +457,15 @@ class _Reader:
         next_reading = np.searchsorted(read, covered)
         return speeds[next_reading], rows[covered], np.isin(covered, read)
 
+    def _note_repeats(self, name: str, rows: int, readings: int) -> None:
+        """Note that so many rows repeat so many encoder readings."""
+        self.notes.append(
+            f"run {name!r}: each encoder reading is repeated in {rows / readings:.2g} rows: it "
+            "counts once, as the motion since the reading before"
+        )
+
     def _speeds_between(
-        self, rows: np.ndarray, time: Array, readings: Array
+        self, name: str, rows: np.ndarray, time: Array, readings: Array
     ) -> tuple[np.ndarray, Array]:
         """The rows (n,), counted in `rows`, with readings of angles or positions, and the mean
         speeds (n, 2) since the reading before.
@@ -461,6 +474,10 @@ class _Reader:
             read = np.flatnonzero(np.isfinite(readings).all(axis=1))
             if len(read) < 2:
                 raise self._no_row_has_both()
+            once = angle_readings(time[read], readings[read])
+            if once is not None:
+                self._note_repeats(name, len(read), len(once))
+                read = read[once]
             jump = odometry_jump(time[read], readings[read])
             if jump is not None:
                 row, distance = jump
@@ -475,6 +492,7 @@ class _Reader:
         known = np.isfinite(readings)
         if (known.sum(axis=0) < 2).any():
             raise self._no_row_has_both()
+        known = self._without_repeats(name, time, readings, known)
         begin = max(int(np.argmax(side)) for side in known.T)
         end = min(len(side) - int(np.argmax(side[::-1])) for side in known.T)
         often = known[:, int(np.argmax(known.sum(axis=0)))]
@@ -487,6 +505,23 @@ class _Reader:
             angle = self._angle(column, rows[own], time[own], readings[own, side])
             angles.append(np.interp(time[read], time[own], angle))
         return read, mean_speeds(time[read], np.stack(angles, axis=-1))
+
+    def _without_repeats(
+        self, name: str, time: Array, readings: Array, known: np.ndarray
+    ) -> np.ndarray:
+        """The mask `known` (n, 2) of readings of both sides, without rows that repeat them."""
+        known = known.copy()
+        rows = int(known.any(axis=1).sum())
+        for side in range(2):
+            own = np.flatnonzero(known[:, side])
+            once = angle_readings(time[own], readings[own, side][:, None])
+            if once is not None:
+                known[own, side] = False
+                known[own[once], side] = True
+        read = int(known.any(axis=1).sum())
+        if read < rows:
+            self._note_repeats(name, rows, read)
+        return known
 
     def _angle(self, column: str, rows: np.ndarray, time: Array, readings: Array) -> Array:
         """Continuous angles (n,) of a sprocket [rad] from its readings; raises LogError if the

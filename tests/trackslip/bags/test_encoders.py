@@ -39,6 +39,19 @@ def test_speeds_are_means_since_the_reading_before(tmp_path):
     assert found.joints == (("left_wheel",), ("right_wheel",))
 
 
+def test_messages_that_repeat_a_reading_count_once(tmp_path):
+    notes = []
+    held = TURNED[np.arange(len(TURNED)) // 3 * 3]
+    found = read(tmp_path, states(["left", "right"], held), notes=notes)
+    times = LOG.time[::3]
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
+    means = np.diff(TURNED[::3], axis=0) / np.diff(times)[:, None]
+    np.testing.assert_allclose(found.values[1:], means, atol=1e-9)
+    assert notes == [
+        "topic /joint_states: each encoder reading is repeated in 3 messages: it counts once"
+    ]
+
+
 @given(
     arrays(float, 30, elements=st.floats(-3.1, 3.1)),
     st.floats(-3.14, 3.14),

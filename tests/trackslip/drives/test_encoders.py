@@ -1,34 +1,103 @@
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pytest
-from plain_drives import DRIVE, ENCODER_STEP, HUSKY, POSE, TIME, look
+from plain_drives import DRIVE, ENCODER_STEP, HUSKY, look, measured
 
 from trackslip.drives.encoders import Encoders, encoders_of
+from trackslip.logs.repeats import angle_readings, speed_readings
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table_reader import runs_from_table
 
 
-def test_jittered_stamps_beside_poses_make_no_smaller_radius():
-    """Counts since the reading before, at 20 Hz, stamped up to 20 ms early or late."""
+def jittered(kind="omega", jitter=0.02, pose_step=0.1):
+    """Encoders at 20 Hz, stamped up to `jitter` [s] early or late, beside poses: a row for each.
+
+    Speeds are counts since the reading before, divided by the time between the stamps.
+    """
     rng = np.random.default_rng(3)
     read = np.arange(0.0, 119.0, 0.05)
-    stamp = read + 0.03 + rng.uniform(-0.02, 0.02, len(read))
+    stamp = read + 0.03 + jitter * rng.uniform(-1, 1, len(read))
     turned = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
     angle = np.column_stack([np.interp(read, DRIVE.time, side) for side in turned.T])
-    omega = np.diff(angle, axis=0) / np.diff(stamp)[:, None]
+    readings = angle[1:] if kind == "angle" else np.diff(angle, axis=0) / np.diff(stamp)[:, None]
+    encoders = pd.DataFrame(readings, stamp[1:], (f"{kind}_l", f"{kind}_r"))
+    time, pose = measured(DRIVE, pose_step)
+    poses = pd.DataFrame(pose, time, ("x", "y", "phi"))
+    return encoders.join(poses, how="outer").rename_axis("t")
 
-    time = np.concatenate([stamp[1:], TIME])
-    empty = np.full((len(TIME), 2), np.nan), np.full((len(omega), 3), np.nan)
-    values = np.column_stack(
-        [np.append(omega, empty[0], axis=0), np.append(empty[1], POSE, axis=0)]
-    )
-    order = np.argsort(time)
-    columns = dict(zip(("omega_l", "omega_r", "x", "y", "phi"), values[order].T, strict=True))
-    cells = {name: pa.array(column, from_pandas=True) for name, column in columns.items()}
-    (log,) = runs_from_table(pa.table({"t": time[order]} | cells), "a table").runs
 
-    speed = look(log).gains.speed.value
-    assert speed == pytest.approx(1 + HUSKY.radius_error, abs=0.003)
+def look_in(rows):
+    """The first look at a table, and the notes of its reader."""
+    read = runs_from_table(pa.Table.from_pandas(rows.reset_index(), preserve_index=False), "a")
+    return look(*read.runs), " ".join(read.notes)
+
+
+TRUE_GAIN = pytest.approx(1 + HUSKY.radius_error, abs=0.003)
+
+
+def test_jittered_stamps_beside_poses_make_no_smaller_radius():
+    found, _ = look_in(jittered())
+    assert found.gains.speed.value == TRUE_GAIN
+
+
+@pytest.mark.parametrize("jitter", [0.02, 0.005])
+def test_mean_speeds_filled_forwards_count_once(jitter):
+    rows = jittered(jitter=jitter)
+    found, notes = look_in(rows.ffill())
+    assert found.gains.speed.value == TRUE_GAIN
+    assert "each encoder reading is repeated in" in notes
+    filled_beside_poses = rows.assign(**rows[["omega_l", "omega_r"]].ffill())
+    found, _ = look_in(filled_beside_poses)
+    assert found.gains.speed.value == TRUE_GAIN
+    assert not found.alarms
+
+
+@pytest.mark.parametrize("fill", ["ffill", "bfill"])
+@pytest.mark.parametrize("kind", ["omega", "angle"])
+def test_encoders_filled_either_way_keep_the_radius(kind, fill):
+    rows = jittered(kind)
+    encoders = rows.iloc[:, :2]
+    found, _ = look_in(rows.assign(**getattr(encoders, fill)()))
+    assert found.gains.speed.value == TRUE_GAIN
+    assert not found.alarms
+
+
+def test_counts_of_unknown_times_are_an_alarm():
+    """Only rows with poses are kept, as `merge_asof` does: two readings may be in one of them."""
+    rows = jittered(pose_step=ENCODER_STEP).ffill()
+    found, _ = look_in(rows[rows.index.isin(DRIVE.time)])
+    assert [alarm.kind for alarm in found.alarms] == ["readings"]
+
+
+def test_short_runs_of_filled_speeds_are_an_alarm():
+    rows = jittered().ffill()
+    parts = [rows[(rows.index >= t) & (rows.index < t + 4)] for t in range(8, 100, 4)]
+    table = pd.concat(part.assign(run=str(k)) for k, part in enumerate(parts)).reset_index()
+    read = runs_from_table(pa.Table.from_pandas(table, preserve_index=False), "a")
+    (alarm,) = look(*read.runs).alarms
+    assert "each encoder reading is repeated in" in alarm.line
+
+
+def test_held_speeds_of_a_controller_stay_as_they_are():
+    rng = np.random.default_rng(0)
+    every = np.cumsum(rng.integers(2, 6, 700))
+    time = 0.02 * np.arange(every[-1])
+    first = np.append(0, every)[np.searchsorted(every, np.arange(every[-1]), side="right")]
+    speed = 3 + np.sin(time[first])
+    assert speed_readings(time, np.column_stack([speed, speed])) is None
+
+
+def test_a_standing_sprocket_was_read_all_the_time():
+    time = 0.02 * np.arange(1500)
+    read = 0.06 * np.floor(time / 0.06 + 1e-9)
+    driven = np.where(read < 10, read, np.where(read < 20, 10.0, read - 10))
+    angle = 3 * driven + np.sin(driven)
+    rows = angle_readings(time, angle[:, None])
+    steps = np.diff(time[rows])
+    stands = (time[rows[1:]] > 10.1) & (time[rows[1:]] < 19.9)
+    assert steps[~stands].max() < 0.09
+    assert steps[stands] == pytest.approx(0.02)
 
 
 def log_of(time, omega):
