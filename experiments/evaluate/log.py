@@ -12,12 +12,12 @@ from experiments.common.log_options import size_in_bytes
 from experiments.evaluate.config import Config
 from trackslip import se2
 from trackslip.drives.conditioning import drives_of
-from trackslip.drives.gyro import with_usable_gyro
+from trackslip.drives.gyro import with_headings_by_gyro, with_usable_gyro
 from trackslip.errors import LogError, counted
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.runlog import RunLog, in_few_lines
+from trackslip.logs.runlog import Refused, RunLog, in_few_lines, none_usable
 
 _TIME = np.linspace(0.0, 1.0, 11)
 """Times in the drives that represent steady samples [s]."""
@@ -39,6 +39,9 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     source = read_log_of(config.path, reading, known)
     drives: Sequence[RunLog] = source.logs or _windows(source.sampling.samples)
     notes = [*source.notes, *map(str, source.refused)]
+    # before drives are cut, so that the bias of a gyro is that of the whole drive
+    drives, refused = _with_headings(drives)
+    notes += [*map(str, refused)]
     if config.folds:
         if len(drives) < config.folds:
             drives = [
@@ -54,6 +57,22 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     drives = [log for log, _ in checked]
     notes += [note for _, note in checked if note]
     return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes)))
+
+
+def _with_headings(drives: Sequence[RunLog]) -> tuple[list[RunLog], list[Refused]]:
+    """The drives, with the headings of a gyro where that measures alone, and those in which it
+    can't; raises LogError if no drive remains.
+    """
+    usable = []
+    refused = []
+    for log in drives:
+        try:
+            usable.append(with_headings_by_gyro(log))
+        except LogError as error:
+            refused.append(Refused.of(log.run, error))
+    if refused and not usable:
+        raise LogError(none_usable(refused))
+    return usable, refused
 
 
 def _windows(samples: SlipSamples) -> list[RunLog]:

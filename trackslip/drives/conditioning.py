@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.drives.drive import MOST_INTERVALS, Drive
 from trackslip.drives.encoders import BENDS, encoders_of
-from trackslip.drives.gyro import headings_by_gyro, turn_sums, with_usable_gyro
+from trackslip.drives.gyro import headings_by_gyro, measures_alone, turn_sums, with_usable_gyro
 from trackslip.drives.poses import Poses, distinct_rows, measured_poses
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
@@ -60,8 +60,7 @@ def drive_of(log: RunLog, most_intervals: int = MOST_INTERVALS) -> Drive:
 
     # Gyro: with the right axis and unit. On its own, it measures the headings.
     log, note = with_usable_gyro(log)
-    gyro_alone = log.gyro is not None and not log.is_valid.any() and log.beyond is None
-    if gyro_alone:
+    if measures_alone(log):
         poses = headings_by_gyro(log)
         gyro = None
     else:

@@ -149,6 +149,25 @@ def mean_yaw_rates(log: RunLog, time: Array) -> Array | None:
     return np.append(np.nan, rate)
 
 
+def measures_alone(log: RunLog) -> bool:
+    """True if a gyro, and nothing else, measures the motion in a log."""
+    return log.gyro is not None and not log.is_valid.any() and log.beyond is None
+
+
+def with_headings_by_gyro(log: RunLog) -> RunLog:
+    """The log with its gyro's headings as poses and without the gyro, if that measures alone, else
+    the log.
+
+    Raises LogError for a gyro that doesn't follow the sprockets, or with a wrong sign.
+    """
+    if not measures_alone(log):
+        return log
+    usable, note = with_usable_gyro(log)
+    if usable.gyro is None:
+        raise LogError(note)
+    return replace(log, pose=headings_by_gyro(log).pose, valid=None, gyro=None)
+
+
 def headings_by_gyro(log: RunLog) -> Poses:
     """Headings from a log's gyro in all of its rows, without positions.
 

@@ -19,7 +19,12 @@ from numpy.typing import ArrayLike
 
 from trackslip import se2
 from trackslip.drives.encoders import encoders_of
-from trackslip.drives.gyro import mean_yaw_rates, with_usable_gyro
+from trackslip.drives.gyro import (
+    mean_yaw_rates,
+    measures_alone,
+    with_headings_by_gyro,
+    with_usable_gyro,
+)
 from trackslip.drives.poses import measured_poses
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
@@ -224,7 +229,7 @@ def odometry_errors(
     last for LENGTHS of distance and time. Distance is that of the middle of the tracks, from the
     encoders without slip. Relative errors include errors of the measured poses at both ends.
     Without measured headings, a stretch starts with the heading at which the odometry fits the
-    positions of the last 10 s.
+    positions of the last 10 s. If a gyro measures alone, its headings count as measured.
 
     Args:
         logs: one or several drives.
@@ -234,7 +239,8 @@ def odometry_errors(
         clock_offset: encoder clock minus pose clock [s].
 
     Raises:
-        LogError: if no drive has at least two measured poses during its encoder readings.
+        LogError: if no drive has at least two measured poses during its encoder readings, or a gyro
+            measures alone and the odometry uses it, too.
     """
     trajectories = []
     notes = []
@@ -242,8 +248,14 @@ def odometry_errors(
     for log in drives:
         try:
             if odometry.gyro is not None:
+                if measures_alone(log):
+                    raise LogError(
+                        f"run {log.run!r}: only its gyro measures headings, and the odometry uses "
+                        "it, too: give odometry without gyro"
+                    )
                 log, note = with_usable_gyro(log)
                 notes += [note] if note else []
+            log = with_headings_by_gyro(log)
             drive = trajectory_of(log, odometry, mounting or Mounting(), clock_offset)
         except LogError as error:
             notes.append(str(error))

@@ -96,6 +96,25 @@ def test_positions_or_headings_alone_are_predicted(trackslip, files, tmp_path, m
         assert np.isfinite(np.loadtxt(file)).all()
 
 
+@pytest.mark.parametrize("options", [("--law", "TRUE", "--law", "none"), ("--folds", "2")])
+def test_the_headings_of_a_gyro_alone_are_predicted(trackslip, files, tmp_path, options):
+    (_, log) = read_runs(files / "two.parquet")
+    rate = ICR.twist(log.omega, GEOMETRY)[:, 1]
+    gyro = rate + np.random.default_rng(0).normal(0.01, 0.002, len(rate))
+    every = np.ones(len(rate), bool)
+    alone = replace(without_poses(log, every), gyro=gyro, beyond=None)
+    write_parquet([alone], tmp_path / "log.parquet")
+
+    options = [option.replace("TRUE", f"{files / 'true.json'}:icr_radius") for option in options]
+    result = trackslip("evaluate", str(tmp_path / "log.parquet"), *SIZE, *options)
+    models = result.summary["models"]
+    none = models["none" if "none" in models else "today"]["after_seconds"]["5"]
+    errors = models["icr_radius"]["after_seconds"]["5"]
+    assert errors["heading"]["median"] < 0.1 * none["heading"]["median"]
+    assert errors["position"] is None
+    assert not any("with gyro" in name for name in models)
+
+
 def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip, files, folder):
     log = str(files / "two.parquet")
     known = json.loads((files.parent / folder / "summary.json").read_text())

@@ -12,6 +12,7 @@ from trackslip.laws.base import NoSlip
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, odometry_errors
 from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 
 BY_LAW, BY_NONE = SlipOdometry(ICR, GEOMETRY), SlipOdometry(NoSlip(), GEOMETRY)
@@ -103,3 +104,13 @@ def test_a_drive_without_poses_is_left_out_of_several():
         odometry_errors(empty, BY_LAW)
     with pytest.raises(LogError, match="run 'drive 7': encoders were read at 0 of 100 measured"):
         odometry_errors(log, BY_LAW, clock_offset=1e6)
+
+
+def test_a_gyro_alone_is_not_compared_with_itself():
+    log = drive_log(7, 20.0, EXACT, STILL)
+    rate = ICR.twist(log.omega, GEOMETRY)[:, 1]
+    alone = replace(without_poses(log, log.is_valid), gyro=rate, beyond=None)
+    found = odometry_errors(alone, BY_LAW)
+    assert found.after_seconds[5.0].heading.largest < 1e-6
+    with pytest.raises(LogError, match="only its gyro measures headings"):
+        odometry_errors(alone, SlipOdometry(ICR, GEOMETRY, gyro=Gyro()))
