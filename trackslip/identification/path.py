@@ -20,6 +20,14 @@ from trackslip.drives.drive import Drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import LawFamily
 
+GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
+FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
+"""Prior standard deviations for drives with few poses, far apart, in the units of `Extra.prior`: a
+sensor that may be anywhere would take up the effects of unequal radii.
+"""
+_LAG_STEP: Final = 1e-3  # step of finite differences by the lag, smaller than any that matters [s]
+_SMALL_TURN: Final = 1e-4  # turn up to which a series has no rounding errors [rad]
+
 
 @dataclass(frozen=True)
 class Extra:
@@ -43,13 +51,6 @@ EXTRAS: Final[dict[str, Extra]] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
-FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
-"""Prior standard deviations for drives with few poses, far apart, as in EXTRAS: a sensor that may
-be anywhere would take up the effects of unequal radii.
-"""
-_LAG_STEP: Final = 1e-3  # step of finite differences by the lag, smaller than any that matters [s]
-_SMALL_TURN: Final = 1e-4  # turn up to which a series has no rounding errors [rad]
-GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 
 @dataclass(frozen=True)
