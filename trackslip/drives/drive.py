@@ -45,7 +45,9 @@ class Drive:
     repeated: int = 0  # number of poses left out because they repeat the previous pose
     # number of poses left out because they lie on the line between other poses
     interpolated: int = 0
-    whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
+    has_whole_speeds: bool = (
+        False  # true if the logged sprocket speeds are whole numbers, like counts
+    )
     notes: tuple[str, ...] = ()  # parts of the log that were left out, one line each
 
     @property
@@ -214,7 +216,7 @@ class Drives:
                 )
         return headings
 
-    def way(self, radius: float) -> Array:
+    def belt_distance(self, radius: float) -> Array:
         """Mean distance (K,) driven by the belts up to each pose [m], for a sprocket radius [m]."""
         speed = np.abs(self.omega).mean(axis=1)
         turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))

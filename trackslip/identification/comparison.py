@@ -154,7 +154,7 @@ def choose(
     A law that odometry can't express is best only if a parameter that no law for odometry has
     differs from zero.
     """
-    linear = {name: law for name, law in laws.items() if is_expressible(name)}
+    linear = {name: law for name, law in laws.items() if is_usable_for_odometry(name)}
     choice = rank(laws)
     among_linear = rank(linear) if linear else None
     if choice is None or among_linear is None or choice.best in linear:
@@ -220,12 +220,12 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
 
 
 def _terms(name: str, law: FittedLaw) -> float:
-    """Number of a law's parameters, plus a half if odometry can't express the law."""
-    return len(law.values) + 0.5 * (not is_expressible(name))
+    """Number of a law's parameters, plus a half if odometry can't use the law."""
+    return len(law.values) + 0.5 * (not is_usable_for_odometry(name))
 
 
-def is_expressible(name: str) -> bool:
-    """True if a differential drive's odometry can express the law."""
+def is_usable_for_odometry(name: str) -> bool:
+    """True if `deploy` can write the law as parameters of a differential drive's odometry."""
     return "ros2_control" in FAMILIES[name].targets
 
 

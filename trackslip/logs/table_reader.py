@@ -24,7 +24,7 @@ from trackslip.logs.angles import (
     odometry_speeds,
     unwrapped_angle,
 )
-from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
+from trackslip.logs.checks import gaps, in_order, restarts, unwrapped_headings
 from trackslip.logs.columns import Columns
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
 from trackslip.logs.recognition import suggested_columns
@@ -316,7 +316,7 @@ class _Reader:
         rows = covered
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
-        pose[headed, 2] = unwrapped(pose[headed, 2])
+        pose[headed, 2] = unwrapped_headings(pose[headed, 2])
         all_valid = valid.all() and "valid" not in self._table.column_names
         return RunLog(
             run=name,
@@ -523,7 +523,7 @@ class _Reader:
         poses = self._values[rows[:, None], [_TIME, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
-        poses[headed, 3] = unwrapped(poses[headed, 3])
+        poses[headed, 3] = unwrapped_headings(poses[headed, 3])
         return poses if len(poses) else None
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
