@@ -311,7 +311,7 @@ class SlipOdometry:
         has_reading = np.isfinite(gyro)
         reading = np.where(has_reading, gyro, 0.0)
 
-        # the bias so far is the mean reading at rest
+        # the bias is the mean reading at rest before each motion
         stands = (np.abs(omega) < _MAX_SPEED_AT_REST).all(axis=-1)
         reads_nothing = np.abs(reading - errors.bias) < _MAX_READING_AT_REST
         is_at_rest = has_reading & stands & reads_nothing
@@ -324,7 +324,7 @@ class SlipOdometry:
         scale = 1 + errors.scale
         measured_rate = (reading - bias) / scale
         slopes = np.where(is_measured[..., None], 0.0, by_law.slopes)
-        if self.gyro is not None:
+        if self.gyro is not None:  # its bias and scale are the last parameters
             slopes[..., -2] = np.where(is_measured, -1 / scale, 0.0)
             slopes[..., -1] = np.where(is_measured, -(reading - bias) / scale**2, 0.0)
         gyro_variance = (errors.noise / scale) ** 2 * h
