@@ -197,14 +197,14 @@ def windows_of(
     if len(ends) < 2:
         none = np.zeros(0)
         return Window(none, none, none + 0j, none, none.astype(int))
-    whole = np.diff(steps.drive[ends]) == 0
-    begin = ends[:-1][whole]
-    end = ends[1:][whole]
+    is_in_a_drive = np.diff(steps.drive[ends]) == 0
+    begin = ends[:-1][is_in_a_drive]
+    end = ends[1:][is_in_a_drive]
 
     # windows with gaps, or with turns that poses don't tell, are left out
     in_gap = np.diff(steps.time) > _LONGEST_GAP
     ambiguous = np.abs(np.diff(steps.turn)) > np.pi
-    good = ~np.logical_or.reduceat(in_gap | ambiguous, ends[:-1])[whole]
+    good = ~np.logical_or.reduceat(in_gap | ambiguous, ends[:-1])[is_in_a_drive]
     good &= steps.time[end] - steps.time[begin] > 0.49 * length[end]
     block = drives.blocks(WINDOW)[steps.rows[(begin + end) // 2]]
     distance = steps.distance[end] - steps.distance[begin]
@@ -214,7 +214,7 @@ def windows_of(
 
     if drives.known[1].any():
         turned = steps.heading[end] - steps.heading[begin]
-        moved = np.add.reduceat(steps.moved, ends[:-1])[whole]
+        moved = np.add.reduceat(steps.moved, ends[:-1])[is_in_a_drive]
     else:
         # the directions of successive chords, while the robot moves
         moving = good & (np.abs(chord) > 0.3 * rms_of_known(chord[good]))
@@ -260,13 +260,13 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     # what an error of the clocks changes, per second
     before = windows_of(drives, geometry, clock, -GRID)
     after = windows_of(drives, geometry, clock, GRID)
-    late_distance = (after.distance - before.distance) / (2 * GRID)
-    late_turn = (after.turn - before.turn) / (2 * GRID)
+    distance_per_second = (after.distance - before.distance) / (2 * GRID)
+    turn_per_second = (after.turn - before.turn) / (2 * GRID)
 
     turn = None
-    known = np.isfinite(window.turned) & np.isfinite(late_turn)
+    known = np.isfinite(window.turned) & np.isfinite(turn_per_second)
     if _tells(window.turn[known], 0.1) and window.turned[known].any():
-        columns = np.column_stack([window.turn, late_turn])
+        columns = np.column_stack([window.turn, turn_per_second])
         fit = _regression(columns, window.turned, window, known, (0.0, GRID**-2))
         turn = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
 
@@ -278,7 +278,7 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     if not _tells(window.distance[known], 0.2 * geometry.half_gauge):
         return Gains(None, turn)
     across = window.turned if headed else np.zeros(len(known))
-    columns = np.column_stack([window.distance, across, late_distance])
+    columns = np.column_stack([window.distance, across, distance_per_second])
     moved = window.moved if headed else window.moved.real
     prior = (0.0, _precision_aside(window, known, geometry, bool(headed)), GRID**-2)
     fit = _regression(columns, moved, window, known, prior)

@@ -377,20 +377,20 @@ class _Model:
         the loss falls.
         """
         values = start
-        rest = self._residuals(values)
-        loss = self._loss(rest)
+        current = self._residuals(values)
+        loss = self._loss(current)
         damping = _FIRST_DAMPING
         for _ in range(_ROUNDS):
             # a step; the weights are halves of the losses' derivatives over the residuals
-            weight = 1 / (1 + rest.value**2)
+            weight = 1 / (1 + current.value**2)
             weight[_GAIN_PRIORS - _PARAMETERS :] = 0.5
-            normal = rest.slope.T @ (weight[:, None] * rest.slope)
+            normal = current.slope.T @ (weight[:, None] * current.slope)
             damped = normal + damping * np.diag(np.diag(normal))
-            step = np.linalg.solve(damped, rest.slope.T @ (weight * rest.value))
+            step = np.linalg.solve(damped, current.slope.T @ (weight * current.value))
             step = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
             new_values = self._limited(values + step)
-            new_rest = self._residuals(new_values)
-            new_loss = self._loss(new_rest)
+            new = self._residuals(new_values)
+            new_loss = self._loss(new)
 
             # it is taken only if the loss falls
             gained = loss - new_loss
@@ -398,16 +398,16 @@ class _Model:
                 damping *= 10
                 continue
             values = new_values
-            rest = new_rest
+            current = new
             loss = new_loss
             damping /= 5
             if gained < _CONVERGED:
                 break
 
-        is_close = np.all(np.abs(rest.of_motions) < 2, axis=0)
+        is_close = np.all(np.abs(current.of_motions) < 2, axis=0)
         is_known = self._placed | self._headed
         explained = float(np.mean(is_close[is_known]))
-        speed = float(np.exp(values[0])) if self._determines_speed(rest) else None
+        speed = float(np.exp(values[0])) if self._determines_speed(current) else None
         return RelativeFit(
             loss=loss,
             explained=explained,
@@ -425,17 +425,17 @@ class _Model:
         limited[0] = gain - limited[1]
         return limited
 
-    def _determines_speed(self, rest: _Residuals) -> bool:
+    def _determines_speed(self, residuals: _Residuals) -> bool:
         """True if the motions determine the gain of distances."""
         if not self._placed.any():
             return False
-        size = np.abs(rest.of_motions[:2, self._placed])
+        size = np.abs(residuals.of_motions[:2, self._placed])
         # the scatter may be far below what was expected
         scatter = float(np.clip(1.4826 * np.median(size), 0.02, 1.0))
-        normal = rest.slope.T @ rest.slope
+        normal = residuals.slope.T @ residuals.slope
         return bool(scatter * np.sqrt(np.linalg.inv(normal)[0, 0]) < _KNOWN)
 
-    def _loss(self, rest: _Residuals) -> float:
+    def _loss(self, residuals: _Residuals) -> float:
         """Negative log-likelihood of residuals, up to a constant.
 
         Without headings, most motions between neighbouring poses are in two motions, which count
@@ -443,13 +443,13 @@ class _Model:
         normal.
         """
         is_known = np.stack([self._placed, self._placed, self._headed])
-        scale = rest.scale.reshape(3, -1)
-        of_motions = _negative_log_likelihood(rest.of_motions * scale, scale)
+        scale = residuals.scale.reshape(3, -1)
+        of_motions = _negative_log_likelihood(residuals.of_motions * scale, scale)
         share = 1.0 if self._framed else 0.5
         by_motions = share * of_motions[is_known].sum()
 
-        of_gains = rest.of_priors[:_GAIN_PRIORS]
-        of_others = rest.of_priors[_GAIN_PRIORS:]
+        of_gains = residuals.of_priors[:_GAIN_PRIORS]
+        of_others = residuals.of_priors[_GAIN_PRIORS:]
         by_priors = np.log1p(of_gains**2).sum() + 0.5 * np.sum(of_others**2)
         return float(by_motions + by_priors)
 
