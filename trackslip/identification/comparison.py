@@ -165,7 +165,8 @@ def choose(
     own = [name for name in best.values if name not in of_linear]
     if any(differs_from_zero(best, name) for name in own):
         return choice
-    reason = f"{among_linear.reason}; {choice.best} predicts better, but its {' and '.join(own)} may be 0"
+    terms = " and ".join(own)
+    reason = f"{among_linear.reason}; {choice.best} predicts better, but its {terms} may be 0"
     return replace(choice, best=among_linear.best, reason=reason)
 
 
