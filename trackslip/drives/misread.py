@@ -193,7 +193,7 @@ def _of_relative_motions(fit: RelativeFit | None) -> Evidence | None:
     """Evidence from a fit to relative motions."""
     if fit is None:
         return None
-    figure = f"in {100 * fit.explained:.0f} % of motions from pose to pose"
+    figure = f"in {100 * fit.explained:.0f} % of motions"
     return Evidence(-fit.loss / _LIKELIER, fit.explained >= _MOSTLY, figure)
 
 
@@ -220,7 +220,7 @@ def reading_checks(
     if other is not None and other.clear and scores[best] > least and not now.settled:
         before = evidence.figure if evidence is not None else "by 0.00"
         agree = "agree" if rare else "correlate"
-        figures = f"wheels and poses {agree} {before}, else {other.figure}"
+        figures = f"wheels and poses {agree} {before} as logged, {other.figure} if corrected"
         line = f"{readings[best].what} ({figures}): {readings[best].advice}"
         # what explains the log as well
         alike = {

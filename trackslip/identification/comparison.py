@@ -8,7 +8,6 @@ from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackslip.errors import counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
@@ -166,10 +165,8 @@ def choose(
     own = [name for name in best.values if name not in of_linear]
     if any(differs_from_zero(best, name) for name in own):
         return choice
-    reason = (
-        f"{choice.best} predicts best, but its {' and '.join(own)} may be 0; of laws for odometry, "
-        f"{among_linear.reason}"
-    )
+    terms = " and ".join(own)
+    reason = f"{among_linear.reason}; {choice.best} predicts better, but its {terms} may be 0"
     return replace(choice, best=among_linear.best, reason=reason)
 
 
@@ -207,16 +204,27 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
     good = np.flatnonzero(2 * as_good > len(criteria)).tolist()
     best = min(good, key=lambda k: (_terms(names[k], laws[names[k]]), k != leader, score[k]))
 
-    horizons = counted(len(criteria), "time")
-    reason = f"{names[leader]} has the smallest errors at {wins[leader]} of {horizons} ahead"
+    usable = all(map(is_usable_for_odometry, names))
+    compared = "all laws usable for odometry" if usable else "all laws"
+    where = _share_of_horizons(int(wins[leader]), len(criteria))
+    reason = f"smallest errors of {compared} {where}"
     if best != leader:
-        reason += (
-            f"; {names[best]} is as good at {as_good[best]}, within one standard error, and "
+        reason = (
+            f"as good as {names[leader]}, which has the {reason}, within one standard error, and "
             "simpler to use"
         )
     return Choice(
         best=names[best], reason=reason, score=dict(zip(names, score.tolist(), strict=True))
     )
+
+
+def _share_of_horizons(count: int, total: int) -> str:
+    """At how many of the prediction horizons, in words."""
+    if total == 1:
+        return "at the only horizon"
+    if count == total:
+        return f"at all {total} horizons"
+    return f"at {count} of {total} horizons"
 
 
 def _terms(name: str, law: FittedLaw) -> float:
