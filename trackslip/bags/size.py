@@ -279,8 +279,8 @@ def _summary_of(file: BinaryIO) -> tuple[int, int]:
     file.seek(max(0, size - _FOOTER))
     tail = file.read()
     (begin,) = struct.unpack_from("<Q", tail, 9) if len(tail) == _FOOTER else (0,)
-    whole = tail.endswith(MCAP_MAGIC) and tail.startswith(b"\x02") and 0 < begin < size
-    return (begin, size - _FOOTER) if whole else (size, size)
+    has_summary = tail.endswith(MCAP_MAGIC) and tail.startswith(b"\x02") and 0 < begin < size
+    return (begin, size - _FOOTER) if has_summary else (size, size)
 
 
 def _mcap_records(file: BinaryIO, begin: int, end: int) -> Iterator[tuple[int, int, int]]:

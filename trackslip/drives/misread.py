@@ -223,12 +223,12 @@ def reading_checks(
         figures = f"wheels and poses {agree} {before} as logged, {other.figure} if corrected"
         line = f"{readings[best].what} ({figures}): {readings[best].advice}"
         # what explains the log as well
-        alike = {
+        other_advice = {
             reading.subject: f", or, if {reading.what}, {reading.advice}"
             for k, reading in enumerate(readings)
             if reading.subject != readings[best].subject and scores[k] > scores[best] - 1
         }
-        line += "".join(alike.values())
+        line += "".join(other_advice.values())
         return [Check(readings[best].subject, Verdict.FAILS, line)]
 
     checks = list[Check]()
@@ -300,7 +300,7 @@ def _other_readings(drives: Sequence[Drive], now: Matching) -> Iterator[_Reading
     """Yield reinterpretations of drives: swapped sides, changed signs and other headings."""
     placed = any(np.isfinite(drive.pose[:, 0]).any() for drive in drives)
     headed = any(np.isfinite(drive.pose[:, 2]).any() for drive in drives)
-    yield from _other_sides(drives, whole=placed and headed)
+    yield from _other_sides(drives, has_poses=placed and headed)
     if placed and headed:
         yield from _other_directions(drives)
     if placed and headed and _may_be_degrees(drives, now):
@@ -312,8 +312,8 @@ def _other_readings(drives: Sequence[Drive], now: Matching) -> Iterator[_Reading
         yield _Reading("unit of headings", compass, what, "give pi/2 - phi pi/180")
 
 
-def _other_sides(drives: Sequence[Drive], whole: bool) -> Iterator[_Reading]:
-    """Yield drives with swapped sides and changed signs; `whole` is true for positions with
+def _other_sides(drives: Sequence[Drive], has_poses: bool) -> Iterator[_Reading]:
+    """Yield drives with swapped sides and changed signs; `has_poses` is true for positions with
     headings.
     """
     names = {
@@ -325,8 +325,8 @@ def _other_sides(drives: Sequence[Drive], whole: bool) -> Iterator[_Reading]:
         both_signs = signs[0] == signs[1]
         as_logged = not swapped and signs == (1, 1)
         # positions or headings alone don't tell forwards from backwards
-        alike = not whole and swapped and signs == (-1, -1)
-        if as_logged or alike:
+        looks_as_logged = not has_poses and swapped and signs == (-1, -1)
+        if as_logged or looks_as_logged:
             continue
         steps = list[str]()
         if signs in names:
@@ -335,7 +335,7 @@ def _other_sides(drives: Sequence[Drive], whole: bool) -> Iterator[_Reading]:
         if swapped:
             steps.append("exchange omega_l and omega_r")
         advice = ", then ".join(steps)
-        if both_signs and not whole:
+        if both_signs and not has_poses:
             advice = (
                 "exchange omega_l and omega_r, or change the signs of both if they count backwards"
             )

@@ -185,10 +185,13 @@ class SlipSamples:
         path radius.
         """
         angle = self.direction(geometry)
-        labels, label, first = np.zeros(len(angle), int), -1, -np.inf
+        labels = np.zeros(len(angle), int)
+        label = -1
+        first = -np.inf  # angle of the first run with this label
         for k in np.argsort(angle):
             if angle[k] > first + REPEATED:
-                label, first = label + 1, angle[k]
+                label += 1
+                first = angle[k]
             labels[k] = label
         return labels
 
@@ -273,7 +276,10 @@ def usable_samples(
     require_non_negative("settle", settle)
     if method is not None and method not in MOTION_METHODS:
         raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
-    usable, notes, left_out, steady = list[SlipSamples](), list[str](), list(refused), 0.0
+    usable = list[SlipSamples]()
+    notes = list[str]()
+    left_out = list(refused)
+    steady = 0.0  # duration of steady stretches [s]
     for log in logs:
         try:
             parts = (steady_part(log, settle),) if longest else steady_parts(log, settle)

@@ -243,11 +243,11 @@ class RunLog:
         """Cut the log into parts of equal duration, about `duration` [s] each; a shorter log is
         returned whole.
         """
-        whole = float(self.time[-1] - self.time[0])
-        count = max(round(whole / duration), 1)
+        total = float(self.time[-1] - self.time[0])
+        count = max(round(total / duration), 1)
         if count == 1:
             return [self]
-        edges = self.time[0] + whole * np.arange(count + 1) / count
+        edges = self.time[0] + total * np.arange(count + 1) / count
         rows = np.searchsorted(self.time, edges).tolist()
         rows[-1] = len(self.time)
         parts = [self.between(first, end) for first, end in pairwise(rows) if end - first > 1]

@@ -381,10 +381,10 @@ class _Reader:
         known = np.isfinite(self._values[rows[:, None], readings])
         place = time.copy()
         for sensor in np.unique(known, axis=0):
-            own = np.flatnonzero((known == sensor).all(axis=1))
-            ascending = in_order(time[own])
-            before = np.searchsorted(ascending, np.arange(len(own)), side="right") - 1
-            place[own] = time[own[ascending]][np.maximum(before, 0)]
+            of_sensor = np.flatnonzero((known == sensor).all(axis=1))
+            ascending = in_order(time[of_sensor])
+            before = np.searchsorted(ascending, np.arange(len(of_sensor)), side="right") - 1
+            place[of_sensor] = time[of_sensor[ascending]][np.maximum(before, 0)]
         return rows[np.argsort(place, kind="stable")]
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
@@ -483,9 +483,9 @@ class _Reader:
             raise self._no_row_has_both()
         angles = []
         for side, column in enumerate(self._kind.value):
-            own = np.flatnonzero(known[:, side])
-            angle = self._angle(column, rows[own], time[own], readings[own, side])
-            angles.append(np.interp(time[read], time[own], angle))
+            of_side = np.flatnonzero(known[:, side])
+            angle = self._angle(column, rows[of_side], time[of_side], readings[of_side, side])
+            angles.append(np.interp(time[read], time[of_side], angle))
         return read, mean_speeds(time[read], np.stack(angles, axis=-1))
 
     def _angle(self, column: str, rows: np.ndarray, time: Array, readings: Array) -> Array:

@@ -110,11 +110,11 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     _require_headings(log)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    late = [
+    gap_lines = [
         f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s"
         for k in gaps
     ]
-    notes = [f"run {log.run!r}: {gap}" for gap in late]
+    notes = [f"run {log.run!r}: {line}" for line in gap_lines]
     lead = max(settle, MARGIN)
     headed = log.time[log.has_heading]
     usual = float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0  # between poses
@@ -123,7 +123,7 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     long, longest = constant_stretches(log.time, log.omega, gaps, least)
     if not long:
         begin, end = log.time[list(longest)]
-        why = [*late[:_LISTED], f"steady from {begin:.12g} s to {end:.12g} s only, too short"]
+        why = [*gap_lines[:_LISTED], f"steady from {begin:.12g} s to {end:.12g} s only, too short"]
         left_out = (
             f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc "
             f"needs {enough:.2g} s"
