@@ -15,7 +15,7 @@ import numpy as np
 
 from trackslip.drives.clocks import GRID
 from trackslip.drives.drive import Drives
-from trackslip.intervals import Gain, cr3, newton_steps, student
+from trackslip.intervals import DEVIATION_PER_MEDIAN, Gain, cr3, newton_steps, student
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW: Final = 2.0
@@ -348,7 +348,7 @@ def _regression(
         precision = np.diag(np.multiply(prior, scale**2) + 1e-12)
         fit = np.linalg.solve(columns.T @ weighted + precision, columns.T @ (weight * values))
         size = np.abs(values - columns @ fit)
-        scale = max(1.4826 * float(np.median(size)), 1e-9)
+        scale = max(DEVIATION_PER_MEDIAN * float(np.median(size)), 1e-9)
         weight = np.minimum(1.0, _HUBER * scale / np.maximum(size, 1e-12))
 
     # fits without a block take one Newton step with derivatives of the loss instead of the weights

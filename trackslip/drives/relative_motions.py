@@ -36,6 +36,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from trackslip.drives.drive import Drive, Drives
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
 _MOST_POINTS: Final = 3000  # most points of the integrated path besides the poses, to limit time
@@ -431,7 +432,7 @@ class _Model:
             return False
         size = np.abs(residuals.of_motions[:2, self._placed])
         # the scatter may be far below what was expected
-        scatter = float(np.clip(1.4826 * np.median(size), 0.02, 1.0))
+        scatter = float(np.clip(DEVIATION_PER_MEDIAN * np.median(size), 0.02, 1.0))
         normal = residuals.slope.T @ residuals.slope
         return bool(scatter * np.sqrt(np.linalg.inv(normal)[0, 0]) < _KNOWN)
 

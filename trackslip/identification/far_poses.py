@@ -18,6 +18,7 @@ from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs
 from trackslip.identification.windows import WindowFit
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array
 
 FAR: Final = 10.0
@@ -105,7 +106,7 @@ def _scatter(model: DriveModel, pairs: Pairs, values: Array) -> Array:
     headings, at parameters (p,) [m, m, rad].
     """
     size = np.abs(pairs.errors(model, values[None]))
-    scale = 1.4826 * np.nanmedian(size, axis=0)
+    scale = DEVIATION_PER_MEDIAN * np.nanmedian(size, axis=0)
     scale[:2] = scale[:2].max()
     return np.maximum(scale, _LEAST)
 

@@ -14,6 +14,7 @@ from trackslip.drives.drive import Drives
 from trackslip.identification.comparison import LEAST_ERROR, Criterion
 from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.windows import WindowFit
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
@@ -29,7 +30,6 @@ _TRAILING: Final = 10.0  # duration of the path that is fitted to positions for 
 _FEWEST_TRAILING: Final = 5  # least number of positions for a heading
 # least spread of positions for a heading, as over 0.5 m: noise of 2 cm is a few degrees [m]
 _LEAST_TRAILING_SPREAD: Final = 0.15
-_TO_DEVIATION: Final = 1.4826  # standard deviation over the median size of normal errors
 # share of a variance below which its growth is a difference that medians don't resolve
 _RESOLVED: Final = 0.01
 
@@ -366,4 +366,4 @@ def _robust_variance(values: Array) -> float:
     values other than NaN.
     """
     size = np.abs(values[np.isfinite(values)])
-    return float((_TO_DEVIATION * np.median(size)) ** 2) if len(size) else 0.0
+    return float((DEVIATION_PER_MEDIAN * np.median(size)) ** 2) if len(size) else 0.0

@@ -27,7 +27,7 @@ from scipy.special import fdtri
 
 from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel, Path
-from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps, student
+from trackslip.intervals import DEVIATION_PER_MEDIAN, FEWEST_BLOCKS, cr3, newton_steps, student
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS: Final = 2.0
@@ -50,7 +50,6 @@ _FIRST_SPREAD: Final = 0.02
 # the law (test_windows) [1/rad²]
 _LEAST_INFORMATION: Final = 9.0
 _TINY: Final = 1e-300  # instead of 0 in denominators
-_TO_DEVIATION: Final = 1.4826  # standard deviation over the median size of normal errors
 _LEAST_SPREAD: Final = 1e-6  # rounding errors of a path [m, rad]
 
 
@@ -122,7 +121,7 @@ class Residuals:
         for quantity, columns in enumerate((coordinates, headings, turns)):
             size = np.abs(self.value[columns][self.known[columns]])
             if len(size):
-                of_normal_errors = _TO_DEVIATION * float(np.median(size))
+                of_normal_errors = DEVIATION_PER_MEDIAN * float(np.median(size))
                 spread[quantity] = max(of_normal_errors, _LEAST_SPREAD)
         return spread
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
@@ -255,7 +256,7 @@ def constant_stretches(
     # variation of the means that is allowed
     fastest = max(float(np.abs(mean).max()) for mean in means)
     floor = _DRIFT * _SLOW * fastest
-    jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
+    jitter = DEVIATION_PER_MEDIAN * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
     noise = _NOISE * jitter / np.sqrt(size)
 
     stretches = list[tuple[int, int]]()

@@ -154,16 +154,21 @@ class SlipOdometry:
         zero.
         """
         self._start = _finite("pose", pose, (3,))
-        known: Array = np.zeros((3, 3))
+        of_start: Array = np.zeros((3, 3))
         if covariance is not None:
-            known = _finite("covariance", covariance, (3, 3))
+            of_start = _finite("covariance", covariance, (3, 3))
+
+        # errors at the start are an arc's at the place 0, and turn the whole path, too
         robots = self._start.shape[:-1]
+        moments = np.broadcast_to(of_start, (*robots, 3, 3)).copy()
+
+        # before the first reading, the bias is as if it had been read for a while
         parameters = len(self._parameter_covariance)
         bias = 0.0 if self.gyro is None else self.gyro.bias
         self._state = _State(
             place=np.zeros(robots, complex),
             heading=self._start[..., 2].copy(),
-            moments=np.broadcast_to(known, (*robots, 3, 3)).copy(),
+            moments=moments,
             place_slopes=np.zeros((*robots, parameters), complex),
             heading_slopes=np.zeros((*robots, parameters)),
             rest_time=np.full(robots, _TIME_FOR_BIAS),

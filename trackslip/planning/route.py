@@ -401,31 +401,37 @@ def best_route(
     The method is that of Storn and Price (1997). The search begins with straight lines along the
     diagonal, with various shares of spins, and with random routes.
     """
+    # the bounds of the numbers that the search varies
     low = np.array([gene.low for gene in GENES])
     high = np.array([gene.high for gene in GENES])
-    whole = np.array([gene.whole for gene in GENES])
-    diagonals = [
-        Route(
-            start=0,
-            end=LAST_WAYPOINT,
-            backwards=(False, True),
-            bow=(0, 0),
-            spinning=spinning,
-            stretches=stretches,
-            shrink=_FIRST_SHRINK,
-        )
-        for spinning in _FIRST_SPINNING
-        for stretches in _FIRST_STRETCHES
-    ]
+    is_whole = np.array([gene.whole for gene in GENES])
+
+    # the first routes
+    diagonals = list[Route]()
+    for spinning in _FIRST_SPINNING:
+        for stretches in _FIRST_STRETCHES:
+            diagonal = Route(
+                start=0,
+                end=LAST_WAYPOINT,
+                backwards=(False, True),
+                bow=(0, 0),
+                spinning=spinning,
+                stretches=stretches,
+                shrink=_FIRST_SHRINK,
+            )
+            diagonals.append(diagonal)
     first = rng.uniform(low, high, (_POPULATION, len(GENES)))
     first[: len(diagonals)] = [route.genes for route in diagonals]
-    first = np.where(whole, np.round(first), first)
+    first = np.where(is_whole, np.round(first), first)
+
+    # each generation evaluates as many routes as the first, which doesn't count as an iteration
+    generations = evaluations // _POPULATION
     found = scipy.optimize.differential_evolution(
         lambda genes: cost(Route.of(genes)),
         np.column_stack([low, high]),
-        integrality=whole,
+        integrality=is_whole,
         init=first,
-        maxiter=max(0, evaluations // _POPULATION - 1),
+        maxiter=max(0, generations - 1),
         polish=False,
         tol=0.0,
         rng=rng,
