@@ -68,7 +68,7 @@ def _multipliers(result: Identification) -> list[tuple[str, str]]:
 
 def _with_interval(gain: Gain) -> str:
     """A gain with its interval, or why it has none."""
-    return with_interval(gain.value, gain[1:]).replace("no interval", TOO_LITTLE)
+    return with_interval(gain.value, gain[1:], why_none=TOO_LITTLE)
 
 
 def print_card(answer: Answer, report: str) -> None:
