@@ -142,9 +142,9 @@ def require_whole(field: str, value: Any, low: int, high: float = float("inf")) 
     """Raise InvalidValueError unless `value` is a whole number, Python's or NumPy's, from `low` to
     `high`.
     """
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
     allowed = f"from {low} to {high}" if high < float("inf") else f">= {low}"
-    require(whole and low <= value <= high, field, value, f"a whole number {allowed}")
+    require(is_whole and low <= value <= high, field, value, f"a whole number {allowed}")
 
 
 def checked(default: Any, require: Callable[..., None], *limits: Any, **metadata: Any) -> Any:

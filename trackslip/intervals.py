@@ -9,6 +9,8 @@ from scipy.special import stdtrit
 
 from trackslip.kinematics import Array
 
+DEVIATION_PER_MEDIAN: Final = 1.4826
+"""Ratio of the standard deviation of normal errors to the median of their absolute values."""
 FEWEST_BLOCKS: Final = 6  # least number of independent parts of driving for an interval
 _SINGULAR: Final = 1e-12  # ratio to the largest eigenvalue below which the data determine nothing
 # least number of effective blocks for which Student's t is meaningful

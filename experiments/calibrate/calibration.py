@@ -180,10 +180,8 @@ def parameter_rows(fit: Calibration) -> list[tuple[str, str]]:
 
 def _parameter_text(name: str, estimate: Estimate) -> str:
     unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
-    text = with_interval(
-        estimate.value, None if estimate.vague else (estimate.low, estimate.high), unit
-    )
-    return text.replace("no interval", "not determined") if estimate.vague else text
+    ends = None if estimate.vague else (estimate.low, estimate.high)
+    return with_interval(estimate.value, ends, unit, why_none="not determined")
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:

@@ -141,18 +141,21 @@ def printed_unit(unit: str) -> tuple[float, str]:
 
 
 def with_interval(
-    value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")
+    value: float,
+    ends: Sequence[float] | None,
+    unit: tuple[float, str] = (1.0, ""),
+    why_none: str = "no interval",
 ) -> str:
     """Format a value with its 95 % interval, rounded to two significant digits of the half-width.
 
-    `unit` is the factor from SI and the name of the printed unit; `ends` is None or NaN if there is
-    no interval.
+    `unit` is the factor from SI and the name of the printed unit. If `ends` is None or NaN,
+    `why_none` stands in place of the interval.
     """
     factor, name = unit
     low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)
     half = (high - low) / 2
     if not math.isfinite(half):
-        return f"{factor * value:.4g} {name}".rstrip().replace("-", "−") + " (no interval)"
+        return f"{factor * value:.4g} {name}".rstrip().replace("-", "−") + f" ({why_none})"
     digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(half)))) if half > 0 else _MAX_DIGITS
     return (
         f"{number(factor * value, digits, name)} ({number(low, digits)} to {number(high, digits)})"

@@ -32,9 +32,9 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
     for law in shown:
         prefix = "" if law == name or name is None else f"{law}: "
         facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
-    facts.append(
-        ("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.main.reason}")
-    )
+    reason = result.main.reason
+    sentence = reason[:1].upper() + reason[1:]
+    facts.append(("best law", f"{result.best} ({FAMILIES[result.best].title}). {sentence}"))
     if name is not None and name != result.best:
         facts.append(("deployed", f"{name}, whose parameters the multipliers are"))
     if error := error_today_and_now(result):
@@ -68,7 +68,7 @@ def _multipliers(result: Identification) -> list[tuple[str, str]]:
 
 def _with_interval(gain: Gain) -> str:
     """A gain with its interval, or why it has none."""
-    return with_interval(gain.value, gain[1:]).replace("no interval", TOO_LITTLE)
+    return with_interval(gain.value, gain[1:], why_none=TOO_LITTLE)
 
 
 def print_card(answer: Answer, report: str) -> None:

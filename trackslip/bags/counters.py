@@ -82,7 +82,7 @@ def likely_counters(bag: Bag) -> dict[str, str]:
     of all whole numbers in messages of `std_msgs`.
     """
     found = dict[str, str]()
-    whole = dict[str, str]()
+    whole_numbers = dict[str, str]()
     for topic in bag.topics.values():
         if topic.type.startswith(_KNOWN):
             continue
@@ -98,8 +98,8 @@ def likely_counters(bag: Bag) -> dict[str, str]:
             if _looks_counted(np.array(series)):
                 found[name] = topic.type
             elif _WHOLE_NUMBERS.fullmatch(topic.type):
-                whole[name] = topic.type
-    return found or whole
+                whole_numbers[name] = topic.type
+    return found or whole_numbers
 
 
 def _looks_counted(values: Array) -> bool:

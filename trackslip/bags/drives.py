@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -25,12 +26,13 @@ from trackslip.logs.logfile import RUNS, read_log, runs_file, runs_in
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
-REPEATED = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
-_STRIDE = 1.0  # time step over which the motions of poses and wheels are compared [s]
-_MIN_STRIDES = 10  # number of strides up to which a comparison is inconclusive
+REPEATED: Final = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
+_STRIDE: Final = 1.0  # time step over which the motions of poses and wheels are compared [s]
+_MIN_STRIDES: Final = 10  # number of strides up to which a comparison is inconclusive
 # largest relative residual of poses computed from the wheels; noise-free poses with slip reach 6e-3
-_EXACT = 5e-3
-_PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
+_EXACT: Final = 5e-3
+_DELAYS: Final = (0.0, 0.05)  # delays of odometry behind the wheels that are combined [s]
+_PERHAPS_WHEELS: Final = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
 def load(
@@ -236,23 +238,38 @@ def _repeats_wheels(log: RunLog) -> tuple[bool, bool]:
     rows = np.flatnonzero(log.has_place & log.has_heading)
     if not len(rows):
         return False, False
-    time, pose = log.time[rows], log.pose[rows]
+    time = log.time[rows]
+    pose = log.pose[rows]
     ends = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _STRIDE)))
     if len(ends) <= _MIN_STRIDES:
         return False, False
-    sums = np.concatenate(
-        [np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)]
-    )
-    ahead = se2.direction(pose[:-1, 2] + np.diff(pose[:, 2]) / 2)
-    ways, turns = list[Array](), list[Array]()
-    for late in (0.0, 0.05):
-        turned = np.stack([np.interp(time - late, log.time, side) for side in sums.T], axis=-1)
+
+    # the angles of the sprockets, and the direction of the robot between poses
+    origin = np.zeros((1, 2))
+    increments = log.omega[1:] * np.diff(log.time)[:, None]
+    angles = np.concatenate([origin, np.cumsum(increments, axis=0)])
+    middle_heading = pose[:-1, 2] + np.diff(pose[:, 2]) / 2
+    ahead = se2.direction(middle_heading)
+
+    # distances and turns in each stride by the wheels, at two delays
+    distances = list[Array]()
+    turns = list[Array]()
+    for delay in _DELAYS:
+        turned = np.stack([np.interp(time - delay, log.time, side) for side in angles.T], axis=-1)
         steps = np.diff(turned.mean(axis=1))[:, None] * ahead
-        reckoned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-        ways.append(np.hypot(*np.diff(reckoned[ends], axis=0).T))
+        reckoned = np.concatenate([origin, np.cumsum(steps, axis=0)])
+        distances.append(_lengths(reckoned[ends]))
         turns.append(np.diff(turned[ends] @ [-1.0, 1.0]))
-    moved = np.hypot(*np.diff(pose[ends, :2], axis=0).T)
-    return _combines(moved, ways), _combines(np.diff(pose[ends, 2]), turns)
+
+    repeats_distances = _combines(_lengths(pose[ends, :2]), distances)
+    repeats_turns = _combines(np.diff(pose[ends, 2]), turns)
+    return repeats_distances, repeats_turns
+
+
+def _lengths(places: Array) -> Array:
+    """Distances (n,) between successive places (n + 1, 2)."""
+    x_step, y_step = np.diff(places, axis=0).T
+    return np.asarray(np.hypot(x_step, y_step))
 
 
 def _combines(motion: Array, by_wheels: list[Array]) -> bool:

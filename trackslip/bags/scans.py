@@ -42,15 +42,15 @@ def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
         first.setdefault(beams, scan)
         return [(beams, scan.header, scan.ranges)]
 
-    alike = bag.readings([topic.name], ranges)
-    if not alike:
+    by_beams = bag.readings([topic.name], ranges)
+    if not by_beams:
         raise LogError(f"topic {topic.name}: no messages")
-    usual = max(alike, key=lambda beams: len(alike[beams].stamp))
-    if others := sum(len(scans.stamp) for beams, scans in alike.items() if beams != usual):
+    usual = max(by_beams, key=lambda beams: len(by_beams[beams].stamp))
+    if others := sum(len(scans.stamp) for beams, scans in by_beams.items() if beams != usual):
         notes.append(
             f"topic {topic.name}: {counted(others, 'scan')} with other beams than most left out"
         )
-    return Scans(**vars(alike[usual].ascending(notes)), first=first[usual])
+    return Scans(**vars(by_beams[usual].ascending(notes)), first=first[usual])
 
 
 def plate_log(

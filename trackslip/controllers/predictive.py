@@ -79,6 +79,7 @@ class Horizon(ControlLaw, ABC):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) for measured poses (..., 3) of as many robots as since `reset`."""
+        # the reference in the horizon
         pose = np.asarray(pose, float)
         robots = pose.shape[:-1]
         edges = time + self.interval * np.arange(self.intervals + 1)
@@ -86,6 +87,7 @@ class Horizon(ControlLaw, ABC):
         desired = reference.pose(edges)
         twists = reference.twist(middles)  # (K, 2), taken as the means over the intervals
 
+        # the last plans, shifted to this time, and improved for robots whose poses are known
         plans = self._first_guess(time, robots, twists).reshape(-1, self.intervals, 2).copy()
         poses = pose.reshape(-1, 3)
         (seen,) = np.isfinite(poses).all(axis=-1).nonzero()
@@ -359,15 +361,18 @@ class PathIntegral(Horizon):
     def _errors(self, pose: Array, plans: Array, desired: Array) -> Array:
         """Errors (M, K, 3) of the poses after each interval of `plans` (M, K, 2) from `pose` (3,).
 
-        Arcs are replaced by chords of length arc (1 - turn^2 / 24), short by less than turn^4 /
-        1920 of the arc, which are parallel to the heading in the middle of the arc.
+        For speed, arcs are replaced by chords of length arc (1 - turn^2 / 24), short by less than
+        turn^4 / 1920 of the arc, which are parallel to the heading in the middle of the arc.
         """
         v, w = np.moveaxis(twist_of_tracks(plans, self.half_gauge), -1, 0)  # (M, K)
         heading = pose[2] + np.cumsum(w, axis=-1) * self.interval
         middle = heading - w * (self.interval / 2)
         turn = w * self.interval
         chord = v * self.interval * (1 - turn**2 / 24)
-        e_x = pose[0] - desired[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
-        e_y = pose[1] - desired[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)
-        e_phi = wrap_angle(heading - desired[:, 2])
-        return np.stack([e_x, e_y, e_phi], axis=-1)
+        x_moved = np.cumsum(chord * np.cos(middle), axis=-1)
+        y_moved = np.cumsum(chord * np.sin(middle), axis=-1)
+
+        x_error = pose[0] - desired[:, 0] + x_moved
+        y_error = pose[1] - desired[:, 1] + y_moved
+        heading_error = wrap_angle(heading - desired[:, 2])
+        return np.stack([x_error, y_error, heading_error], axis=-1)

@@ -17,7 +17,7 @@ import numpy as np
 
 from trackslip.drives.drive import Drive
 from trackslip.kinematics import Array, wrap_angle
-from trackslip.logs.checks import unwrapped
+from trackslip.logs.checks import unwrapped_headings
 
 # largest offset that a fit finds by itself; also the prior's standard deviation in `path.EXTRAS`
 # [s]
@@ -191,7 +191,7 @@ def _yaw_rates(time: Array, pose: Array, grid: Array, half: float) -> Array:
     """
     headed = np.isfinite(pose[:, 2])
     if headed.sum() > 2:
-        heading = unwrapped(pose[headed, 2])
+        heading = unwrapped_headings(pose[headed, 2])
         begin = np.interp(grid - half, time[headed], heading)
         end = np.interp(grid + half, time[headed], heading)
         rate = (end - begin) / (2 * half)

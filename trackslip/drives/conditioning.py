@@ -13,7 +13,7 @@ from trackslip.drives.gyro import headings_by_gyro, measures_alone, turn_sums, w
 from trackslip.drives.poses import Poses, distinct_rows, measured_poses
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
-from trackslip.logs.checks import unwrapped
+from trackslip.logs.checks import unwrapped_headings
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.steady import STANDING
 
@@ -87,7 +87,7 @@ def drive_of(log: RunLog, most_intervals: int = MOST_INTERVALS) -> Drive:
         repeated=poses.repeated,
         interpolated=poses.interpolated,
         by_ticks=encoders.by_ticks,
-        whole=bool((log.omega == log.omega.round()).all()),
+        has_whole_speeds=bool((log.omega == log.omega.round()).all()),
         notes=(note,) if note else (),
     )
 
@@ -134,7 +134,7 @@ def _thinned(poses: Poses, usual: float) -> tuple[Array, Array]:
     time = poses.time[::stride]
     pose = poses.pose[::stride].copy()
     headed = np.isfinite(pose[:, 2])
-    pose[headed, 2] = unwrapped(pose[headed, 2])
+    pose[headed, 2] = unwrapped_headings(pose[headed, 2])
     return time, pose
 
 

@@ -24,6 +24,7 @@ MOST_INTERVALS: Final = 200_000
 """Most encoder intervals in a fit, to limit memory."""
 _POSES_PER_SECOND: Final = 2.0  # rate at which windows of poses have their usual duration [Hz]
 _PAUSE: Final = 5.0  # pause between drives on the common time axis [s]
+_STANDING: Final = np.zeros((1, 2))  # speeds in a pause [rad/s]
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,9 @@ class Drive:
     # number of poses left out because they lie on the line between other poses
     interpolated: int = 0
     by_ticks: bool = False  # true if the angles change linearly from tick to tick
-    whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
+    has_whole_speeds: bool = (
+        False  # true if the logged sprocket speeds are whole numbers, like counts
+    )
     notes: tuple[str, ...] = ()  # parts of the log that were left out, one line each
 
     @property
@@ -153,30 +156,37 @@ class Drives:
     @classmethod
     def of(cls, drives: Sequence[Drive]) -> Drives:
         """Join drives in succession."""
-        # the time axis begins at 0 with the first drive
+        # the time axis begins at 0 with the first drive; the next begins after a pause
         starts = np.array([drive.edges[0] for drive in drives])
-        durations = np.array([drive.edges[-1] for drive in drives]) - starts + _PAUSE
-        shifts = np.cumsum(durations) - durations - starts
-        shifted = list(zip(drives, shifts.tolist(), strict=True))
+        ends = np.array([drive.edges[-1] for drive in drives])
+        durations = ends - starts + _PAUSE
+        new_starts = np.cumsum(durations) - durations
+        shifts = (new_starts - starts).tolist()
+        shifted = list(zip(drives, shifts, strict=True))
 
-        # the interval from the last edge of a drive to the first of the next is its pause
+        # encoders: the interval from the last edge of a drive to the first of the next is the pause
         edges = [drive.edges + shift for drive, shift in shifted]
-        standing = np.zeros((1, 2))
-        speeds = [np.concatenate([drive.omega, standing]) for drive in drives]
+        speeds = list[Array]()
+        for drive in drives:
+            speeds += [drive.omega, _STANDING]
+        without_last_pause = speeds[:-1]
 
+        # poses
         times = [drive.time + shift for drive, shift in shifted]
         poses = np.concatenate([drive.pose for drive in drives])
         x, y, heading = np.nan_to_num(poses).T
+        is_placed = np.isfinite(poses[:, 0])
+        is_headed = np.isfinite(poses[:, 2])
         return cls(
             drives=tuple(drives),
             edges=np.concatenate(edges),
-            omega=np.concatenate(speeds)[:-1],
+            omega=np.concatenate(without_last_pause),
             begins=_first_indices(edges)[:-1],
             gyro=_joined_sums(shifted),
             time=np.concatenate(times),
             place=x + 1j * y,
             heading=heading,
-            known=np.isfinite(poses[:, [0, 2]]).T,
+            known=np.stack([is_placed, is_headed]),
             first=_first_indices(times),
         )
 
@@ -215,7 +225,7 @@ class Drives:
                 )
         return headings
 
-    def way(self, radius: float) -> Array:
+    def belt_distance(self, radius: float) -> Array:
         """Mean distance (K,) driven by the belts up to each pose [m], for a sprocket radius [m]."""
         speed = np.abs(self.omega).mean(axis=1)
         turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))

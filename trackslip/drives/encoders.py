@@ -29,7 +29,7 @@ _NEARLY_ALL: Final = 0.97  # least share of readings with whole numbers of ticks
 _FEW_TICKS: Final = 40  # largest number of ticks per reading that counts as few
 _CHANGING: Final = 0.05  # least share of readings that differ from the one before
 _NO_TICK: Final = 1e-9  # speed [rad/s] or angle [rad] below which a reading has no tick
-# one in so many readings may be smaller than a tick, by an error
+# one in so many readings may be smaller than a tick, as its time or angle is wrong
 _SMALLER: Final = 500
 
 
@@ -136,6 +136,9 @@ def encoders_of(log: RunLog) -> Encoders:
 def _few_ticks(encoders: Encoders) -> np.ndarray | None:
     """Number of ticks (M, 2) in each interval, if nearly all speeds of a sprocket are small
     multiples of a fixed angle, or of a fixed speed; else None.
+
+    They are multiples of a fixed speed if the robot divided ticks by its usual time between
+    readings instead of the time that passed.
     """
     speeds = np.abs(encoders.omega)
     angles = speeds * np.diff(encoders.edges)[:, None]

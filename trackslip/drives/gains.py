@@ -15,7 +15,7 @@ import numpy as np
 
 from trackslip.drives.clocks import GRID
 from trackslip.drives.drive import Drives
-from trackslip.intervals import Gain, cr3, newton_steps, student
+from trackslip.intervals import DEVIATION_PER_MEDIAN, Gain, cr3, newton_steps, student
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW: Final = 2.0
@@ -23,6 +23,7 @@ WINDOW: Final = 2.0
 half a circle.
 """
 _HELD: Final = 1e12  # precision of a prior that holds a parameter at 0
+_ROUNDING: Final = 1e-9  # rounding error of times [s]
 _LONGEST_GAP: Final = 10.0  # longest time between two poses of a window [s]
 # [standard deviations]: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
 _HUBER: Final = 1.345
@@ -102,25 +103,49 @@ class Steps:
     ) -> Steps:
         """Steps of drives, with wheels read `shift` [s] later than by `clock`, and `margin` [s]
         added at both ends.
+
+        `clock` is the encoder clock minus the pose clock [s]. A drive with fewer than two positions
+        is one with headings only.
         """
-        of, at = drives.drive, drives.time + clock
-        placed = (np.bincount(of, drives.known[0], len(drives.drives)) > 1)[of]
-        edges, ends = drives.edges.copy(), np.append(drives.begins[1:], len(drives.edges)) - 1
-        edges[drives.begins] -= margin + 1e-9
-        edges[ends] += margin + 1e-9
-        rows = np.where(placed, drives.known[0], drives.known[1])
-        rows = np.flatnonzero(rows & (at >= edges[drives.begins][of]) & (at <= edges[ends][of]))
-        way, turn = np.diff(edges) * body_twist(drives.omega, 0.0, geometry).T
-        turned = np.append(0.0, np.cumsum(turn))
-        moment = np.append(0.0, np.cumsum(way * (turned[1:] + turned[:-1]) / 2))
-        sums = (np.append(0.0, np.cumsum(way)), turned, moment)
+        drive = drives.drive
+        is_placed, is_headed = drives.known
+
+        # when each drive's wheels were read, by the encoder clock; its first and last interval
+        # continue over the margins
+        first_edge = drives.begins
+        last_edge = np.append(drives.begins[1:], len(drives.edges)) - 1
+        edges = drives.edges.copy()
+        edges[first_edge] -= margin + _ROUNDING
+        edges[last_edge] += margin + _ROUNDING
+
+        # the poses that were measured meanwhile
+        time = drives.time + clock
+        positions = np.bincount(drive, is_placed, len(drives.drives))
+        has_positions = (positions > 1)[drive]
+        is_known = np.where(has_positions, is_placed, is_headed)
+        is_read = (time >= edges[first_edge][drive]) & (time <= edges[last_edge][drive])
+        rows = np.flatnonzero(is_known & is_read)
+
+        # the wheels' motion up to each edge
+        speed, yaw_rate = body_twist(drives.omega, 0.0, geometry).T
+        duration = np.diff(edges)
+        step = speed * duration
+        turn = _summed(yaw_rate * duration)
+        mean_turn = (turn[1:] + turn[:-1]) / 2
+
+        def at_poses(values: Array) -> Array:
+            """Values (K,) at the poses, given those at the edges (M + 1,)."""
+            return np.interp(time[rows] + shift, edges, values)
+
         return cls(
-            rows,
-            of[rows],
-            drives.time[rows],
-            np.where(placed, drives.place, np.nan)[rows],
-            drives.headings[rows],
-            *(np.interp(at[rows] + shift, edges, values) for values in sums),
+            rows=rows,
+            drive=drive[rows],
+            time=drives.time[rows],
+            place=np.where(has_positions, drives.place, np.nan)[rows],
+            heading=drives.headings[rows],
+            distance=at_poses(_summed(step)),
+            turn=at_poses(turn),
+            moment=at_poses(_summed(step * mean_turn)),
         )
 
     @property
@@ -136,11 +161,20 @@ class Steps:
         """Poses (n + 1,) that bound windows of about `length` (K,) [s]; windows end with their
         drive.
         """
-        begin = self.time[np.searchsorted(self.drive, self.drive)]
-        number = np.floor((self.time - begin + 1e-9) / length)
-        other = np.diff(self.drive) != 0
-        bound = np.append(True, other | (np.diff(number) != 0)) | np.append(other, True)
-        return np.flatnonzero(bound[: len(self.time)])
+        if not len(self.time):
+            return np.zeros(0, int)
+
+        # the number of each pose's window in its drive
+        first_of_drive = np.searchsorted(self.drive, self.drive)
+        since_begin = self.time - self.time[first_of_drive]
+        number = np.floor((since_begin + _ROUNDING) / length)
+
+        # each first pose of a window, and the last pose of a drive
+        in_other_drive = np.diff(self.drive) != 0
+        in_other_window = in_other_drive | (np.diff(number) != 0)
+        begins_window = np.append(True, in_other_window)
+        ends_drive = np.append(in_other_drive, True)
+        return np.flatnonzero(begins_window | ends_drive)
 
 
 def windows_of(
@@ -163,14 +197,14 @@ def windows_of(
     if len(ends) < 2:
         none = np.zeros(0)
         return Window(none, none, none + 0j, none, none.astype(int))
-    whole = np.diff(steps.drive[ends]) == 0
-    begin = ends[:-1][whole]
-    end = ends[1:][whole]
+    is_in_a_drive = np.diff(steps.drive[ends]) == 0
+    begin = ends[:-1][is_in_a_drive]
+    end = ends[1:][is_in_a_drive]
 
     # windows with gaps, or with turns that poses don't tell, are left out
     in_gap = np.diff(steps.time) > _LONGEST_GAP
     ambiguous = np.abs(np.diff(steps.turn)) > np.pi
-    good = ~np.logical_or.reduceat(in_gap | ambiguous, ends[:-1])[whole]
+    good = ~np.logical_or.reduceat(in_gap | ambiguous, ends[:-1])[is_in_a_drive]
     good &= steps.time[end] - steps.time[begin] > 0.49 * length[end]
     block = drives.blocks(WINDOW)[steps.rows[(begin + end) // 2]]
     distance = steps.distance[end] - steps.distance[begin]
@@ -180,11 +214,11 @@ def windows_of(
 
     if drives.known[1].any():
         turned = steps.heading[end] - steps.heading[begin]
-        moved = np.add.reduceat(steps.moved, ends[:-1])[whole]
+        moved = np.add.reduceat(steps.moved, ends[:-1])[is_in_a_drive]
     else:
         # the directions of successive chords, while the robot moves
-        moving = good & (np.abs(chord) > 0.3 * rms(chord[good]))
-        moving &= np.abs(distance) > 0.3 * rms(distance)
+        moving = good & (np.abs(chord) > 0.3 * rms_of_known(chord[good]))
+        moving &= np.abs(distance) > 0.3 * rms_of_known(distance)
         # a robot that reverses moves against its heading
         along = np.where(distance < 0, -chord, chord)
         turned = np.append(np.angle(along[1:] * np.conj(along[:-1])), np.nan)
@@ -202,11 +236,16 @@ def windows_of(
     )
 
 
+def _summed(increments: Array) -> Array:
+    """Sums (M + 1,) of increments (M,), from 0."""
+    return np.append(0.0, np.cumsum(increments))
+
+
 def _longest(chord: np.ndarray, distance: Array, aside: Array) -> float:
     """Largest plausible length of chords (n,) [m], given the wheels' `distance` (n,) and motion
     `aside` (n,) [m].
     """
-    moving = np.isfinite(chord) & (np.abs(distance) > 0.3 * rms(distance))
+    moving = np.isfinite(chord) & (np.abs(distance) > 0.3 * rms_of_known(distance))
     usual = np.median(np.abs(chord[moving] / distance[moving])) if moving.any() else 0.0
     return float(3 * usual * (np.abs(distance) + np.abs(aside)).max(initial=0.0)) or np.inf
 
@@ -221,13 +260,13 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     # what an error of the clocks changes, per second
     before = windows_of(drives, geometry, clock, -GRID)
     after = windows_of(drives, geometry, clock, GRID)
-    late_distance = (after.distance - before.distance) / (2 * GRID)
-    late_turn = (after.turn - before.turn) / (2 * GRID)
+    distance_per_second = (after.distance - before.distance) / (2 * GRID)
+    turn_per_second = (after.turn - before.turn) / (2 * GRID)
 
     turn = None
-    known = np.isfinite(window.turned) & np.isfinite(late_turn)
+    known = np.isfinite(window.turned) & np.isfinite(turn_per_second)
     if _tells(window.turn[known], 0.1) and window.turned[known].any():
-        columns = np.column_stack([window.turn, late_turn])
+        columns = np.column_stack([window.turn, turn_per_second])
         fit = _regression(columns, window.turned, window, known, (0.0, GRID**-2))
         turn = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
 
@@ -239,7 +278,7 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     if not _tells(window.distance[known], 0.2 * geometry.half_gauge):
         return Gains(None, turn)
     across = window.turned if headed else np.zeros(len(known))
-    columns = np.column_stack([window.distance, across, late_distance])
+    columns = np.column_stack([window.distance, across, distance_per_second])
     moved = window.moved if headed else window.moved.real
     prior = (0.0, _precision_aside(window, known, geometry, bool(headed)), GRID**-2)
     fit = _regression(columns, moved, window, known, prior)
@@ -264,7 +303,9 @@ def _precision_aside(
     on_circle = (distance @ turned) ** 2 > 0.9 * (distance @ distance) * (turned @ turned)
     if on_circle:
         return _HELD
-    unit = max(rms(window.moved[known]) / rms(distance), 1.0)  # of x and y, such as mm
+    unit = max(
+        rms_of_known(window.moved[known]) / rms_of_known(distance), 1.0
+    )  # of x and y, such as mm
     return float((2 * geometry.half_gauge * unit) ** -2)
 
 
@@ -275,7 +316,7 @@ def _tells(values: Array, least: float) -> bool:
     return len(values) > 2 and np.abs(values).sum() > least
 
 
-def rms(values: np.ndarray) -> float:
+def rms_of_known(values: np.ndarray) -> float:
     """Root mean square of values (n,), ignoring NaN; 0 without values."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(np.abs(known) ** 2))) if len(known) else 0.0
@@ -307,7 +348,7 @@ def _regression(
         precision = np.diag(np.multiply(prior, scale**2) + 1e-12)
         fit = np.linalg.solve(columns.T @ weighted + precision, columns.T @ (weight * values))
         size = np.abs(values - columns @ fit)
-        scale = max(1.4826 * float(np.median(size)), 1e-9)
+        scale = max(DEVIATION_PER_MEDIAN * float(np.median(size)), 1e-9)
         weight = np.minimum(1.0, _HUBER * scale / np.maximum(size, 1e-12))
 
     # fits without a block take one Newton step with derivatives of the loss instead of the weights

@@ -17,6 +17,7 @@ from trackslip.drives.clocks import NEAR
 from trackslip.drives.drive import Drive, Drives
 from trackslip.drives.gains import Gains, Steps
 from trackslip.errors import counted
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, RobotGeometry
 
 # most successive poses that may be wild or placeholders; a longer series is a path of its own
@@ -165,7 +166,7 @@ def jumps_of(drive: Drive, geometry: RobotGeometry, gains: Gains, clock: float) 
         return Deviations(np.nan_to_num([aside, turned]), driven[:, end] - driven[:, begin])
 
     step = np.arange(1, len(steps.time))
-    usual = 1.4826 * np.median(deviations(step - 1, step).size, axis=1)
+    usual = DEVIATION_PER_MEDIAN * np.median(deviations(step - 1, step).size, axis=1)
     harmless = np.array(_HARMLESS) * [geometry.half_gauge, 1.0]
     jumps = find_jumps(len(steps.time), deviations, np.maximum(_OUTLYING * usual, harmless))
     return Jumps(steps.rows[jumps.wild], steps.rows[jumps.lasting])

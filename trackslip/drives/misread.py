@@ -20,7 +20,7 @@ import numpy as np
 from trackslip.drives.checks import Check, Verdict
 from trackslip.drives.conditioning import FEW
 from trackslip.drives.drive import Drive, Drives
-from trackslip.drives.gains import WINDOW, Gains, Window, rms, windows_of
+from trackslip.drives.gains import WINDOW, Gains, Window, rms_of_known, windows_of
 from trackslip.drives.relative_motions import RelativeFit, RelativeMotions, fitted
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array, RobotGeometry
@@ -104,7 +104,11 @@ class Matching:
         """Compare wheels and poses of drives."""
         windows = windows_of(Drives.of(drives), geometry, clock)
         matches = matches_of(windows)
-        turning = geometry.half_gauge * rms(windows.turn) / max(rms(windows.distance), 1e-9)
+        turning = (
+            geometry.half_gauge
+            * rms_of_known(windows.turn)
+            / max(rms_of_known(windows.distance), 1e-9)
+        )
         interval = float(np.median([drive.interval for drive in drives]))
         poses = counted(sum(len(drive.time) for drive in drives), "pose")
         spacing = f"{poses}, {interval:.3g} s apart"
@@ -135,16 +139,16 @@ class Matching:
     @property
     def turns_tell(self) -> bool:
         """True if the wheels turn the robot by more than unequal radii may."""
-        return rms(self.windows.turn) > _MOVING and self.turning > _UNEQUAL
+        return rms_of_known(self.windows.turn) > _MOVING and self.turning > _UNEQUAL
 
     @property
     def why_unknown(self) -> str:
         """Why a check can't be told from the log."""
         if self.far is not None or self.evidence is None:
             return self.spacing
-        if rms(self.windows.turn) <= _MOVING:
+        if rms_of_known(self.windows.turn) <= _MOVING:
             return "the robot hardly turns"
-        if rms(self.windows.distance) <= _MOVING:
+        if rms_of_known(self.windows.distance) <= _MOVING:
             return "the robot hardly drives"
         return "the motion hardly varies"
 
@@ -189,7 +193,7 @@ def _of_relative_motions(fit: RelativeFit | None) -> Evidence | None:
     """Evidence from a fit to relative motions."""
     if fit is None:
         return None
-    figure = f"in {100 * fit.explained:.0f} % of motions from pose to pose"
+    figure = f"in {100 * fit.explained:.0f} % of motions"
     return Evidence(-fit.loss / _LIKELIER, fit.explained >= _MOSTLY, figure)
 
 
@@ -200,7 +204,7 @@ def reading_checks(
     rare = are_rare(drives)
     evidence = now.evidence
     readings = [_angles(drives, geometry), *_other_readings(drives, now)]
-    if not rare and now.settled and rms(now.windows.turn) > _MOVING:
+    if not rare and now.settled and rms_of_known(now.windows.turn) > _MOVING:
         # distances and turns match to both sides, as by no other reading
         return [Check(reading.subject, Verdict.HOLDS) for reading in _one_each(readings)]
     score = evidence.score if evidence is not None else 0.0
@@ -216,15 +220,15 @@ def reading_checks(
     if other is not None and other.clear and scores[best] > least and not now.settled:
         before = evidence.figure if evidence is not None else "by 0.00"
         agree = "agree" if rare else "correlate"
-        figures = f"wheels and poses {agree} {before}, else {other.figure}"
+        figures = f"wheels and poses {agree} {before} as logged, {other.figure} if corrected"
         line = f"{readings[best].what} ({figures}): {readings[best].advice}"
         # what explains the log as well
-        alike = {
+        other_advice = {
             reading.subject: f", or, if {reading.what}, {reading.advice}"
             for k, reading in enumerate(readings)
             if reading.subject != readings[best].subject and scores[k] > scores[best] - 1
         }
-        line += "".join(alike.values())
+        line += "".join(other_advice.values())
         return [Check(readings[best].subject, Verdict.FAILS, line)]
 
     checks = list[Check]()
@@ -285,7 +289,7 @@ def _angles(drives: Sequence[Drive], geometry: RobotGeometry) -> _Reading:
         span = np.ptp(drive.omega, axis=0)
         change -= span * np.round(change / np.maximum(span, 1e-9))
         speeds = change / np.diff(drive.edges)[:, None]
-        scale = _SLOW / geometry.sprocket_radius / max(rms(speeds), 1e-9)
+        scale = _SLOW / geometry.sprocket_radius / max(rms_of_known(speeds), 1e-9)
         others.append(replace(drive, omega=scale * speeds))
     most = max(float(np.abs(drive.omega).max()) for drive in drives)
     what = f"columns omega_l and omega_r look like angles or ticks (up to {most:.3g}), not speeds"
@@ -296,7 +300,7 @@ def _other_readings(drives: Sequence[Drive], now: Matching) -> Iterator[_Reading
     """Yield reinterpretations of drives: swapped sides, changed signs and other headings."""
     placed = any(np.isfinite(drive.pose[:, 0]).any() for drive in drives)
     headed = any(np.isfinite(drive.pose[:, 2]).any() for drive in drives)
-    yield from _other_sides(drives, whole=placed and headed)
+    yield from _other_sides(drives, has_poses=placed and headed)
     if placed and headed:
         yield from _other_directions(drives)
     if placed and headed and _may_be_degrees(drives, now):
@@ -308,8 +312,8 @@ def _other_readings(drives: Sequence[Drive], now: Matching) -> Iterator[_Reading
         yield _Reading("unit of headings", compass, what, "give pi/2 - phi pi/180")
 
 
-def _other_sides(drives: Sequence[Drive], whole: bool) -> Iterator[_Reading]:
-    """Yield drives with swapped sides and changed signs; `whole` is true for positions with
+def _other_sides(drives: Sequence[Drive], has_poses: bool) -> Iterator[_Reading]:
+    """Yield drives with swapped sides and changed signs; `has_poses` is true for positions with
     headings.
     """
     names = {
@@ -321,8 +325,8 @@ def _other_sides(drives: Sequence[Drive], whole: bool) -> Iterator[_Reading]:
         both_signs = signs[0] == signs[1]
         as_logged = not swapped and signs == (1, 1)
         # positions or headings alone don't tell forwards from backwards
-        alike = not whole and swapped and signs == (-1, -1)
-        if as_logged or alike:
+        looks_as_logged = not has_poses and swapped and signs == (-1, -1)
+        if as_logged or looks_as_logged:
             continue
         steps = list[str]()
         if signs in names:
@@ -331,7 +335,7 @@ def _other_sides(drives: Sequence[Drive], whole: bool) -> Iterator[_Reading]:
         if swapped:
             steps.append("exchange omega_l and omega_r")
         advice = ", then ".join(steps)
-        if both_signs and not whole:
+        if both_signs and not has_poses:
             advice = (
                 "exchange omega_l and omega_r, or change the signs of both if they count backwards"
             )
@@ -388,12 +392,12 @@ def matches_of(window: Window) -> Array:
     and turns.
     """
     matches = list[float]()
-    if np.isfinite(window.moved).sum() >= FEW and rms(window.distance) > _MOVING:
+    if np.isfinite(window.moved).sum() >= FEW and rms_of_known(window.distance) > _MOVING:
         matches.append(_alike(np.abs(window.moved), np.abs(window.distance)))
         with_headings = bool((window.moved.imag != 0).any())
         if with_headings:
             matches.append(_alike(window.moved, window.distance))
-    if np.isfinite(window.turned).sum() >= FEW and rms(window.turn) > _MOVING:
+    if np.isfinite(window.turned).sum() >= FEW and rms_of_known(window.turn) > _MOVING:
         matches.append(_alike(window.turned, window.turn))
     return np.array(matches)
 
@@ -403,7 +407,7 @@ def _alike(first: np.ndarray, second: np.ndarray) -> float:
     out.
     """
     known = np.isfinite(first) & np.isfinite(second)
-    size = rms(first[known]) * rms(second[known])
+    size = rms_of_known(first[known]) * rms_of_known(second[known])
     return float(np.mean(first[known] * second[known]).real / size) if size > 0 else 0.0
 
 
@@ -537,7 +541,7 @@ def counts_check(drives: Sequence[Drive], speed: float | None) -> Check:
     be commands, in rad/s if the gain is about 1.
     """
     subject = "counts"
-    if not all(drive.whole for drive in drives):
+    if not all(drive.has_whole_speeds for drive in drives):
         return Check(subject, Verdict.HOLDS)
     what = "omega_l and omega_r are whole numbers"
     remedy = "of counts, omega is 2 pi counts / (counts per turn * their time)"

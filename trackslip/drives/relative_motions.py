@@ -2,18 +2,29 @@
 
 Between such poses the robot turns by any angle, so that no window has a distance and a turn of its
 own. Instead the wheels' path is integrated from one pose to the next and compared with the next
-pose as seen from the first. The path has its own gain of turns g, from which the separation
-multiplier follows, and its own difference between the radii u, because both errors are amplified by
-every circle:
+pose as seen from the first. Points in the plane are complex numbers, x + i y.
 
-    phi(t) = g turn(t) + s u way(t) / b,    P = integral of exp(i phi) d way,
+**Path.** By the robot's geometry, without slip, the middle of the wheels drives the distance l [m]
+and turns by theta [rad]. On the ground, it drives s l and turns by
 
-where turn [rad] and way [m] are those of equal wheels without slip and b is the half gauge. A
-sensor at the place a of the robot, turned by y, sees the motion
+    phi = g theta + s u l / b
 
-    d = s exp(-i y) P + a (exp(i tau) - 1),    tau = phi at the end,
+with the gain of distances s, the gain of turns g, the half gauge b, and u, half the difference
+between the radii of right and left relative to their mean. Errors of g and u are amplified by every
+circle, so both are parameters of the path. From the first pose, with phi = 0 there, it leads to
 
-in units of which s make a metre of the wheels.
+    s P,    P = integral of exp(i phi) dl
+
+**Sensor.** A sensor at the place a in the robot's frame moves from a to s P + a exp(i phi). Its
+heading in the robot is psi, so in the frame of its first pose it sees the motion
+
+    d = exp(-i psi) (s P + a (exp(i phi) - 1))
+
+**Units.** Columns may be in wrong units. A wrong unit of x and y changes s, and a wrong unit of
+omega changes s and g alike. So g / s, whose usual value is known, tells how many units of x and y
+make a metre: usual g / s over the g / s that is found. The fit has six parameters:
+
+    log s,    log g / s,    u,    psi [rad],    a [half gauges], ahead and to the left
 """
 
 from __future__ import annotations
@@ -25,24 +36,34 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from trackslip.drives.drive import Drive, Drives
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
-_MOST_POINTS: Final = 3000  # most points of the integrated path, to limit time
+_MOST_POINTS: Final = 3000  # most points of the integrated path besides the poses, to limit time
 _MOST_MOTIONS: Final = 300  # most motions that choose the starts
-# slip and errors of poses that are expected, relative to the way and the turn [-]
+# slip and errors of poses that are expected, relative to the distance and the turn [-]
 _SCATTER: Final = 0.03
+# the part of it that turns the robot, per distance in half gauges [rad]
+_TURN_SCATTER: Final = 0.2 * _SCATTER
+_HEADING_ERROR: Final = 0.02  # error of headings that is expected [rad]
 _TIMING: Final = 0.2  # error of the clocks' offset that is expected between poses far apart [s]
 _LARGEST_RATIO: Final = 1.5  # largest g / s of robots, and of x and y in cm or mm
 _STARTS: Final = 3  # number of gains of turns from which fits start
 # least and largest gain of turns of robots: skid steering with a multiplier of 6, and wrong gears
 _GAINS: Final = (0.15, 2.4)
 _ROUNDS: Final = 15  # number of steps of a fit
-# standard deviations of the priors of log s, log g / s, u, y [rad] and a [half gauges]
+_LONGEST_STEP: Final = 1.0  # largest change of a parameter in a step
+_FIRST_DAMPING: Final = 1e-3
+_PARAMETERS: Final = 6  # number of parameters, each with a prior
+_GAIN_PRIORS: Final = 2  # the first priors, of log s and log g / s, whose tails are long
+# standard deviations of the priors of log s, log g / s, u, psi [rad] and a [half gauges]
 _PRIOR: Final = np.array([3.0, 0.4, 0.03, 0.7, 2.0, 2.0])
 _USUAL_RATIO: Final = -0.3  # usual log g / s: the separation multiplier of tracks is 1 to 2
 _USUAL: Final = np.array([0.0, _USUAL_RATIO, 0.0, 0.0, 0.0, 0.0])  # means of the priors
+_TIME_ROUNDING: Final = 1e-6  # rounding error of times [s]
 _FEWEST: Final = 4  # least number of motions that tell anything
 _CONVERGED: Final = 0.01  # change of the loss below which a fit has converged
+_TINY: Final = 1e-12  # instead of 0 in denominators
 _KNOWN: Final = 0.05  # largest standard error of log s with which the unit of lengths is known
 
 
@@ -54,7 +75,8 @@ class RelativeMotions(NamedTuple):
     with the axes of the world.
     """
 
-    angle: Array  # (2, N) angles turned by the left and right wheels at points of the drives [rad]
+    # (2, N) angles turned by the left and right wheels up to points of the drives [rad]
+    angle: Array
     first: np.ndarray  # (n,) point at which a motion begins
     last: np.ndarray  # (n,) point at which a motion ends
     moved: np.ndarray  # (n,) motion, complex [m]; NaN if unknown
@@ -65,16 +87,17 @@ class RelativeMotions(NamedTuple):
     @classmethod
     def of(cls, drives: Sequence[Drive], clock: float) -> RelativeMotions:
         """The motions between successive poses of drives, while encoders were read."""
+        # the poses with headings, or else with positions, while encoders were read
         joined = Drives.of(drives)
         time = joined.time + clock
+        last_edge = np.append(joined.begins[1:], len(joined.edges)) - 1
         begins = joined.edges[joined.begins]
-        ends = joined.edges[np.append(joined.begins[1:], len(joined.edges)) - 1]
-        slack = 1e-6
-        inside = time >= begins[joined.drive] - slack
-        inside &= time <= ends[joined.drive] + slack
+        ends = joined.edges[last_edge]
+        is_read = time >= begins[joined.drive] - _TIME_ROUNDING
+        is_read &= time <= ends[joined.drive] + _TIME_ROUNDING
         framed = bool(joined.known[1].any())
         known = joined.known[1] if framed else joined.known[0]
-        rows = np.flatnonzero(inside & known)
+        rows = np.flatnonzero(is_read & known)
 
         # points of the path: the poses, and enough of the encoders' intervals
         stride = max(1, len(joined.edges) // _MOST_POINTS)
@@ -87,19 +110,23 @@ class RelativeMotions(NamedTuple):
         begin = rows[:-1]
         end = rows[1:]
         if not framed:
+            # to the pose after the next, too; the last pose but one has none, so it has itself
             begin = np.append(begin, begin)
             end = np.concatenate([end, end[1:], end[-1:]])
-        same = (joined.drive[begin] == joined.drive[end]) & (begin != end)
-        moved = np.where(same, place[end] - place[begin], np.nan)
-        turn = np.where(same, heading[end] - heading[begin], np.nan)
+
+        # what the poses say of each motion, if both belong to the same drive
+        is_motion = (joined.drive[begin] == joined.drive[end]) & (begin != end)
+        moved = np.where(is_motion, place[end] - place[begin], np.nan)
+        if framed:
+            moved = moved * np.exp(-1j * heading[begin])
         return cls(
-            np.stack(angle),
-            np.searchsorted(points, time[begin]),
-            np.searchsorted(points, time[end]),
-            moved * np.exp(-1j * heading[begin]) if framed else moved,
-            turn,
-            np.where(same, time[end] - time[begin], np.inf),
-            framed,
+            angle=np.stack(angle),
+            first=np.searchsorted(points, time[begin]),
+            last=np.searchsorted(points, time[end]),
+            moved=moved,
+            turned=np.where(is_motion, heading[end] - heading[begin], np.nan),
+            duration=np.where(is_motion, time[end] - time[begin], np.inf),
+            framed=framed,
         )
 
 
@@ -108,7 +135,7 @@ class RelativeFit:
     """How well the wheels' path explains relative motions, with the best parameters."""
 
     loss: float  # negative logarithm of the likelihood
-    explained: float  # share of the motions that are explained to within twice their scatter
+    explained: float  # share of the motions that are explained to within twice their scale
     speed: float | None  # s, the gain of distances; None if the motions don't determine it
     turn: float  # g, the gain of turns
     turn_ratio: float  # g / s, the inverse of the separation multiplier
@@ -120,9 +147,9 @@ def fitted(
     """The best fit of the wheels' path to relative motions, from several gains of turns; None if
     there are fewer than four motions or the wheels stand still.
 
-    Gains of turns are those of robots times a `factor`, that of a wrong unit of omega. They are
-    limited, as are those of distances, because a robot that hardly moves explains closed squares as
-    well as one that drives them.
+    Gains of turns are limited to those of robots, times a `factor` for omega in a wrong unit. Gains
+    of distances are limited relative to them: else a robot that hardly moves would explain closed
+    squares as well as one that drives them.
     """
     model = _Model(motions, geometry, factor)
     if model.count < _FEWEST or not model.driven.any():
@@ -132,35 +159,47 @@ def fitted(
 
 
 class _Path(NamedTuple):
-    """Motions by the wheels' path in the frames of their first poses, and their derivatives."""
+    """Motions P by the wheels' path in the frames of their first poses, and their derivatives."""
 
-    place: np.ndarray  # (n,) complex [m]
+    place: np.ndarray  # (n,) complex [m], without the gain of distances
     by_gain: np.ndarray  # (n,) derivatives by the gain of turns
-    by_unequal: np.ndarray  # (n,) derivatives by the difference between the radii
+    by_unequal: np.ndarray  # (n,) derivatives by s u, the difference between the radii
 
 
 class _Residuals(NamedTuple):
     """Residuals of n motions and of the six priors."""
 
     value: Array  # (3 n + 6,) in units of the scales: x, y and headings of all motions, priors
-    slope: Array  # (3 n + 6, 6) derivatives by the parameters
+    # (3 n + 6, 6) derivatives by the parameters of what is predicted, the residuals' negative ones
+    slope: Array
     scale: Array  # (3 n,) expected errors [m, m, rad]
+
+    @property
+    def of_motions(self) -> Array:
+        """Residuals (3, n) of the motions: x, y and headings."""
+        return self.value[:-_PARAMETERS].reshape(3, -1)
+
+    @property
+    def of_priors(self) -> Array:
+        """Residuals (6,) of the priors."""
+        return self.value[-_PARAMETERS:]
 
 
 class _Model:
-    """The wheels' path and its fit by the parameters (log s, log g / s, u, y, a)."""
+    """The wheels' path and its fit by the parameters (log s, log g / s, u, psi, a)."""
 
     def __init__(self, motions: RelativeMotions, geometry: RobotGeometry, factor: float) -> None:
         self._gains = factor * _GAINS[0], factor * _GAINS[1]
         left, right = motions.angle * geometry.sprocket_radius
-        way = (left + right) / 2
+        distance = (left + right) / 2
         self._half_gauge = geometry.half_gauge
-        self._way = way
+        self._distance = distance
         self._turn = (right - left) / (2 * geometry.half_gauge)
-        self._bend = way / geometry.half_gauge
+        self._bend = distance / geometry.half_gauge  # turn by unequal radii, per s u
         self._first = motions.first
         self._last = motions.last
         self._framed = motions.framed
+        # relative errors of motions: in short ones, the clocks' offset matters more
         self._scatter = _SCATTER + _TIMING / np.maximum(motions.duration, _TIMING)
         self._moved = np.nan_to_num(motions.moved)
         self._turned = np.nan_to_num(motions.turned)
@@ -204,7 +243,7 @@ class _Model:
 
     def _start(self, gain: float) -> Array:
         """Start values (6,) for a gain of turns."""
-        values = np.zeros(6)
+        values = np.zeros(_PARAMETERS)
         values[0] = np.log(gain) - _USUAL_RATIO
         if self._placed.any():
             path = np.abs(self._path(gain, 0.0).place[self._placed])
@@ -215,18 +254,21 @@ class _Model:
 
     def _path(self, gain: float, unequal: float) -> _Path:
         """The motions by the wheels' path, with derivatives."""
+        # chords of arcs from point to point, with the axes of the path's start
         heading = gain * self._turn + unequal * self._bend
         middle = (heading[1:] + heading[:-1]) / 2
-        chord = np.diff(self._way) * np.sinc(np.diff(heading) / (2 * np.pi))
+        chord = np.diff(self._distance) * np.sinc(np.diff(heading) / (2 * np.pi))
         ahead = chord * np.exp(1j * middle)
-        back = np.exp(-1j * heading[self._first])
+        into_first_frame = np.exp(-1j * heading[self._first])
 
         def moved(steps: np.ndarray) -> np.ndarray:
             """Sums (n,) of steps (N - 1,) over each motion, in the frame of its first pose."""
-            return self._between(np.append(0.0, np.cumsum(steps))) * back
+            return self._between(np.append(0.0, np.cumsum(steps))) * into_first_frame
 
         def turned(by: Array) -> np.ndarray:
-            """Derivatives (n,) of the motions by a factor of `by` (N,) in the heading."""
+            """Derivatives (n,) of the motions by a factor of `by` (N,) in the heading: each step
+            turns with the path, and all of them back with the first pose.
+            """
             at_middle = (by[1:] + by[:-1]) / 2
             return 1j * (moved(ahead * at_middle) - by[self._first] * place)
 
@@ -235,23 +277,28 @@ class _Model:
 
     def _residuals(self, values: Array) -> _Residuals:
         """The residuals for parameters (6,)."""
-        speed = np.exp(values[0])
-        gain = np.exp(values[0] + values[1])
-        unequal = speed * values[2]
-        yaw = values[3]
-        arm = values[4] + 1j * values[5]  # [half gauges]
+        log_speed, log_ratio, unequal_radii, yaw, arm_ahead, arm_left = values
+        speed = np.exp(log_speed)  # s
+        gain = np.exp(log_speed + log_ratio)  # g
+        unequal = speed * unequal_radii  # s u
+        arm = arm_ahead + 1j * arm_left  # a [half gauges]
+
+        # the motions by the wheels: P, and phi at the end
         path = self._path(gain, unequal)
         turn = gain * self._between(self._turn)
         bend = self._between(self._bend)
         around = turn + unequal * bend
 
-        unit = speed * np.exp(-1j * yaw)
-        # the unit of x and y, by which turns don't change: log g / s tells it from that of omega
-        metre = np.exp(_USUAL_RATIO - values[1])
-        circled = np.exp(1j * np.where(self._headed, self._turned, around)) - 1
-        lever = metre * self._half_gauge * np.exp(-1j * yaw) * circled
+        # the motions of the sensor, in units of x and y; the arm turns as was measured, if it was
+        into_sensor = np.exp(-1j * yaw)
+        unit = speed * into_sensor
+        metre = np.exp(_USUAL_RATIO - log_ratio)
+        arm_turn = np.where(self._headed, self._turned, around)
+        lever = metre * self._half_gauge * into_sensor * (np.exp(1j * arm_turn) - 1)
         moved_middle = unit * path.place
         explained = moved_middle + arm * lever
+
+        # their derivatives; s is a factor of g, too, and metre falls with log g / s
         by_turn = unit * gain * path.by_gain
         by_bend = unit * path.by_unequal
         slopes = [
@@ -263,6 +310,9 @@ class _Model:
             1j * lever,  # and to the left
         ]
         slope = np.stack(slopes, axis=1)
+
+        # residuals of the motions, in the frames of the first poses; without headings, these frames
+        # are fitted, and turn with the parameters
         moved = self._moved
         if not self._framed:
             ahead = self._frames(explained)
@@ -272,13 +322,15 @@ class _Model:
         slope[~self._placed] = 0.0
         place_scale = self._scatter * speed * self.driven + _SCATTER * metre * self._half_gauge
 
+        # residuals of the turns
         off = np.where(self._headed, wrap_angle(self._turned - around), 0.0)
-        heading_slope = np.zeros((len(off), 6))
+        heading_slope = np.zeros((len(off), _PARAMETERS))
         heading_slope[:, 0] = around
         heading_slope[:, 1] = turn
         heading_slope[:, 2] = speed * bend
         heading_slope[~self._headed] = 0.0
 
+        # all of them, and those of the priors
         scale = np.concatenate([place_scale, place_scale, self._heading_scale(gain)])
         residual = np.concatenate([missed.real, missed.imag, off]) / scale
         of_motions = np.concatenate([slope.real, slope.imag, heading_slope]) / scale[:, None]
@@ -290,25 +342,35 @@ class _Model:
 
     def _heading_scale(self, gain: Array | float) -> Array:
         """Expected errors (..., n) of the turns, for gains of turns (..., 1) [rad]."""
-        by_way = 0.2 * _SCATTER * self.driven / self._half_gauge
-        return np.minimum(gain * (self._scatter * self._swept + by_way) + 0.02, np.pi)
+        by_turn = self._scatter * self._swept
+        by_distance = _TURN_SCATTER * self.driven / self._half_gauge
+        return np.minimum(gain * (by_turn + by_distance) + _HEADING_ERROR, np.pi)
 
     def _frames(self, explained: np.ndarray) -> np.ndarray:
-        """Directions (n,) of the frames in which motions (n,) by the wheels fit those measured from
-        the same pose best.
+        """Directions (n,), as complex numbers of size 1, of the frames in which motions (n,) by the
+        wheels fit those measured from the same pose best.
+
+        Two motions begin at each pose. With the measured motions m and those by the wheels d, the
+        direction e that minimises sum |m - e d|^2 is that of sum m conj(d).
         """
         fit = np.where(self._placed, self._moved * np.conj(explained), 0.0)
         first, second = fit.reshape(2, -1)
         both = first + second
-        ahead = both / np.maximum(np.abs(both), 1e-12)
+        ahead = both / np.maximum(np.abs(both), _TINY)
         return np.append(ahead, ahead)
 
     def _turns_of_frames(self, slope: np.ndarray, explained: np.ndarray) -> Array:
-        """Derivatives (n, 6) of the frames' angles, from the motions' derivatives (n, 6)."""
+        """Derivatives (n, 6) of the frames' angles, from the motions' derivatives (n, 6).
+
+        If the motions d from a pose turn by an angle, their frame turns back by it: a change dd of
+        them turns the frame by -sum Im(dd conj(d)) / sum |d|^2. The result is without this sign.
+        """
         known = np.where(self._placed, explained, 0.0)
-        turn = (slope * np.conj(known)[:, None]).imag.reshape(2, -1, 6).sum(axis=0)
-        size = (np.abs(known) ** 2).reshape(2, -1).sum(axis=0)
-        angle = turn / np.maximum(size, 1e-12)[:, None]
+        turned = (slope * np.conj(known)[:, None]).imag
+        square = np.abs(known) ** 2
+        turned_of_pose = turned.reshape(2, -1, _PARAMETERS).sum(axis=0)
+        square_of_pose = square.reshape(2, -1).sum(axis=0)
+        angle = turned_of_pose / np.maximum(square_of_pose, _TINY)[:, None]
         return np.concatenate([angle, angle])
 
     def fit(self, start: Array) -> RelativeFit:
@@ -316,32 +378,37 @@ class _Model:
         the loss falls.
         """
         values = start
-        rest = self._residuals(values)
-        loss = self._loss(rest)
-        damping = 1e-3
+        current = self._residuals(values)
+        loss = self._loss(current)
+        damping = _FIRST_DAMPING
         for _ in range(_ROUNDS):
-            weight = 1 / (1 + rest.value**2)
-            weight[-4:] = 0.5
-            normal = rest.slope.T @ (weight[:, None] * rest.slope)
+            # a step; the weights are halves of the losses' derivatives over the residuals
+            weight = 1 / (1 + current.value**2)
+            weight[_GAIN_PRIORS - _PARAMETERS :] = 0.5
+            normal = current.slope.T @ (weight[:, None] * current.slope)
             damped = normal + damping * np.diag(np.diag(normal))
-            step = np.linalg.solve(damped, rest.slope.T @ (weight * rest.value))
-            moved = self._limited(values + np.clip(step, -1.0, 1.0))
-            then = self._residuals(moved)
-            lower = self._loss(then)
-            if lower >= loss:
+            step = np.linalg.solve(damped, current.slope.T @ (weight * current.value))
+            step = np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+            new_values = self._limited(values + step)
+            new = self._residuals(new_values)
+            new_loss = self._loss(new)
+
+            # it is taken only if the loss falls
+            gained = loss - new_loss
+            if gained <= 0:
                 damping *= 10
                 continue
-            gained = loss - lower
-            values = moved
-            rest = then
-            loss = lower
+            values = new_values
+            current = new
+            loss = new_loss
             damping /= 5
             if gained < _CONVERGED:
                 break
-        size: Array = np.abs(rest.value[:-6].reshape(3, -1))
-        known = self._placed | self._headed
-        explained = float(np.mean(np.all(size < 2, axis=0)[known]))
-        speed = float(np.exp(values[0])) if self._determines_speed(rest) else None
+
+        is_close = np.all(np.abs(current.of_motions) < 2, axis=0)
+        is_known = self._placed | self._headed
+        explained = float(np.mean(is_close[is_known]))
+        speed = float(np.exp(values[0])) if self._determines_speed(current) else None
         return RelativeFit(
             loss=loss,
             explained=explained,
@@ -351,7 +418,7 @@ class _Model:
         )
 
     def _limited(self, values: Array) -> Array:
-        """Values (6,) with both gains within their limits."""
+        """Values (6,) with the gain of turns and its ratio to that of distances within limits."""
         limited = values.copy()
         low, high = np.log(self._gains)
         gain = np.clip(values[0] + values[1], low, high)
@@ -359,26 +426,33 @@ class _Model:
         limited[0] = gain - limited[1]
         return limited
 
-    def _determines_speed(self, rest: _Residuals) -> bool:
+    def _determines_speed(self, residuals: _Residuals) -> bool:
         """True if the motions determine the gain of distances."""
         if not self._placed.any():
             return False
-        size = np.abs(rest.value[:-6].reshape(3, -1)[:2, self._placed])
+        size = np.abs(residuals.of_motions[:2, self._placed])
         # the scatter may be far below what was expected
-        scatter = float(np.clip(1.4826 * np.median(size), 0.02, 1.0))
-        normal = rest.slope.T @ rest.slope
+        scatter = float(np.clip(DEVIATION_PER_MEDIAN * np.median(size), 0.02, 1.0))
+        normal = residuals.slope.T @ residuals.slope
         return bool(scatter * np.sqrt(np.linalg.inv(normal)[0, 0]) < _KNOWN)
 
-    def _loss(self, rest: _Residuals) -> float:
-        """Negative log-likelihood of residuals; without headings, most motions count twice.
+    def _loss(self, residuals: _Residuals) -> float:
+        """Negative log-likelihood of residuals, up to a constant.
 
-        The priors of both gains have long tails, for units of any size.
+        Without headings, most motions between neighbouring poses are in two motions, which count
+        half. The priors of both gains have long tails, for units of any size; the other priors are
+        normal.
         """
-        known = np.concatenate([self._placed, self._placed, self._headed])
-        of_motions = _negative_log_likelihood(rest.value[:-6] * rest.scale, rest.scale)[known]
-        each = 1.0 if self._framed else 0.5
-        units = np.log1p(rest.value[-6:-4] ** 2)
-        return float(each * of_motions.sum() + units.sum() + 0.5 * np.sum(rest.value[-4:] ** 2))
+        is_known = np.stack([self._placed, self._placed, self._headed])
+        scale = residuals.scale.reshape(3, -1)
+        of_motions = _negative_log_likelihood(residuals.of_motions * scale, scale)
+        share = 1.0 if self._framed else 0.5
+        by_motions = share * of_motions[is_known].sum()
+
+        of_gains = residuals.of_priors[:_GAIN_PRIORS]
+        of_others = residuals.of_priors[_GAIN_PRIORS:]
+        by_priors = np.log1p(of_gains**2).sum() + 0.5 * np.sum(of_others**2)
+        return float(by_motions + by_priors)
 
 
 def _median_ratio(values: Array, by: Array) -> float:

@@ -1,7 +1,19 @@
 """From logs to slip laws with intervals: `identify` does it all in one call.
 
-`source` reads logs. For whole drives, `trackslip.drives` makes clean drives and inspects them;
-`law_fit` fits laws by means of `windows` and `path`, from start values by `far_poses` if poses are
-rare; `prediction` tests laws. For steady runs, `samples` averages slip and `steady` fits laws.
-`comparison`, `answer` (the multipliers) and `result` serve both kinds of runs.
+For whole drives, read these files in this order:
+
+- `source` reads logs; `trackslip.drives` makes clean drives of them and inspects these.
+- `drive_comparison` fits and compares laws: its function `compare_drives` is the method, step by
+  step.
+- `law_fit` fits a law: length of windows, start values (by `far_poses` if poses are rare), and what
+  the driving doesn't determine.
+- `windows` is the estimator: residuals of poses, robust fit, standard errors. `path` is its model:
+  the sensor's path by the law, with derivatives.
+- `prediction` predicts held-out driving; `longer_windows` asks whether the law depends on the
+  length of windows.
+
+For steady runs, `samples` averages slip and `steady` fits laws to the averages.
+
+`comparison` (the choice of the best law), `answer` (the multipliers) and `result` (what is returned
+and stored) serve both kinds of runs.
 """

@@ -8,7 +8,6 @@ from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackslip.errors import counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
@@ -154,7 +153,7 @@ def choose(
     A law that odometry can't express is best only if a parameter that no law for odometry has
     differs from zero.
     """
-    linear = {name: law for name, law in laws.items() if is_expressible(name)}
+    linear = {name: law for name, law in laws.items() if is_usable_for_odometry(name)}
     choice = rank(laws)
     among_linear = rank(linear) if linear else None
     if choice is None or among_linear is None or choice.best in linear:
@@ -166,10 +165,8 @@ def choose(
     own = [name for name in best.values if name not in of_linear]
     if any(differs_from_zero(best, name) for name in own):
         return choice
-    reason = (
-        f"{choice.best} predicts best, but its {' and '.join(own)} may be 0; of laws for odometry, "
-        f"{among_linear.reason}"
-    )
+    terms = " and ".join(own)
+    reason = f"{among_linear.reason}; {choice.best} predicts better, but its {terms} may be 0"
     return replace(choice, best=among_linear.best, reason=reason)
 
 
@@ -207,11 +204,13 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
     good = np.flatnonzero(2 * as_good > len(criteria)).tolist()
     best = min(good, key=lambda k: (_terms(names[k], laws[names[k]]), k != leader, score[k]))
 
-    horizons = counted(len(criteria), "time")
-    reason = f"{names[leader]} has the smallest errors at {wins[leader]} of {horizons} ahead"
+    usable = all(map(is_usable_for_odometry, names))
+    compared = "all laws usable for odometry" if usable else "all laws"
+    where = _share_of_horizons(int(wins[leader]), len(criteria))
+    reason = f"smallest errors of {compared} {where}"
     if best != leader:
-        reason += (
-            f"; {names[best]} is as good at {as_good[best]}, within one standard error, and "
+        reason = (
+            f"as good as {names[leader]}, which has the {reason}, within one standard error, and "
             "simpler to use"
         )
     return Choice(
@@ -219,13 +218,22 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
     )
 
 
+def _share_of_horizons(count: int, total: int) -> str:
+    """At how many of the prediction horizons, in words."""
+    if total == 1:
+        return "at the only horizon"
+    if count == total:
+        return f"at all {total} horizons"
+    return f"at {count} of {total} horizons"
+
+
 def _terms(name: str, law: FittedLaw) -> float:
-    """Number of a law's parameters, plus a half if odometry can't express the law."""
-    return len(law.values) + 0.5 * (not is_expressible(name))
+    """Number of a law's parameters, plus a half if odometry can't use the law."""
+    return len(law.values) + 0.5 * (not is_usable_for_odometry(name))
 
 
-def is_expressible(name: str) -> bool:
-    """True if a differential drive's odometry can express the law."""
+def is_usable_for_odometry(name: str) -> bool:
+    """True if `deploy` can write the law as parameters of a differential drive's odometry."""
     return "ros2_control" in FAMILIES[name].targets
 
 

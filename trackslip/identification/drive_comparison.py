@@ -116,7 +116,12 @@ def compare_drives(
         of_answer += _differing_runs(answer)
     if longer is not None and longer.outside:
         of_answer.append(Alarm("windows", longer.line(answer)))
-    of_laws = dict.fromkeys([*of_best, *of_answer])
+    is_little = "little" in [alarm.kind for alarm in look.alarms]
+    of_laws = [
+        alarm
+        for alarm in dict.fromkeys([*of_best, *of_answer])
+        if not (is_little and alarm.kind == "blocks")
+    ]
     alarms = (*look.alarms, *of_laws, *_whole_turns(answer, sensor))
     if GAINS in [alarm.kind for alarm in of_best] and not gains.at_limit:
         laws[GAINS] = gains

@@ -1,11 +1,17 @@
-"""From logs to slip laws: the whole identification in one call."""
+"""From logs to slip laws: the whole identification in one call.
+
+`identify` reads a log, and `identify_source` takes it to the laws, step by step. For whole drives,
+the path goes on in `drives.conditioning.drives_of`, `drives.first_look.first_look`,
+`drive_comparison.compare_drives`, `law_fit.fit_drives` and `windows.fit_windows`; for steady runs,
+in `samples.usable_samples` and `steady.compare_laws`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.drives.conditioning import drives_of
@@ -28,6 +34,9 @@ from trackslip.logs.layout import Layout
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.steady import SETTLE, turning_stretches
 from trackslip.se2 import Mounting
+
+_FEWEST_RUNS: Final = 4  # least number of steady runs, of which laws can be compared
+_STEADY_SHARE: Final = 0.5  # least share of the driving time that is steady, settling included [-]
 
 
 @runtime_checkable
@@ -83,6 +92,7 @@ def identify(
         InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the
             geometry.
     """
+    # options, for all kinds of sources alike
     reading = ReadOptions(
         half_gauge=geometry.half_gauge if geometry else None,
         sprocket_radius=geometry.sprocket_radius if geometry else None,
@@ -94,13 +104,16 @@ def identify(
         layout=Layout(columns, ticks_per_turn, odometry),
         max_memory=max_memory,
     )
+    # runs, or samples of steady runs
     if isinstance(source, str | Path):
-        logs = read_source(Path(source), reading)
+        read = read_source(Path(source), reading)
     elif isinstance(source, SupportsArrowStream):
-        logs = source_of_frame(source, reading)
+        read = source_of_frame(source, reading)
+    elif isinstance(source, RunLog):
+        read = source_of_runs([source], reading)
     else:
-        logs = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
-    return identify_source(logs, method, sensor, lag=lag)
+        read = source_of_runs(list(source), reading)
+    return identify_source(read, method, sensor, lag=lag)
 
 
 def identify_source(
@@ -113,42 +126,79 @@ def identify_source(
     """Identify laws as `identify` does, from a source in memory; `step(1.0)` is called after each
     stage or law.
     """
+    # 1. The method that is asked for, or the one that suits the driving. Samples aren't driving.
     require(method in (None, "steady", "drive"), "method", method, "steady or drive")
-    if method == "drive" and not source.logs:
+    only_samples = not source.logs
+    if method == "drive" and only_samples:
         raise LogError("holds steady samples, not traces: only method steady can be used")
-    if not source.logs:
-        _refuse_traces_options(source.reading, f"{source.name} holds steady samples, not traces")
-        _refuse_drive_options(sensor, lag, f"{source.name} holds steady samples, not traces")
-    if method == "steady":
-        _refuse_drive_options(sensor, lag, "only method drive estimates it")
-    if method == "drive":
-        _refuse_traces_options(source.reading, "only method steady uses it")
-    if method == "steady" or not source.logs:
-        return identify_samples(source.sampling, source.geometry, source.logs)
+    is_automatic = method is None and not only_samples
+    is_steady = _are_steady_runs(source) if is_automatic else method != "drive"
+    _refuse_unused_options(source, method, is_steady, sensor, lag)
 
-    def of_drives(names: Sequence[str] | None = None) -> tuple[DriveComparison, list[Refused]]:
-        drives, refused = drives_of(source.logs)
-        look = first_look(drives, source.geometry)
-        return compare_drives(look, source.geometry, sensor, names, step, lag), refused
+    # 2. Any driving: laws are fitted to whole drives.
+    if not is_steady:
+        drive, refused = _from_whole_drives(source, sensor, None, step, lag)
+        outliers = (*source.refused, *refused)
+        return Identification(
+            geometry=source.geometry,
+            method="drive",
+            steady=None,
+            drive=drive,
+            outliers=outliers,
+            warnings=(*source.notes, *map(str, outliers), *drive.warnings),
+            logs=source.logs,
+        )
 
-    steady_runs = method is None and _steady_runs(source)
-    if method is None and not steady_runs:
-        reason = "most of the driving isn't steady, so whole drives are used; method steady uses it"
-        _refuse_traces_options(source.reading, reason)
-    if not steady_runs:
-        drive, refused = of_drives()
-        out = (*source.refused, *refused)
-        warnings = (*source.notes, *map(str, out), *drive.warnings)
-        return Identification(source.geometry, "drive", None, drive, out, warnings, source.logs)
+    # 3. Steady runs: laws are fitted to the mean slip of their stretches.
     steady = identify_samples(source.sampling, source.geometry, source.logs)
+    if not is_automatic:
+        return steady
+
+    # 4. Then the whole drives are a cross-check, for which two laws are enough.
     step(1.0)
     try:
-        return replace(steady, drive=of_drives(("none", REFERENCE))[0])
+        cross_check, _ = _from_whole_drives(source, sensor, ("none", REFERENCE), step, lag)
     except LogError as error:
-        return replace(
-            steady,
-            warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"),
-        )
+        warning = f"from whole drives nothing was identified: {error}"
+        return replace(steady, warnings=(*steady.warnings, warning))
+    return replace(steady, drive=cross_check)
+
+
+def _from_whole_drives(
+    source: Source,
+    sensor: Mounting | None,
+    names: Sequence[str] | None,
+    step: Callable[[float], None],
+    lag: bool,
+) -> tuple[DriveComparison, list[Refused]]:
+    """Laws by `names`, by default all with an answer, fitted to whole drives and compared; and the
+    logs that were refused.
+    """
+    # clean drives: mean sprocket speeds in intervals, and the poses that were measured
+    drives, refused = drives_of(source.logs)
+
+    # is the log what it claims to be? clocks, sides, units; parts between jumps of the poses
+    look = first_look(drives, source.geometry)
+
+    # fits of laws in windows, the answer, and predictions of held-out driving
+    return compare_drives(look, source.geometry, sensor, names, step, lag), refused
+
+
+def _refuse_unused_options(
+    source: Source, method: Method | None, is_steady: bool, sensor: Mounting | None, lag: bool
+) -> None:
+    """Raise InvalidValueError for options that the method, or the data, would ignore."""
+    if not source.logs:
+        reason = f"{source.name} holds steady samples, not traces"
+        _refuse_traces_options(source.reading, reason)
+        _refuse_drive_options(sensor, lag, reason)
+    elif method == "steady":
+        _refuse_drive_options(sensor, lag, "only method drive estimates it")
+    elif method == "drive":
+        _refuse_traces_options(source.reading, "only method steady uses it")
+    elif not is_steady:
+        reason = "most of the driving isn't steady, so whole drives are used; method steady uses it"
+        _refuse_traces_options(source.reading, reason)
 
 
 def _refuse_drive_options(sensor: Mounting | None, lag: bool, reason: str) -> None:
@@ -174,7 +224,7 @@ def identify_samples(
     return Identification(geometry, "steady", steady, None, sampling.refused, warnings, logs)
 
 
-def _steady_runs(source: Source) -> bool:
+def _are_steady_runs(source: Source) -> bool:
     """True if runs are mostly steady, with one stretch each as in the paper's grid, and at least
     four can be used.
     """
@@ -185,4 +235,5 @@ def _steady_runs(source: Source) -> bool:
         sampling = source.sampling
     except LogError:
         return False
-    return 4 <= len(sampling.samples) <= len(source.logs) and sampling.steady_share >= 0.5
+    is_one_stretch_each = _FEWEST_RUNS <= len(sampling.samples) <= len(source.logs)
+    return is_one_stretch_each and sampling.steady_share >= _STEADY_SHARE

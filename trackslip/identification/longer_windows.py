@@ -94,10 +94,13 @@ def _fitted_in_longer_windows(fit: WindowFit, mean: Array) -> WindowFit | None:
     """
     if fit.model.far:
         return None
-    longest_span = _SHARE_OF_DRIVE * max(
+    # the longest windows of which a drive has four; where poses are rare, windows last longer than
+    # their nominal length
+    nominal_durations = [
         float(drive.time[-1] - drive.time[0]) / drive.span(1.0) for drive in fit.drives.drives
-    )
-    length = min(_LONGER * fit.length, longest_span)
+    ]
+    longest = _SHARE_OF_DRIVE * max(nominal_durations)
+    length = min(_LONGER * fit.length, longest)
     if length < _LEAST_LONGER * fit.length:
         return None
     held = [name for k, name in enumerate(fit.model.names) if k not in fit.free]
@@ -114,9 +117,12 @@ def _differing(fit: DriveFit, in_longer: WindowFit) -> dict[str, Gain]:
     scores are then correlated: the variance in longer windows is as many times larger.
     """
     shorter = fit.fit
+    # blocks that a longer window spans: in `shorter`, they last two windows
     overlap = max(1.0, in_longer.length / (2 * shorter.length))
-    difference_error = np.sqrt(np.diag(cr3(shorter.apart - in_longer.apart)))
-    longer_error = np.sqrt(overlap * np.diag(cr3(in_longer.apart)))
+    difference_error = np.sqrt(
+        np.diag(cr3(shorter.changes_without_block - in_longer.changes_without_block))
+    )
+    longer_error = np.sqrt(overlap * np.diag(cr3(in_longer.changes_without_block)))
     quantile = in_longer.quantile
     half_gauge = shorter.model.geometry.half_gauge
 

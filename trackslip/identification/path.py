@@ -20,6 +20,14 @@ from trackslip.drives.drive import Drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import LawFamily
 
+GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
+FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
+"""Prior standard deviations for drives with few poses, far apart, in the units of `Extra.prior`: a
+sensor that may be anywhere would take up the effects of unequal radii.
+"""
+_LAG_STEP: Final = 1e-3  # step of finite differences by the lag, smaller than any that matters [s]
+_SMALL_TURN: Final = 1e-4  # turn up to which a series has no rounding errors [rad]
+
 
 @dataclass(frozen=True)
 class Extra:
@@ -43,13 +51,6 @@ EXTRAS: Final[dict[str, Extra]] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
-FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
-"""Prior standard deviations for drives with few poses, far apart, as in EXTRAS: a sensor that may
-be anywhere would take up the effects of unequal radii.
-"""
-_LAG_STEP: Final = 1e-3  # step of finite differences by the lag, smaller than any that matters [s]
-_SMALL_TURN: Final = 1e-4  # turn up to which a series has no rounding errors [rad]
-GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 
 @dataclass(frozen=True)
@@ -141,8 +142,8 @@ class DriveModel:
     def gyro_turns(
         self, values: Array, drives: Drives, free: np.ndarray
     ) -> tuple[Array, Array, Array]:
-        """Bias-free gyro turns (K,) up to each pose [rad], derivatives (f, K), and durations of
-        readings (K,) [s].
+        """Bias-free gyro turns (K,) up to each pose [rad], their derivatives (f, K), and the time
+        (K,) up to each pose in which the gyro was read [s].
         """
         assert drives.gyro is not None
         time = drives.time + values[self.index("clock_offset")]
@@ -224,11 +225,11 @@ def _lagging(values: Array, drives: Drives, lag: float) -> Array:
 class Path:
     """A path at K times, with derivatives by f parameters; complex places are x + i y."""
 
-    place: np.ndarray  # (K,) complex [m]
-    heading: Array  # (K,) [rad]
+    place: np.ndarray  # (K,) complex [m], from the turning centre's first place
+    heading: Array  # (K,) [rad], from the robot's first heading
     place_slope: np.ndarray  # (f, K) complex
     heading_slope: Array  # (f, K)
-    velocity: np.ndarray  # (K,) velocity of the middle of the tracks, complex [m/s]
+    velocity: np.ndarray  # (K,) velocity of the turning centre, complex [m/s]
     yaw_rate: Array  # (K,) [rad/s]
 
 
@@ -251,22 +252,22 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
     edge_place_slope = _started(moved_slope)
 
     # from the edge before each time to that time
-    rest = time - edges[row]
+    elapsed = time - edges[row]
     motion_here = motion[:, row]
     slope_here = np.take(slope, row, axis=-1)
     begin_heading = edge_heading[row]
     begin_heading_slope = np.take(edge_heading_slope, row, axis=-1)
     beyond, beyond_slope = _displaced(
-        motion_here, slope_here, rest, begin_heading, begin_heading_slope
+        motion_here, slope_here, elapsed, begin_heading, begin_heading_slope
     )
 
     forward_speed, leftward_speed, yaw_rate = motion_here
-    heading = begin_heading + yaw_rate * rest
+    heading = begin_heading + yaw_rate * elapsed
     return Path(
         place=edge_place[row] + beyond,
         heading=heading,
         place_slope=np.take(edge_place_slope, row, axis=-1) + beyond_slope,
-        heading_slope=begin_heading_slope + slope_here[2] * rest,
+        heading_slope=begin_heading_slope + slope_here[2] * elapsed,
         velocity=np.exp(1j * heading) * (forward_speed + 1j * leftward_speed),
         yaw_rate=yaw_rate,
     )

@@ -14,6 +14,7 @@ from trackslip.drives.drive import Drives
 from trackslip.identification.comparison import LEAST_ERROR, Criterion
 from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.windows import WindowFit
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
@@ -29,7 +30,6 @@ _TRAILING: Final = 10.0  # duration of the path that is fitted to positions for 
 _FEWEST_TRAILING: Final = 5  # least number of positions for a heading
 # least spread of positions for a heading, as over 0.5 m: noise of 2 cm is a few degrees [m]
 _LEAST_TRAILING_SPREAD: Final = 0.15
-_TO_DEVIATION: Final = 1.4826  # standard deviation over the median size of normal errors
 # share of a variance below which its growth is a difference that medians don't resolve
 _RESOLVED: Final = 0.01
 
@@ -61,19 +61,20 @@ class PredictionErrors:
     """Errors of predictions that all cover the same duration or distance."""
 
     count: int  # number of predictions, whose times overlap
-    # median distance driven [m]: of the belts in `Pairs`, whose robot may turn in place; of the
-    # middle of the tracks in `odometry.evaluation`
     way: float
+    """Median distance driven, without slip [m]: that of `Pairs.distance`, or of the middle of the
+    tracks in `odometry.evaluation`. The name is the key in files.
+    """
     position: Statistics | None  # errors of positions [m]; None without positions
     heading: Statistics | None  # absolute errors of headings [rad]; None without headings
 
     @classmethod
-    def of(cls, way: Array, position: Array, heading: Array) -> PredictionErrors:
+    def of(cls, distance: Array, position: Array, heading: Array) -> PredictionErrors:
         """Summarise errors (n,) of predictions over distances (n,); NaN where unknown."""
         is_known = np.isfinite(position) | np.isfinite(heading)
         return cls(
             count=int(is_known.sum()),
-            way=float(np.median(way)),
+            way=float(np.median(distance)),
             position=_statistics(position),
             heading=_statistics(heading),
         )
@@ -95,7 +96,12 @@ class Pairs:
     start: np.ndarray  # (n,) index of the first pose
     end: np.ndarray  # (n,) index of the second pose
     horizon: Array  # (n,) nominal time between both poses [s]
-    way: Array  # (n,) mean distance driven by the belts between both poses [m]
+    distance: Array
+    """Distances (n,) driven between both poses, without slip [m].
+
+    For pairs some seconds apart, it is the mean of both belts' distances, as the robot may turn in
+    place; for pairs from `after_distance`, that of the middle of the tracks.
+    """
 
     @classmethod
     def of(
@@ -125,13 +131,13 @@ class Pairs:
         horizon_of_pair = np.concatenate(times)
 
         # between which the robot moves, at horizons with enough of them
-        distance = drives.way(geometry.sprocket_radius)
-        way = distance[end] - distance[start]
-        kept = way > _LEAST_MOTION * geometry.half_gauge
+        distance_to_pose = drives.belt_distance(geometry.sprocket_radius)
+        distance = distance_to_pose[end] - distance_to_pose[start]
+        kept = distance > _LEAST_MOTION * geometry.half_gauge
         counts = {h: np.sum(kept & (horizon_of_pair == h)) for h in horizons}
         frequent = [h for h, count in counts.items() if count >= _FEWEST_PAIRS]
         kept &= np.isin(horizon_of_pair, frequent)
-        return cls(drives, start[kept], end[kept], horizon_of_pair[kept], way[kept])
+        return cls(drives, start[kept], end[kept], horizon_of_pair[kept], distance[kept])
 
     @classmethod
     def after_distance(cls, drives: Drives, geometry: RobotGeometry, distance: float) -> Pairs:
@@ -210,7 +216,7 @@ class Pairs:
         for horizon in np.unique(self.horizon).tolist():
             rows = self.horizon == horizon
             position, heading = sizes(error)[rows].T
-            found[horizon] = PredictionErrors.of(self.way[rows], position, heading)
+            found[horizon] = PredictionErrors.of(self.distance[rows], position, heading)
         return found
 
     def criteria(self, errors: Mapping[str, Array]) -> list[Criterion]:
@@ -332,7 +338,7 @@ def slip_noise(
     places = pairs.drives.place
     moved = np.abs(places[pairs.end] - places[pairs.start]) ** 2
     near, far = (pairs.horizon == horizon for horizon in horizons[[0, -1]])
-    driven = np.array([np.median(pairs.way[rows]) for rows in (near, far)])
+    driven = np.array([np.median(pairs.distance[rows]) for rows in (near, far)])
     reach = np.array([np.median(moved[rows]) for rows in (near, far)])
     variance = np.array(
         [[_robust_variance(of_column) for of_column in error[rows].T] for rows in (near, far)]
@@ -360,4 +366,4 @@ def _robust_variance(values: Array) -> float:
     values other than NaN.
     """
     size = np.abs(values[np.isfinite(values)])
-    return float((_TO_DEVIATION * np.median(size)) ** 2) if len(size) else 0.0
+    return float((DEVIATION_PER_MEDIAN * np.median(size)) ** 2) if len(size) else 0.0

@@ -279,19 +279,26 @@ def _steady_content(steady: SteadyComparison) -> dict[str, dict[str, Any]]:
 
 def _drive_content(drive: DriveComparison) -> dict[str, Any]:
     """Laws from whole drives, the first look at these, and errors of predictions."""
+    laws = {name: _content(law) for name, law in drive.laws.items()}
+    names = [part.name for part in drive.look.drives]
+
+    # errors by law, and by horizon in s or m
     prediction = dict[str, dict[str, Any]]()
-    for name, by_horizon in drive.errors.items():
-        prediction[name] = {f"{horizon:g}": asdict(each) for horizon, each in by_horizon.items()}
-    for name, errors in drive.far_errors.items():
-        prediction[name][f"{FAR_AHEAD:g} m"] = asdict(errors)
-    laws = {
+    for law, by_horizon in drive.errors.items():
+        prediction[law] = {}
+        for horizon, errors in by_horizon.items():
+            prediction[law][f"{horizon:g}"] = asdict(errors)
+    for law, errors in drive.far_errors.items():
+        prediction[law][f"{FAR_AHEAD:g} m"] = asdict(errors)
+
+    compared = {
         "best": drive.best,
         "reason": drive.reason,
-        "drives": [part.name for part in drive.look.drives],
+        "drives": names,
         "score": dict(drive.score),
-        "laws": {name: _content(law) for name, law in drive.laws.items()},
+        "laws": laws,
     }
-    return {"drive": laws, "look": drive.look.to_json(), "prediction": prediction}
+    return {"drive": compared, "look": drive.look.to_json(), "prediction": prediction}
 
 
 def _stored(law: FittedLaw) -> dict[str, Any]:

@@ -509,7 +509,7 @@ def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]
     criteria = [Criterion(errors, command, LEAST_ERROR**2)] if errors else []
     choice = ranked({name: laws[name] for name in errors}, criteria)
     why = (
-        "it is the simplest of those that predict left-out radii as well as any, within a "
+        "the simplest of the laws that predict left-out radii as well as any, within one "
         "standard error"
     )
     return choice and replace(choice, reason=why)

@@ -27,7 +27,7 @@ from scipy.special import fdtri
 
 from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel, Path
-from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps, student
+from trackslip.intervals import DEVIATION_PER_MEDIAN, FEWEST_BLOCKS, cr3, newton_steps, student
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS: Final = 2.0
@@ -36,7 +36,7 @@ Ronchetti).
 """
 # least second derivative of the loss relative to the weights; large residuals would lower it
 # further
-_LEAST_BEND: Final = 0.2
+_LEAST_CURVATURE: Final = 0.2
 # factor on the first steps: those of reweighted least squares are too short for this loss
 _RELAXATION: Final = 1.5
 _NEAR: Final = 30.0  # change below which the next step is Newton's [standard errors]
@@ -45,11 +45,11 @@ _CONVERGED: Final = 0.1  # change at convergence [standard errors]
 _ITERATIONS: Final = 50
 # spread of positions and headings that the first alignment assumes [m, rad]
 _FIRST_SPREAD: Final = 0.02
-# least information on the turn of a window: the poses of a window that hardly moves don't tell how
-# it is turned, so that its residuals say nothing of the law (test_windows) [1/rad²]
+# least information on the turn of a window, for a standard deviation of a third of a rad: the poses
+# of a window that hardly moves don't tell how it is turned, so that its residuals say nothing of
+# the law (test_windows) [1/rad²]
 _LEAST_INFORMATION: Final = 9.0
 _TINY: Final = 1e-300  # instead of 0 in denominators
-_TO_DEVIATION: Final = 1.4826  # standard deviation over the median size of normal errors
 _LEAST_SPREAD: Final = 1e-6  # rounding errors of a path [m, rad]
 
 
@@ -96,15 +96,15 @@ class Windows:
         """Sums (..., W) of values (..., R) over each window."""
         return np.add.reduceat(values, self.first, axis=-1)
 
-    def each(self, values: np.ndarray) -> np.ndarray:
+    def at_rows(self, values: np.ndarray) -> np.ndarray:
         """Repeat values (..., W) of windows for each of their rows (..., R)."""
         return np.repeat(values, self.count, axis=-1)
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals per row: position forwards and to the left [m], heading and, with a gyro, turn
-    [rad].
+    """Residuals per row, measured minus predicted: position in the sensor's frame, forwards and to
+    the left [m], heading and, with a gyro, turn since the row before [rad].
     """
 
     value: Array  # (3 or 4, R) residuals
@@ -121,7 +121,7 @@ class Residuals:
         for quantity, columns in enumerate((coordinates, headings, turns)):
             size = np.abs(self.value[columns][self.known[columns]])
             if len(size):
-                of_normal_errors = _TO_DEVIATION * float(np.median(size))
+                of_normal_errors = DEVIATION_PER_MEDIAN * float(np.median(size))
                 spread[quantity] = max(of_normal_errors, _LEAST_SPREAD)
         return spread
 
@@ -181,7 +181,7 @@ def residuals(
     weight: Array,
 ) -> Residuals:
     """Residuals of the rows for parameter values (p,), with derivatives by the parameters `free`
-    (f,).
+    (f,), given by their indices.
 
     `weight` (2, R) has the weights of places and headings for the alignment of windows, about their
     inverse variances.
@@ -201,7 +201,7 @@ def residuals(
     The minimum is where e^(-i theta) q is real and positive: theta = angle(q). There, half the
     second derivative of the sum by theta is |q|.
 
-    **Residuals**, in the robot's frame, where the heading on the turned path is phi_k + theta:
+    **Residuals**, in the frame of the sensor, whose heading on the turned path is phi_k + theta:
 
         p_k = (z_k - e^(i theta) c_k) e^(-i (phi_k + theta))        place, forwards + i leftwards
         r_k = h_k - phi_k - theta                                   heading
@@ -215,7 +215,7 @@ def residuals(
         dp_k = -(dc_k + i c_k dtheta) e^(-i phi_k)
         dr_k = -dphi_k - dtheta
 
-    The turn of the robot's frame would change p_k by a product of p_k with dphi_k + dtheta. It is
+    The turn of the sensor's frame would change p_k by a product of p_k with dphi_k + dtheta. It is
     left out, as it vanishes with the residuals and doesn't change their size.
 
     **Windows that hardly move.** Without headings, the turn of a window in which the robot stands
@@ -232,7 +232,7 @@ def residuals(
 
     def weighted_means(of_rows: np.ndarray) -> np.ndarray:
         """Means (..., R) over the window of each row."""
-        return windows.each(windows.sums(place_weight * of_rows) / total)
+        return windows.at_rows(windows.sums(place_weight * of_rows) / total)
 
     measured = drives.place[rows]
     measured = measured - weighted_means(measured)  # z
@@ -244,14 +244,14 @@ def residuals(
     # alignment of each window
     of_headings = heading_weight * np.exp(1j * (measured_heading - heading))
     q = windows.sums(place_weight * np.conj(predicted) * measured + of_headings)
-    turned_heading = heading + windows.each(np.angle(q))  # phi + theta
+    turned_heading = heading + windows.at_rows(np.angle(q))  # phi + theta
     information = windows.sums(place_weight * np.abs(predicted) ** 2)
     has_headings = windows.sums(heading_weight) > 0
-    is_turn_known = windows.each(has_headings | (information >= _LEAST_INFORMATION))
+    is_turn_known = windows.at_rows(has_headings | (information >= _LEAST_INFORMATION))
 
     # residuals
-    into_robot = np.exp(-1j * heading)
-    place_residual = measured * np.exp(-1j * turned_heading) - predicted * into_robot
+    into_sensor = np.exp(-1j * heading)
+    place_residual = measured * np.exp(-1j * turned_heading) - predicted * into_sensor
     heading_residual = wrap_angle(measured_heading - turned_heading)
     value = np.stack([place_residual.real, place_residual.imag, heading_residual])
     is_placed, is_headed = drives.known[:, rows] & is_turn_known
@@ -260,16 +260,16 @@ def residuals(
     # derivative of the alignment, dtheta (f, R), where Im(conj(dc) x) = Re dc Im x - Im dc Re x
     place_slope = np.take(path.place_slope, rows, axis=-1)  # dc
     heading_slope = np.take(path.heading_slope, rows, axis=-1)  # dphi
-    per_turn = windows.each(np.conj(q) / np.maximum(np.abs(q) ** 2, _TINY))
+    per_turn = windows.at_rows(np.conj(q) / np.maximum(np.abs(q) ** 2, _TINY))
     by_place = place_weight * measured * per_turn
     by_heading = (of_headings * per_turn).real
     turn_slope = by_place.imag * place_slope.real - by_place.real * place_slope.imag
     turn_slope -= by_heading * heading_slope
-    turn_slope = windows.each(windows.sums(turn_slope))
+    turn_slope = windows.at_rows(windows.sums(turn_slope))
 
     # derivatives of the residuals
     about_mean = place_slope - weighted_means(place_slope)
-    place_residual_slope = -(about_mean + (1j * predicted) * turn_slope) * into_robot
+    place_residual_slope = -(about_mean + (1j * predicted) * turn_slope) * into_sensor
     heading_residual_slope = -heading_slope - turn_slope
     slope = np.stack([place_residual_slope.real, place_residual_slope.imag, heading_residual_slope])
     found = Residuals(value, slope, known)
@@ -288,15 +288,17 @@ def _with_gyro(
     """The residuals `found`, followed by turns by the gyro minus turns by the law since the row
     before.
 
-    A gyro reads (1 + scale) times the yaw rate. Both turns are timed by the encoder clock, so the
-    derivative by the clock offset is 0.
+    A gyro reads (1 + scale) times the yaw rate. Both turns are taken between the same times of the
+    encoder clock, which move with the clock offset: the derivative of their difference is about 0.
     """
+    # the first row of a window has no row before, but itself, with a turn of 0 that counts as not
+    # measured
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
     before[windows.first] = rows[windows.first]
     scale = 1 + values[model.index("gyro_scale")]
 
-    reading, reading_slope, known = model.gyro_turns(values, drives, free)
+    reading, reading_slope, time_read = model.gyro_turns(values, drives, free)
     by_gyro = reading[rows] - reading[before]
     by_law = path.heading[rows] - path.heading[before]
     value = by_gyro - scale * by_law
@@ -307,7 +309,7 @@ def _with_gyro(
     slope[free == model.index("gyro_scale")] -= by_law
     slope[free == model.index("clock_offset")] = 0.0
 
-    is_measured = known[rows] > known[before]
+    is_measured = time_read[rows] > time_read[before]
     return Residuals(
         np.append(found.value, value[None], axis=0),
         np.append(found.slope, slope[None], axis=0),
@@ -326,8 +328,8 @@ class WindowFit:
     free: np.ndarray  # (f,) indices of the parameters that were fitted
     spread: Array  # (3,) `Residuals.spread`
     block: np.ndarray  # (K,) block of each pose, from 0 to G - 1
-    blocks: Array  # (G, f, f) normal equations of each block, weighted
-    bend: Array  # (f, f) second derivatives of the loss
+    block_normals: Array  # (G, f, f) weighted normal equations of each block
+    curvature: Array  # (f, f) second derivatives of the loss
     score: Array  # (G, f) gradient from each block; the sum, with the prior's gradient, is about 0
     prior: Array  # (f,) precisions of the priors
     loss: float  # `Residuals.loss`
@@ -341,7 +343,7 @@ class WindowFit:
         the loss.
         """
         out = blocks.astype(float)
-        rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
+        rest = self._normal - np.einsum("fg,gab->fab", out, self.block_normals)
         step = newton_steps(rest, out @ self.score)
         values = np.tile(self.values, (len(out), 1))
         values[:, self.free] += step @ (self.inverse @ self._normal).T
@@ -349,11 +351,11 @@ class WindowFit:
         return np.clip(values, low, high)
 
     @cached_property
-    def apart(self) -> Array:
+    def changes_without_block(self) -> Array:
         """Changes (G, f) of the free parameters without each block."""
-        return self._apart_without_each(np.arange(len(self.score)))
+        return self._changes_without(np.arange(len(self.score)))
 
-    def _apart_without_each(self, part: np.ndarray) -> Array:
+    def _changes_without(self, part: np.ndarray) -> Array:
         """Changes (P, f) of the free parameters without each of P parts, given the `part` (G,) of
         each block.
         """
@@ -389,14 +391,14 @@ class WindowFit:
         share; NaN for too few blocks.
         """
         by_prior = self.inverse @ (self.prior[:, None] * self.inverse)
-        return cr3(self._apart_without_each(self._cluster_of_block)) + by_prior
+        return cr3(self._changes_without(self._cluster_of_block)) + by_prior
 
     @property
     def quantile(self) -> Array:
         """Half-widths (f,) of 95 % intervals, in standard errors."""
         cluster = self._cluster_of_block
-        normal = np.zeros((cluster.max() + 1, *self.bend.shape))
-        np.add.at(normal, cluster, self.blocks)
+        normal = np.zeros((cluster.max() + 1, *self.curvature.shape))
+        np.add.at(normal, cluster, self.block_normals)
         return student(normal, self._normal)
 
     @property
@@ -410,31 +412,31 @@ class WindowFit:
         block_count = len(self.score)
         if not 2 <= run_count < min(FEWEST_BLOCKS, block_count):
             return np.zeros(len(self.free), bool)
-        apart = self._apart_without_each(runs)
+        apart = self._changes_without(runs)
         between_runs = (1 - 1 / run_count) * np.sum(apart**2, axis=0)
-        between_blocks = np.diag(cr3(self.apart))
+        between_blocks = np.diag(cr3(self.changes_without_block))
         by_chance = fdtri(run_count - 1, block_count - run_count, 0.95)
         return np.asarray(between_runs > by_chance * between_blocks)
 
     @property
     def _normal(self) -> Array:
-        return self.blocks.sum(axis=0) + np.diag(self.prior)
+        return self.block_normals.sum(axis=0) + np.diag(self.prior)
 
     @cached_property
     def inverse(self) -> Array:
         """Covariance (f, f) of the free parameters, if residuals were independent."""
-        return _inverse(self.bend + np.diag(self.prior), self._normal)
+        return _inverse(self.curvature + np.diag(self.prior), self._normal)
 
 
-def _inverse(bend: Array, normal: Array) -> Array:
+def _inverse(curvature: Array, normal: Array) -> Array:
     """Inverse (f, f) of the loss's second derivatives, which are raised to at least a fifth of the
     normal equations.
     """
     scale = np.sqrt(np.diag(normal))
     scaling = np.outer(scale, scale)
     regular = normal / scaling + 1e-12 * np.eye(len(scale))
-    values, axes = eigh(bend / scaling, regular)
-    inverse = (axes / np.maximum(values, _LEAST_BEND)) @ axes.T
+    values, axes = eigh(curvature / scaling, regular)
+    inverse = (axes / np.maximum(values, _LEAST_CURVATURE)) @ axes.T
     return np.asarray(inverse / scaling)
 
 
@@ -450,20 +452,22 @@ def fit_windows(
     """Fit all parameters except `held` in windows of `length` [s], from start `values` (p,), with
     prior `mean` (p,).
 
-    Blocks of driving last at least `block_length` [s], by default two windows.
+    Blocks of driving, whose scatter yields the standard errors, last at least `block_length` [s],
+    by default two windows.
     """
+    # the parameters that are fitted, and the precisions of their priors
     free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
     prior = 1 / model.prior[free] ** 2
 
-    # the least loss
+    # the values of least loss, and the residuals there with their weights
     windows = Windows.cut(drives, length)
-    values, rest = _least_loss(model, drives, windows, values, free, mean)
-    spread = rest.spread
-    weight, curvature = rest.weights(spread)
+    values, found = _least_loss(model, drives, windows, values, free, mean)
+    spread = found.spread
+    weight, curvature_weight = found.weights(spread)
 
     # the share of each block of driving, long enough that few windows overlap two blocks
     block = drives.blocks(2 * length if block_length is None else block_length)
-    blocks, score = _block_sums(rest, weight, windows, block)
+    block_normals, score = _block_sums(found, weight, windows, block)
     return WindowFit(
         model=model,
         drives=drives,
@@ -472,11 +476,11 @@ def fit_windows(
         free=free,
         spread=spread,
         block=block,
-        blocks=blocks,
-        bend=rest.normal(curvature),
+        block_normals=block_normals,
+        curvature=found.normal(curvature_weight),
         score=score,
         prior=prior,
-        loss=rest.loss(spread),
+        loss=found.loss(spread),
     )
 
 
@@ -500,15 +504,17 @@ def _least_loss(
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
     known = drives.known[:, windows.pose].astype(float)
-    rest = residuals(model, drives, windows, values, free, known / _FIRST_SPREAD**2)
+    current = residuals(model, drives, windows, values, free, known / _FIRST_SPREAD**2)
     change = np.inf
     for _ in range(_ITERATIONS):
-        spread = rest.spread
-        weight, curvature = rest.weights(spread)
-        normal = rest.normal(weight) + np.diag(prior)
-        gradient = rest.score(weight) + prior * (values - mean)[free]
+        # a step downhill, within the limits
+        spread = current.spread
+        weight, curvature_weight = current.weights(spread)
+        normal = current.normal(weight) + np.diag(prior)
+        gradient = current.score(weight) + prior * (values - mean)[free]
         if change < _NEAR:
-            step = _inverse(rest.normal(curvature) + np.diag(prior), normal) @ gradient
+            curvature = current.normal(curvature_weight) + np.diag(prior)
+            step = _inverse(curvature, normal) @ gradient
         else:
             step = _RELAXATION * np.linalg.solve(normal, gradient)
         moved = np.clip(values[free] - step, low, high)
@@ -517,15 +523,17 @@ def _least_loss(
         if change < _CONVERGED:
             break
 
-        # near the minimum, derivatives hardly change
+        # residuals there; near the minimum, their derivatives hardly change
         slopes = free if change > _FAR else free[:0]
         later = residuals(model, drives, windows, values, slopes, known / spread[:2, None] ** 2)
-        rest = later if len(slopes) else replace(later, slope=rest.slope)
-    return values, residuals(model, drives, windows, values, free, rest.alignment(rest.spread))
+        current = later if len(slopes) else replace(later, slope=current.slope)
+    return values, residuals(
+        model, drives, windows, values, free, current.alignment(current.spread)
+    )
 
 
 def _block_sums(
-    rest: Residuals, weight: Array, windows: Windows, block: np.ndarray
+    found: Residuals, weight: Array, windows: Windows, block: np.ndarray
 ) -> tuple[Array, Array]:
     """Normal equations (G, f, f) and gradients (G, f) of blocks, from the `block` (K,) of each
     pose.
@@ -533,14 +541,14 @@ def _block_sums(
     A window belongs to the block of its middle. A block without windows, as at the edge of a gap in
     the driving, has zeros.
     """
-    block_of_row = windows.each(block[windows.middle])
+    block_of_row = windows.at_rows(block[windows.middle])
     count = int(block.max()) + 1
-    size = rest.slope.shape[1]
+    size = found.slope.shape[1]
     normal = np.zeros((count, size, size))
     score = np.zeros((count, size))
     borders = np.flatnonzero(np.diff(block_of_row, prepend=-1, append=-1)).tolist()
     for begin, end in pairwise(borders):  # most rows of a block are consecutive
         rows = slice(begin, end)
-        normal[block_of_row[begin]] += rest.normal(weight, rows)
-        score[block_of_row[begin]] += rest.score(weight, rows)
+        normal[block_of_row[begin]] += found.normal(weight, rows)
+        score[block_of_row[begin]] += found.score(weight, rows)
     return normal, score

@@ -69,8 +69,8 @@ class StoredLaws:
         by_drives = self.drive_fit(law)
         is_of_drives = self.content.get("method") == "drive" or by_runs is None
         full = by_drives if is_of_drives else by_runs
-        short = entry(self.content, "slip_laws", law)
-        for fit in (full, short):
+        values_alone = entry(self.content, "slip_laws", law)
+        for fit in (full, values_alone):
             if isinstance(fit, Mapping):
                 return fit
         return {}

@@ -114,14 +114,14 @@ class PlateBeams:
         )
 
     def thinned(self, most: int) -> PlateBeams:
-        """Keep every n-th return of each scan, so that about `most` or fewer are left, and both
-        edges.
+        """Keep every n-th return of each scan, so that `most` to 2 `most` are left, or all if there
+        are no more, and both edges.
         """
-        interval = np.maximum(1, self.count // most)
-        number_in_scan = np.arange(len(self.range)) - np.repeat(self.first, self.count)
-        is_kept = number_in_scan % np.repeat(interval, self.count) == 0
+        stride = np.maximum(1, self.count // most)  # of each scan
+        number_in_scan = np.arange(len(self.range)) - self.at_returns(self.first)
+        is_kept = number_in_scan % self.at_returns(stride) == 0
         kept = np.flatnonzero(is_kept)
-        count = np.ceil(self.count / interval).astype(int)
+        count = np.ceil(self.count / stride).astype(int)
         return PlateBeams(
             u=self.u.take(kept, axis=1),
             u_turned=self.u_turned.take(kept, axis=1),
@@ -132,7 +132,7 @@ class PlateBeams:
             noise=self.noise,
         )
 
-    def spread(self, of_scans: Array) -> Array:
+    def at_returns(self, of_scans: Array) -> Array:
         """Repeat values (..., M) of the scans for each of their returns: (..., H)."""
         return of_scans.repeat(self.count, axis=-1)
 
@@ -428,7 +428,7 @@ class PlateLikelihood:
         np.copysign(_MIN_DIVISOR, place, out=of_scans[6:8])
         np.maximum(centre_distance - radius, _MIN_DIVISOR, out=of_scans[8])
         np.add(centre_distance, radius, out=of_scans[9])
-        spread = beams.spread(of_scans)
+        spread = beams.at_returns(of_scans)
         cos = spread[0]
         sin = spread[1]
         place_of_beams = spread[2:4]

@@ -112,36 +112,40 @@ class PlateLocator:
     plate: Plate = field(default_factory=Plate)
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
-        """Poses of the plate in scans with ranges (S, B); see `Locator`.
+        """Poses of the plate in scans with ranges (S, B), near the `predicted` poses (S, 3) in the
+        world, if given; see `Locator`.
 
         Without expected poses, every cluster that could be a plate is tried, and the solution with
         the highest score is kept. If a cluster may contain returns from other objects, or lack
         returns from the plate, its returns are selected again with the fitted pose.
         """
-        near = None if predicted is None else scan.from_world(predicted)
+        # all fits are in the frame of the LRF
+        expected = None if predicted is None else scan.from_world(predicted)
         scans = len(scan.ranges)
         found = PlateSolution.none(scans)
         for begin in range(0, scans, _MAX_AT_ONCE):
             rows = np.arange(begin, min(begin + _MAX_AT_ONCE, scans))
             part = replace(scan, ranges=scan.ranges[rows])
-            found.put(rows, self._located(part, None if near is None else near[rows]))
+            found.put(rows, self._located(part, None if expected is None else expected[rows]))
 
+        # back to the world, with NaN for the covariance of a pose that isn't valid
         valid = self._is_valid(found)
         covariance = scan.covariance_to_world(found.covariance)
         covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
-    def _located(self, scan: Scan, near: Array | None) -> PlateSolution:
-        """Solutions for all scans, starting from expected poses `near` (S, 3) in the LRF's frame if
+    def _located(self, scan: Scan, expected: Array | None) -> PlateSolution:
+        """Solutions for all scans, starting from `expected` poses (S, 3) in the LRF's frame if
         these are known.
         """
-        if near is None:
-            # without expected poses, whatever is doubtful may be another object altogether
+        if expected is None:
+            # whatever is doubtful may be another object altogether, as good as a failed fit
             found = self._best(scan, MAX_GAP)
             is_doubtful = found.doubtful | ~np.isfinite(found.misfit)
             is_failed = is_doubtful
         else:
-            found = self._solve(scan, extract_plate(scan, self.plate, near), near)
+            # the returns near the expected plate; a fit to them may be doubtful, but not failed
+            found = self._solve(scan, extract_plate(scan, self.plate, expected), expected)
             is_failed = found.misfit > _MAX_MISFIT
             is_doubtful = found.doubtful | is_failed
 
@@ -154,21 +158,21 @@ class PlateLocator:
 
         doubtful = np.flatnonzero(is_doubtful)
         if doubtful.size:
-            self._select_again(scan, found, doubtful, near)
+            self._select_again(scan, found, doubtful, expected)
         return found
 
     def _select_again(
-        self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None
+        self, scan: Scan, found: PlateSolution, rows: np.ndarray, expected: Array | None
     ) -> None:
         """Improve the solutions for the scans `rows` by selecting the returns anew with the fitted
-        poses, or with the expected poses `near` (S, 3) where a fit failed.
+        poses, or with the `expected` poses (S, 3) where a fit failed.
         """
         part = replace(scan, ranges=scan.ranges[rows])
         for _ in range(_MAX_SELECTIONS):
             pose = found.pose[rows]
-            if near is not None:
+            if expected is not None:
                 is_fitted = found.misfit[rows] < _MAX_MISFIT
-                pose = np.where(is_fitted[:, None], pose, near[rows])
+                pose = np.where(is_fitted[:, None], pose, expected[rows])
             cluster = returns_at(part, self.plate, pose)
             found.improve(rows, self._solve(part, cluster, pose))
 
@@ -192,17 +196,17 @@ class PlateLocator:
         is_not_edge_on = viewing_angle(found.pose) > EDGE_ON
         return is_explained & has_position & has_heading & is_not_edge_on
 
-    def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
+    def _solve(self, scan: Scan, cluster: Cluster, expected: Array | None) -> PlateSolution:
         """The best solution for each cluster of MIN_RETURNS or more returns."""
         found = PlateSolution.none(len(cluster.count))
         rows = np.flatnonzero(cluster.count >= MIN_RETURNS)
         if not rows.size:
             return found
         cluster = cluster.take(rows)
-        if near is not None:
-            near = near[rows]
+        if expected is not None:
+            expected = expected[rows]
         beams = PlateBeams.of(scan, cluster)
-        fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
+        fit, misfit = self._fit(beams, cluster, scan.beam_step, expected)
 
         # scattered returns and chance clusters determine less than the likelihood's curvature says
         short_distance = self.plate.thickness / scan.beam_step
@@ -213,7 +217,8 @@ class PlateLocator:
         is_cut = cluster.hidden.max(axis=1) > 0
         covariance[is_cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
 
-        # relative to a scan without a plate: each return gains, each beam without one loses
+        # log likelihood relative to a scan without a plate: each return of the cluster gains, and
+        # each beam inside the cluster that gave no return loses
         score = _GAIN_PER_RETURN * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
         solution = PlateSolution(
@@ -227,21 +232,21 @@ class PlateLocator:
         return found
 
     def _fit(
-        self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
+        self, beams: PlateBeams, cluster: Cluster, beam_step: float, expected: Array | None
     ) -> tuple[Evaluation, Array]:
-        """The best fits and their misfits (S,). Where the fit from `near` (S, 3) succeeds, no other
-        pose is tried.
+        """The best fits and their misfits (S,). Where the fit from `expected` (S, 3) succeeds, no
+        other pose is tried.
         """
-        if near is None:
+        if expected is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
 
-        fit = PlateLikelihood(self.plate, _HUBER).climb(beams, near, _MAX_STEPS)
+        fit = PlateLikelihood(self.plate, _HUBER).climb(beams, expected, _MAX_STEPS)
         is_unsure = cluster.count < _MIN_PLATE_RETURNS
         is_unsure |= _scatters(_misfit(fit, cluster), cluster.count)
         rows = np.flatnonzero(is_unsure)
         if rows.size:
-            first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
+            first = starts(cluster.take(rows), self.plate, beam_step, expected[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit, _misfit(fit, cluster)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.errors import LogError, counted
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import PlateBeams, PlateLikelihood
 from trackslip.localization.plate import PlateLocator
@@ -28,7 +29,6 @@ _KEY_SCANS: Final = 400
 _FIRST_NOISE: Final = 0.02
 # above the noise of any scanner; ranges that scatter more are not from a fixed object [m]
 _MAX_NOISE: Final = 0.04
-_MAD_TO_DEVIATION: Final = 1.4826  # standard deviation per median absolute deviation, if normal
 # number of alternations between locating the plate and estimating background and noise
 _ROUNDS: Final = 3
 # distance from the plate within which returns are not used for the background [m]
@@ -227,7 +227,7 @@ def background(ranges: np.ndarray) -> Array:
 
     is_known = np.isfinite(level)
     away = np.abs(seen[:, is_known] - level[is_known])
-    deviation = _MAD_TO_DEVIATION * np.nanmedian(away, axis=0)
+    deviation = DEVIATION_PER_MEDIAN * np.nanmedian(away, axis=0)
     is_known[is_known] = deviation < _MAX_NOISE
     return np.where(is_known, level, np.nan)
 

@@ -133,21 +133,21 @@ def _parts_with_whole_runs(metadata: pa.parquet.FileMetaData) -> list[list[int]]
     That is known if each row group contains a single run, in the order of the runs; otherwise all
     row groups are one part.
     """
-    whole = [list(range(metadata.num_row_groups))]
+    single_part = [list(range(metadata.num_row_groups))]
     paths = [metadata.schema.column(k).path for k in range(metadata.num_columns)]
     if "run" not in paths:
-        return whole
+        return single_part
     parts: list[list[int]] = [[]]
     rows = 0
     seen: set[str | int] = set()
     last: str | int | None = None
-    for group in whole[0]:
+    for group in single_part[0]:
         content = metadata.row_group(group)
         names = content.column(paths.index("run")).statistics
         if names is None or names.null_count or not isinstance(names.min, str | int):
-            return whole
+            return single_part
         if names.min != names.max or (names.min != last and names.min in seen):
-            return whole
+            return single_part
         if names.min != last and rows >= _ROWS_AT_ONCE:
             parts.append([])
             rows = 0

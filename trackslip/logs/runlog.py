@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped
+from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped_headings
 
 MALFORMED: Final = (
     TrackslipError,
@@ -176,7 +176,7 @@ class RunLog:
         pose[:, : len(columns)] = np.stack(columns, axis=-1)
         measured = np.isfinite(pose).any(axis=1)
         headed = np.isfinite(pose[:, 2])
-        pose[headed, 2] = unwrapped(pose[headed, 2])
+        pose[headed, 2] = unwrapped_headings(pose[headed, 2])
 
         # a row for each reading of the encoders and each pose between them
         within = measured & (posed >= time[0]) & (posed <= time[-1])
@@ -243,11 +243,11 @@ class RunLog:
         """Cut the log into parts of equal duration, about `duration` [s] each; a shorter log is
         returned whole.
         """
-        whole = float(self.time[-1] - self.time[0])
-        count = max(round(whole / duration), 1)
+        total = float(self.time[-1] - self.time[0])
+        count = max(round(total / duration), 1)
         if count == 1:
             return [self]
-        edges = self.time[0] + whole * np.arange(count + 1) / count
+        edges = self.time[0] + total * np.arange(count + 1) / count
         rows = np.searchsorted(self.time, edges).tolist()
         rows[-1] = len(self.time)
         parts = [self.between(first, end) for first, end in pairwise(rows) if end - first > 1]

@@ -112,9 +112,9 @@ class ParquetSize:
             return sum(chunk.num_values * chunk.total_uncompressed_size for chunk in chunks)
         size = 0
         for group, chunk in zip(groups, chunks, strict=True):
-            alike = _common_text(chunk)
-            if alike is not None:
-                size += chunk.num_values * len(alike.encode())
+            text = _common_text(chunk)
+            if text is not None:
+                size += chunk.num_values * len(text.encode())
                 continue
             (texts,) = self._texts.read_row_group(group, columns=[column.path]).flatten().columns
             size += sum(map(_expanded_size, texts.chunks))

@@ -24,7 +24,7 @@ from trackslip.logs.angles import (
     odometry_speeds,
     unwrapped_angle,
 )
-from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
+from trackslip.logs.checks import gaps, in_order, restarts, unwrapped_headings
 from trackslip.logs.columns import Columns
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
 from trackslip.logs.recognition import suggested_columns
@@ -317,7 +317,7 @@ class _Reader:
         rows = covered
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
-        pose[headed, 2] = unwrapped(pose[headed, 2])
+        pose[headed, 2] = unwrapped_headings(pose[headed, 2])
         all_valid = valid.all() and "valid" not in self._table.column_names
         return RunLog(
             run=name,
@@ -382,10 +382,10 @@ class _Reader:
         known = np.isfinite(self._values[rows[:, None], readings])
         place = time.copy()
         for sensor in np.unique(known, axis=0):
-            own = np.flatnonzero((known == sensor).all(axis=1))
-            ascending = in_order(time[own])
-            before = np.searchsorted(ascending, np.arange(len(own)), side="right") - 1
-            place[own] = time[own[ascending]][np.maximum(before, 0)]
+            of_sensor = np.flatnonzero((known == sensor).all(axis=1))
+            ascending = in_order(time[of_sensor])
+            before = np.searchsorted(ascending, np.arange(len(of_sensor)), side="right") - 1
+            place[of_sensor] = time[of_sensor[ascending]][np.maximum(before, 0)]
         return rows[np.argsort(place, kind="stable")]
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
@@ -501,9 +501,9 @@ class _Reader:
             raise self._no_row_has_both()
         angles = []
         for side, column in enumerate(self._kind.value):
-            own = np.flatnonzero(known[:, side])
-            angle = self._angle(column, rows[own], time[own], readings[own, side])
-            angles.append(np.interp(time[read], time[own], angle))
+            of_side = np.flatnonzero(known[:, side])
+            angle = self._angle(column, rows[of_side], time[of_side], readings[of_side, side])
+            angles.append(np.interp(time[read], time[of_side], angle))
         return read, mean_speeds(time[read], np.stack(angles, axis=-1))
 
     def _without_repeats(
@@ -558,7 +558,7 @@ class _Reader:
         poses = self._values[rows[:, None], [_TIME, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
-        poses[headed, 3] = unwrapped(poses[headed, 3])
+        poses[headed, 3] = unwrapped_headings(poses[headed, 3])
         return poses if len(poses) else None
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:

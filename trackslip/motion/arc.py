@@ -8,6 +8,7 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.errors import LogError
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
@@ -24,7 +25,7 @@ _LEAST_JUMP: Final = np.array([0.05, np.radians(3.0)])
 # difference of medians above which chance does not explain it [standard deviations of a pose]
 _JUMP: Final = 4.0
 # standard deviation over median size, for two coordinates and for one
-_TO_DEVIATION: Final = np.array([0.8493, 1.4826])
+_TO_DEVIATION: Final = np.array([0.8493, DEVIATION_PER_MEDIAN])
 # share of the motion between two medians that varying slip may explain as a jump [-]
 _UNEVEN: Final = 0.1
 # white noise needs 5, wild poses at 15 % of the times, all alike, up to 450 (test_arc)
@@ -131,7 +132,7 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
 
         # Huber's loss is linear for residuals above some times their spread
         size = np.abs(residual)
-        spread = np.maximum(1.0, 1.4826 * np.median(size, axis=0))
+        spread = np.maximum(1.0, DEVIATION_PER_MEDIAN * np.median(size, axis=0))
         weight = np.minimum(1.0, _HUBER * spread / np.maximum(size, 1e-300))
         weighted = jacobian * weight[..., None]
         hessian = np.einsum("tki,tkj->ij", weighted, jacobian)

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.intervals import DEVIATION_PER_MEDIAN
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
@@ -110,11 +111,11 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     _require_headings(log)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    late = [
+    gap_lines = [
         f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s"
         for k in gaps
     ]
-    notes = [f"run {log.run!r}: {gap}" for gap in late]
+    notes = [f"run {log.run!r}: {line}" for line in gap_lines]
     lead = max(settle, MARGIN)
     headed = log.time[log.has_heading]
     usual = float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0  # between poses
@@ -123,7 +124,7 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     long, longest = constant_stretches(log.time, log.omega, gaps, least)
     if not long:
         begin, end = log.time[list(longest)]
-        why = [*late[:_LISTED], f"steady from {begin:.12g} s to {end:.12g} s only, too short"]
+        why = [*gap_lines[:_LISTED], f"steady from {begin:.12g} s to {end:.12g} s only, too short"]
         left_out = (
             f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc "
             f"needs {enough:.2g} s"
@@ -255,7 +256,7 @@ def constant_stretches(
     # variation of the means that is allowed
     fastest = max(float(np.abs(mean).max()) for mean in means)
     floor = _DRIFT * _SLOW * fastest
-    jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
+    jitter = DEVIATION_PER_MEDIAN * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
     noise = _NOISE * jitter / np.sqrt(size)
 
     stretches = list[tuple[int, int]]()

@@ -154,16 +154,21 @@ class SlipOdometry:
         zero.
         """
         self._start = _finite("pose", pose, (3,))
-        known: Array = np.zeros((3, 3))
+        of_start: Array = np.zeros((3, 3))
         if covariance is not None:
-            known = _finite("covariance", covariance, (3, 3))
+            of_start = _finite("covariance", covariance, (3, 3))
+
+        # errors at the start are an arc's at the place 0, and turn the whole path, too
         robots = self._start.shape[:-1]
+        moments = np.broadcast_to(of_start, (*robots, 3, 3)).copy()
+
+        # before the first reading, the bias is as if it had been read for a while
         parameters = len(self._parameter_covariance)
         bias = 0.0 if self.gyro is None else self.gyro.bias
         self._state = _State(
             place=np.zeros(robots, complex),
             heading=self._start[..., 2].copy(),
-            moments=np.broadcast_to(known, (*robots, 3, 3)).copy(),
+            moments=moments,
             place_slopes=np.zeros((*robots, parameters), complex),
             heading_slopes=np.zeros((*robots, parameters)),
             rest_time=np.full(robots, _TIME_FOR_BIAS),
@@ -311,7 +316,7 @@ class SlipOdometry:
         has_reading = np.isfinite(gyro)
         reading = np.where(has_reading, gyro, 0.0)
 
-        # the bias so far is the mean reading at rest
+        # the bias is the mean reading at rest before each motion
         stands = (np.abs(omega) < _MAX_SPEED_AT_REST).all(axis=-1)
         reads_nothing = np.abs(reading - errors.bias) < _MAX_READING_AT_REST
         is_at_rest = has_reading & stands & reads_nothing
@@ -324,7 +329,7 @@ class SlipOdometry:
         scale = 1 + errors.scale
         measured_rate = (reading - bias) / scale
         slopes = np.where(is_measured[..., None], 0.0, by_law.slopes)
-        if self.gyro is not None:
+        if self.gyro is not None:  # its bias and scale are the last parameters
             slopes[..., -2] = np.where(is_measured, -1 / scale, 0.0)
             slopes[..., -1] = np.where(is_measured, -(reading - bias) / scale**2, 0.0)
         gyro_variance = (errors.noise / scale) ** 2 * h

@@ -51,7 +51,7 @@ _PATH_PARTS: Final = 8  # number of parts into which a maneuver is divided for i
 _SLIP_DEVIATIONS: Final = 3.5  # standard deviations of slip for which the area leaves room
 _POPULATION: Final = 40  # number of routes in each generation of a search
 _FIRST_SPINNING: Final = (0.25, 0.35, 0.45, 0.55)  # shares of spins in a search's first routes [-]
-_FIRST_PAIRS: Final = (2, 3, 4, 6)  # pairs of spins in a search's first routes
+_FIRST_STRETCHES: Final = (2, 3, 4, 6)  # stretches of legs in a search's first routes
 _FIRST_SHRINK: Final = 0.01  # `Route.shrink` in a search's first routes [-]
 
 
@@ -73,7 +73,7 @@ GENES: Final = (
     Gene("bow_out", -MAX_BOW, MAX_BOW, whole=True),
     Gene("bow_back", -MAX_BOW, MAX_BOW, whole=True),
     Gene("spinning", 0.02, 0.6, whole=False),
-    Gene("pairs", 1, 12, whole=True),
+    Gene("stretches", 1, 12, whole=True),
     Gene("size", 0.2, 1.0, whole=False),
     Gene("ends", 0.0, 1.0, whole=False),
     Gene("shrink", 0.0, 0.05, whole=False),
@@ -90,11 +90,14 @@ class Route:
     backwards: tuple[bool, bool]  # whether the legs out and back are driven in reverse
     bow: tuple[int, int]  # angle between the chord and the ends of each leg, in units of BOW
     spinning: float  # fraction of the time for pairs of spins, which turn to both sides [-]
-    # number of stretches of legs between pairs of spins, of which there is thus one more
-    pairs: int
+    # number of stretches of legs; a pair of spins is driven before the first, between and after
+    # the last, so there is one pair more
+    stretches: int
     size: float = 1.0  # distances between the places, relative to the largest useful distances [-]
     ends: float = 0.5
-    """Length of the first and last pair of spins relative to others, which serve two legs [-]."""
+    """Length of the first and last pair of spins relative to others, which serve two stretches
+    [-].
+    """
     # relative reduction of the distance from the centre at each leg, as slip adds up [-]
     shrink: float = 0.0
 
@@ -108,7 +111,7 @@ class Route:
             backwards=(bool(value["backwards_out"]), bool(value["backwards_back"])),
             bow=(int(value["bow_out"]), int(value["bow_back"])),
             spinning=value["spinning"],
-            pairs=int(value["pairs"]),
+            stretches=int(value["stretches"]),
             size=value["size"],
             ends=value["ends"],
             shrink=value["shrink"],
@@ -237,7 +240,11 @@ def longest_spin(duration: float, limits: DriveLimits) -> float:
 
 
 def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRoute | None:
-    """Scale a route to the size that the area allows. None if it doesn't fit or has no length."""
+    """Scale a route to the size that the area allows. None if it doesn't fit or has no length.
+
+    The places are moved closer together until the robot's extent, under every expected law and with
+    slip, is as long and wide as the area. The middle of the extent is put in the area's centre.
+    """
     scale = route.size
     for _ in range(_MAX_REDUCTIONS):
         if route.start == route.end or scale < _MIN_SCALE:
@@ -306,20 +313,20 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), time_for_legs + _TIME_ROUNDING))
 
-    # the remaining time is shared among the pairs, one more than `pairs`, as the first and last
-    # serve only one leg; a spin takes half of its pair's time
-    share = np.ones(route.pairs + 1)
-    share[[0, -1]] = route.ends if route.pairs > 1 else 1.0
+    # the remaining time is shared among the pairs, of which the first and the last serve only one
+    # stretch; a spin takes half of its pair's time
+    share = np.ones(route.stretches + 1)
+    share[[0, -1]] = route.ends if route.stretches > 1 else 1.0
     share /= share.sum()
     remaining = limits.duration - times[:count].sum()
     to_the_left_and_back = np.outer([1.0, -1.0], TRACK_SIGNS)
     pairs = [longest_spin(remaining * part / 2, limits) * to_the_left_and_back for part in share]
     pairs[1::2] = [-pair for pair in pairs[1::2]]
 
-    # the legs between pairs, none after the last one; a leg has two maneuvers
-    legs_before = np.linspace(0, count, route.pairs + 1).astype(int)
+    # the stretch of legs after each pair, empty after the last one; a leg has two maneuvers
+    legs_before_pair = np.linspace(0, count, route.stretches + 1).astype(int)
     maneuvers = legs[:count].reshape(-1, 2)
-    stretches = np.split(maneuvers, 2 * legs_before[1:])
+    stretches = np.split(maneuvers, 2 * legs_before_pair[1:])
 
     sequence = []
     for pair, stretch in zip(pairs, stretches, strict=True):
@@ -394,31 +401,37 @@ def best_route(
     The method is that of Storn and Price (1997). The search begins with straight lines along the
     diagonal, with various shares of spins, and with random routes.
     """
+    # the bounds of the numbers that the search varies
     low = np.array([gene.low for gene in GENES])
     high = np.array([gene.high for gene in GENES])
-    whole = np.array([gene.whole for gene in GENES])
-    diagonals = [
-        Route(
-            start=0,
-            end=LAST_WAYPOINT,
-            backwards=(False, True),
-            bow=(0, 0),
-            spinning=spinning,
-            pairs=pairs,
-            shrink=_FIRST_SHRINK,
-        )
-        for spinning in _FIRST_SPINNING
-        for pairs in _FIRST_PAIRS
-    ]
+    is_whole = np.array([gene.whole for gene in GENES])
+
+    # the first routes
+    diagonals = list[Route]()
+    for spinning in _FIRST_SPINNING:
+        for stretches in _FIRST_STRETCHES:
+            diagonal = Route(
+                start=0,
+                end=LAST_WAYPOINT,
+                backwards=(False, True),
+                bow=(0, 0),
+                spinning=spinning,
+                stretches=stretches,
+                shrink=_FIRST_SHRINK,
+            )
+            diagonals.append(diagonal)
     first = rng.uniform(low, high, (_POPULATION, len(GENES)))
     first[: len(diagonals)] = [route.genes for route in diagonals]
-    first = np.where(whole, np.round(first), first)
+    first = np.where(is_whole, np.round(first), first)
+
+    # each generation evaluates as many routes as the first, which doesn't count as an iteration
+    generations = evaluations // _POPULATION
     found = scipy.optimize.differential_evolution(
         lambda genes: cost(Route.of(genes)),
         np.column_stack([low, high]),
-        integrality=whole,
+        integrality=is_whole,
         init=first,
-        maxiter=max(0, evaluations // _POPULATION - 1),
+        maxiter=max(0, generations - 1),
         polish=False,
         tol=0.0,
         rng=rng,

@@ -97,7 +97,7 @@ def test_the_best_law_has_the_smallest_errors_at_most_horizons():
     found = best_of(
         icr_radius=missed((1.0, 1.0, 1.0, 2.0)), turn_loss=missed((0.9, 0.9, 0.9, 9.0), 1)
     )
-    assert found.reason == "turn_loss has the smallest errors at 3 of 4 times ahead"
+    assert found.reason == "smallest errors of all laws at 3 of 4 horizons"
     assert found.best == "turn_loss"
     assert found.score["icr_radius"] < found.score["turn_loss"]  # 10 s would decide a mean
 

@@ -172,9 +172,9 @@ def test_windows_of_a_standstill_need_headings(kind, used):
     values = np.array([HUSKY.offset, HUSKY.radius_error, *np.zeros(6)])
     weight = data.known[:, windows.pose] / 0.005**2
     found = residuals(driven, data, windows, values, NONE, weight)
-    is_resting = windows.each(np.abs(data.time[windows.middle] - 31.0) < 5.0)
+    is_resting = windows.at_rows(np.abs(data.time[windows.middle] - 31.0) < 5.0)
     assert found.known[0, is_resting].any() == used
-    is_moving = windows.each(data.time[windows.middle] < 16.0)
+    is_moving = windows.at_rows(data.time[windows.middle] < 16.0)
     assert found.known[0, is_moving].all()
 
 
