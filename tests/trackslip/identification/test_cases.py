@@ -258,6 +258,6 @@ def test_a_short_drive_with_a_gyro_gives_a_law_without_intervals():
     table = table_of(drive, *measured(drive), "a").append_column("gyro", pa.array(turned))
     (log,) = runs_from_table(table, "gyro.csv").runs
     found = answer(log)
-    assert {alarm.kind for alarm in found.alarms} == {"little", "blocks"}
+    assert {alarm.kind for alarm in found.alarms} == {"little"}
     assert np.isnan(found.answer["offset"].low)
     assert identified_law(found).gyro.bias == pytest.approx(0.02, abs=0.005)

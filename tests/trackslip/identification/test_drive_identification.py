@@ -75,7 +75,7 @@ def test_closed_loops_are_drives_and_steady_samples_are_none():
 
 def test_what_a_robot_shows_too_little_of_is_an_alarm():
     short = identify(drive_log(1, 20), GEOMETRY, method="drive")
-    assert {alarm.kind for alarm in short.alarms} == {"little", "blocks"}
+    assert {alarm.kind for alarm in short.alarms} == {"little"}
     assert np.isnan(short.answer["offset"].low)
     json.dumps(identification_to_json(short))
 
