@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from trackslip.kinematics import Array
-from trackslip.logs.repeats import changes_of, without_repeats
+from trackslip.logs.repeats import changes_of_speeds, without_repeats
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import STANDING
 
@@ -94,7 +94,7 @@ class Encoders:
         reading at both ends, and all intervals in between.
         """
         # a value lasts from edge to edge
-        bounds = np.append(changes_of(self.omega), len(self.omega))
+        bounds = np.append(changes_of_speeds(self.omega), len(self.omega))
         duration = np.diff(self.edges[bounds])
 
         # at rest, equal values tell nothing

@@ -24,6 +24,8 @@ _FEWEST: Final = 20  # least number of values that tell whether rows repeat read
 _FEWEST_BENDS: Final = 200  # least number of bends of speeds that tell their interval
 # an interval so many times as long as usual is a standstill or a gap
 _LONG: Final = 3.0
+# a step so many times as large as usual is no motion, but that of an angle that wraps
+_WRAP: Final = 5.0
 # least number of ticks between readings: slow sprockets stay at a tick for several readings, too
 _SEVERAL_TICKS: Final = 3.0
 # readings are in the last rows of values if speeds are smoother by this factor than by first rows
@@ -33,9 +35,16 @@ _LEAST_POWER: Final = 0.1
 _SIGNIFICANT: Final = 5.0  # [standard errors]
 
 
-def changes_of(values: Array) -> np.ndarray:
-    """Rows (m,) in which a new value begins, of values (n, k) in successive rows, and 0."""
-    same = np.isclose(values[1:], values[:-1], rtol=_ROUNDING, atol=0.0).all(axis=1)
+def changes_of_speeds(omega: Array) -> np.ndarray:
+    """Rows (m,) in which new speeds begin, of speeds (n, 2) in successive rows, and 0."""
+    same = np.isclose(omega[1:], omega[:-1], rtol=_ROUNDING, atol=0.0).all(axis=1)
+    return np.append(0, 1 + np.flatnonzero(~same))
+
+
+def _changes_of_angles(angles: Array) -> np.ndarray:
+    """Rows (m,) in which new angles begin, of angles (n, k) in successive rows, and 0."""
+    # angles may be large numbers of ticks, of which each counts
+    same = (angles[1:] == angles[:-1]).all(axis=1)
     return np.append(0, 1 + np.flatnonzero(~same))
 
 
@@ -62,7 +71,7 @@ def angle_readings(time: Array, angles: Array) -> np.ndarray | None:
     A driving sprocket whose angle stays the same, and jumps several ticks later on, again and
     again, wasn't read in between.
     """
-    changes = changes_of(angles)
+    changes = _changes_of_angles(angles)
     if len(changes) < _FEWEST:
         return None
     rows = np.diff(changes)
@@ -78,7 +87,7 @@ def angle_readings(time: Array, angles: Array) -> np.ndarray | None:
 
     # the first row of each value, or the last: backwards in time, that is the first one
     first = without_repeats(time, changes, usual)
-    backwards = without_repeats(-time[::-1], changes_of(angles[::-1]), usual)
+    backwards = without_repeats(-time[::-1], _changes_of_angles(angles[::-1]), usual)
     last = (len(time) - 1 - backwards)[::-1]
     roughness = [_roughness(time[rows], angles[rows]) for rows in (first, last)]
     return last if roughness[1] < _SMOOTHER * roughness[0] else first
@@ -94,7 +103,10 @@ def _tick(step: Array) -> float:
 
 def _roughness(time: Array, angles: Array) -> float:
     """Root mean square of the bends of speeds from angles (n, k) at times (n,)."""
-    speeds = np.diff(angles, axis=0) / np.diff(time)[:, None]
+    step = np.diff(angles, axis=0)
+    size = np.abs(step).max(axis=1)
+    is_motion = size < _WRAP * np.median(size[size > 0])
+    speeds = step[is_motion] / np.diff(time)[is_motion, None]
     bends = np.diff(speeds, n=2, axis=0)
     return float(np.sqrt((bends**2).mean()))
 
@@ -128,18 +140,30 @@ class Repeats:
         """The repeats in logs, each with times (n,) [s] and speeds (n, 2) [rad/s]; None for too
         few different speeds.
         """
-        parts = [part for time, omega in logs if (part := _Speeds.of(time, omega)) is not None]
-        if sum(len(part.rows) for part in parts) < _FEWEST:
+        if not logs:
             return None
+        parts = [_Speeds.of(time, omega) for time, omega in logs]
+        rows = np.concatenate([part.rows for part in parts])
         speeds = np.concatenate([part.omega[part.known] for part in parts])
+        if len(rows) < _FEWEST or not speeds.any():
+            return None
+
+        # bends, one after the other in all logs
+        bends = []
+        bends_before = []
+        bends_held = []
+        for part in parts:
+            bends.append(part.bends(np.ones(len(part.rows))))
+            bends_before.append(part.bends(part.before - 1))
+            bends_held.append(part.bends(part.held - 1))
         return cls(
-            rows=np.concatenate([part.rows for part in parts]),
+            rows=rows,
             turned_before=sum(part.turned(part.before) for part in parts),
             turned_held=sum(part.turned(part.held) for part in parts),
-            bends=np.concatenate([part.bends(np.ones(len(part.rows))) for part in parts]),
-            bends_before=np.concatenate([part.bends(part.before - 1) for part in parts]),
-            bends_held=np.concatenate([part.bends(part.held - 1) for part in parts]),
-            speed=float(np.sqrt((speeds**2).mean())) if len(speeds) else 0.0,
+            bends=np.concatenate(bends),
+            bends_before=np.concatenate(bends_before),
+            bends_held=np.concatenate(bends_held),
+            speed=float(np.sqrt((speeds**2).mean())),
         )
 
     @property
@@ -189,15 +213,13 @@ class _Speeds:
     known: np.ndarray  # (m,) bool: false after gaps and standstills
 
     @classmethod
-    def of(cls, time: Array, omega: Array) -> _Speeds | None:
-        """The speeds in rows (n, 2) at times (n,); None for fewer than three."""
-        first = changes_of(omega)
-        if len(first) < 4:
-            return None
+    def of(cls, time: Array, omega: Array) -> _Speeds:
+        """The speeds in rows (n, 2) at times (n,), but the first, whose interval isn't known."""
+        first = changes_of_speeds(omega)
         last = np.append(first[1:] - 1, len(time) - 1)
         before = np.diff(time[first])
         held = np.diff(time[last])
-        usual = float(np.median(before))
+        usual = float(np.median(before)) if len(before) else 1.0
         known = np.maximum(before, held) < _LONG * usual
         rows = (last - first + 1)[1:]
         return cls(omega[first[1:]], rows, before / usual, held / usual, known)
@@ -236,6 +258,6 @@ def speed_readings(time: Array, omega: Array) -> np.ndarray | None:
     repeats = Repeats.of([(time, omega)])
     if repeats is None or not repeats.are_frequent or not repeats.are_before:
         return None
-    changes = changes_of(omega)
+    changes = changes_of_speeds(omega)
     interval = np.diff(time[changes])
     return without_repeats(time, changes, float(np.median(interval)))

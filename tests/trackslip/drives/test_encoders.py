@@ -100,6 +100,16 @@ def test_a_standing_sprocket_was_read_all_the_time():
     assert steps[stands] == pytest.approx(0.02)
 
 
+TURNED = 5 * np.arange(400) + np.arange(400) ** 2 % 7
+
+
+@pytest.mark.parametrize("angle", [TURNED % 100, 4_000_000_000 + TURNED])
+def test_wrapped_angles_and_large_counts_are_read_once(angle):
+    time = 0.02 * np.arange(1200)
+    rows = angle_readings(time, angle[np.arange(1200) // 3][:, None].astype(float))
+    assert list(rows) == [*range(0, 1200, 3)]
+
+
 def log_of(time, omega):
     pose = np.column_stack([time, time, time])
     return RunLog("a", time, np.column_stack([omega, omega]), pose)
