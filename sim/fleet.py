@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast, Pull
-from sim.drive.saturation import advance_within_limits
 from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
 from sim.ground.ground import Ground
+from sim.ground.pull import Pull
 from sim.ground.shear import Shear
-from sim.robot.parameters import SINK
+from sim.motors.motor import Drive
+from sim.motors.sprockets import Forecast, Sprockets
+from sim.robot.parameters import MAX_RADIUS_ERROR, RADIUS_ERROR, SINK
 from sim.robot.robot import Robot
 from sim.world import World, steps_in
 from trackslip import se2
@@ -85,7 +87,7 @@ class Fleet(World):
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
         self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
         drive = drive or robot.parameters.drive
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
+        self.drive = Sprockets(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
         self._substeps = steps_in(
             "drive.period", drive.period, "the physics step", robot.model.opt.timestep
@@ -218,12 +220,16 @@ class Fleet(World):
             )
         if periods == 0:
             return
-        before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
-        torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
+        before = self._snapshot(EVERYONE)
+        forecast = self.drive.forecast(periods)
+        traction = self._run(EVERYONE, forecast.mean)
+        torque = self.drive.torque_for(forecast, traction)
         weak = self.drive.too_weak(forecast, torque)
         if not weak.size:
             self.drive.accept(forecast, torque)
             return
+
+        # the robots whose motors are too weak for the forecast go back and drive within limits
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
@@ -247,72 +253,95 @@ class Fleet(World):
         """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, with unlimited
         torque [rad/s].
         """
-        forecast = Forecast(
-            np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point
-        )
-        self.drive.accept(forecast, self.drive.torque_for(forecast, self._run(EVERYONE, omega)))
+        speeds = np.concatenate([self.drive.omega[None], omega])
+        forecast = Forecast(speeds, omega, omega[-1] - self.drive.set_point)
+        traction = self._run(EVERYONE, omega)
+        self.drive.accept(forecast, self.drive.torque_for(forecast, traction))
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; return mean tractions
         (P, R, 2) [N].
         """
-        belts, ids, parts = (
-            self.robot.pad_speeds(self._radius[rows] * mean),
-            None if rows is EVERYONE else rows,
-            [],
-        )
-        varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
-        changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
-        periods = 1 if changing else len(mean)  # the engine is faster without interruptions
+        belts = self.robot.pad_speeds(self._radius[rows] * mean)
+        varies = self._ground.varies
+        is_towed = self.pull.force > 0
+        is_steady = not (mean != mean[0]).any()
+        # the engine is faster without interruptions
+        is_whole = is_steady and not varies and not is_towed and self.shear is None
+        periods = len(mean) if is_whole else 1
+
+        parts = []
+        before = None if self.shear is None else self._placed(rows)
         for k in range(0, len(mean), periods):
             if varies:
                 self._lay_friction(rows)
-            if self.pull.force > 0:
+            if is_towed:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            recorded = self.batch.rollout(
-                periods * self._substeps, record=("sensordata", "xmat"), ids=ids
-            )
-            ahead = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
-            parts.append((recorded["sensordata"], ahead))
-            self._periods += periods
+            parts.append(self._roll(rows, periods))
             if before is not None:
                 after = self._placed(rows)
                 self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
-        sensed, forward = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-        sensed = np.add.reduce(
-            sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2
-        ).swapaxes(0, 1)
-        forward = forward.swapaxes(0, 1)
+
+        # one entry for each servo period: sensor data, and the chassis' x axis at its end
+        sensed = np.concatenate([data for data, _ in parts], axis=1)
+        sensed = sensed.reshape(len(sensed), len(mean), self._substeps, -1)
+        forward = np.concatenate([ahead for _, ahead in parts], axis=1).swapaxes(0, 1)
         self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
-        sensed /= self._substeps
         # grip builds up within a period, so only the mean force is consistent with the impulse
-        traction = _along(sensed[..., :6], forward)
-        self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
+        mean_sensed = np.add.reduce(sensed, axis=2).swapaxes(0, 1) / self._substeps
+        traction = _along(mean_sensed[..., :6], forward)
+        self.sensed[rows] = mean_sensed.mean(axis=0)
+        self.mean_traction[rows] = traction.mean(axis=0)
         return traction
 
-    def _advance_within_limits(self, rows: np.ndarray, drive: DriveState, periods: int) -> None:
+    def _roll(self, rows: Rows, periods: int) -> tuple[Array, Array]:
+        """Let the engine step the robots `rows` (R,) for P servo periods; return sensor data (R, S,
+        n) of all S steps, and the chassis' x axes (R, P, 2) at the end of the periods.
+        """
+        ids = None if rows is EVERYONE else rows
+        steps = periods * self._substeps
+        recorded = self.batch.rollout(steps, record=("sensordata", "xmat"), ids=ids)
+        self._periods += periods
+        at_ends = slice(self._substeps - 1, None, self._substeps)
+        forward = recorded["xmat"][:, at_ends, self._chassis, 0:4:3]
+        return recorded["sensordata"], forward
+
+    def _advance_within_limits(
+        self, rows: NDArray[np.int_], drive: Sprockets, periods: int
+    ) -> None:
         """Simulate some periods for the robots `rows` (R,), whose motors may be too weak to follow
         the servos.
 
         The sprocket of a weak motor ends a period at the speed for which its torque is just
         sufficient. The ground's response to a speed is found by trial steps.
         """
-        gravity, sensed = float(np.linalg.norm(self.robot.model.opt.gravity)), []
+        gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
+        sensed = np.zeros_like(self.sensed[rows])
+        traction = np.zeros_like(self.mean_traction[rows])
         for _ in range(periods):
-            before, began = self._snapshot(rows), self._periods
+            trial = functools.partial(self._repeat, rows, self._snapshot(rows), self._periods)
+            drive.advance_within_limits(self.robot.mass, gravity, trial)
+            sensed += self.sensed[rows]
+            traction += self.mean_traction[rows]
+        self.sensed[rows] = sensed / periods
+        self.mean_traction[rows] = traction / periods
 
-            def run(which: np.ndarray, omega: Array) -> Array:
-                self._restore(rows[which], tuple(part[which] for part in before))  # noqa: B023
-                self._periods = began  # noqa: B023
-                return self._run(rows[which], omega[None])[0]
-
-            advance_within_limits(drive, self.robot.mass, gravity, run)
-            sensed.append((self.sensed[rows], self.mean_traction[rows]))
-        self.sensed[rows], self.mean_traction[rows] = (
-            np.mean(each, axis=0) for each in zip(*sensed, strict=True)
-        )
+    def _repeat(
+        self,
+        rows: NDArray[np.int_],
+        before: tuple[Array, ...],
+        began: int,
+        which: NDArray[np.int_],
+        omega: Array,
+    ) -> Array:
+        """Run the period that began in the state `before` of the robots `rows` (R,) again, with
+        those at `which` (A,), at mean speeds (A, 2) [rad/s]; return mean tractions (A, 2) [N].
+        """
+        self._restore(rows[which], tuple(part[which] for part in before))
+        self._periods = began
+        return self._run(rows[which], omega[None])[0]
 
     def friction(self) -> Array:
         """Mean friction coefficients (N, 2) over the pads, along and across the tracks [-]."""
@@ -406,14 +435,20 @@ class Fleet(World):
         """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows`
         (R,) settled.
         """
-        qpos, half_turn = self.state.qpos, (start[:, 2] - self.state.heading[rows]) / 2
+        qpos = self.state.qpos
         qpos[rows, :2] = start[:, :2]
-        cos, sin = np.cos(half_turn), np.sin(half_turn)
+
+        # the quaternion of a rotation about z, times that of the robot
+        half_turn = (start[:, 2] - self.state.heading[rows]) / 2
+        cos = np.cos(half_turn)
+        sin = np.sin(half_turn)
         w, x, y, z = qpos[rows, 3:7].T
-        qpos[rows, 3:7] = np.column_stack(
-            [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
-        )
-        self.state.qvel[rows], self.batch.time[rows], self._heading[rows] = 0.0, 0.0, start[:, 2]
+        turned = [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
+        qpos[rows, 3:7] = np.column_stack(turned)
+
+        self.state.qvel[rows] = 0.0
+        self.batch.time[rows] = 0.0
+        self._heading[rows] = start[:, 2]
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) on the robots `rows` (R,) relative to their normal force [-]."""

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
+from sim.motors.motor import Drive, tireless
 from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled

@@ -108,7 +108,7 @@ class PolicyDriver:
             policy.network.shape,
             f"from {fits[0]} inputs to {fits[1]}",
         )
-        self._rows, self._command = 0, Command(np.zeros((1, 2)), world.servo.angle)
+        self._rows, self._command = 0, Command(np.zeros((1, 2)), world.flipper_servo.angle)
 
     def __call__(self, world: Traverse) -> Command:
         """Set points from the policy, renewed at the policy's period."""

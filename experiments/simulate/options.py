@@ -16,8 +16,10 @@ from experiments.common.options import (
     default_is,
     refuse_changed,
 )
-from sim.drive.drive import MAX_FORCE, MAX_RADIUS_ERROR, Drive, Pull
 from sim.ground.ground import Ground
+from sim.ground.pull import MAX_FORCE, Pull
+from sim.motors.motor import Drive
+from sim.robot.parameters import MAX_RADIUS_ERROR
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, checked, require_non_negative, require_positive
 

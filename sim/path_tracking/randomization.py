@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.fleet import Setting
 from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE, Ground, Patch
-from sim.robot.parameters import RobotParameters
+from sim.motors.motor import Drive
+from sim.robot.parameters import MAX_RADIUS_ERROR, RobotParameters
 from trackslip.errors import Checked, checked, require, require_range
 from trackslip.kinematics import Array
 

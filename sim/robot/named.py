@@ -15,8 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.drive.drive import Drive
 from sim.ground.ground import Ground
+from sim.motors.motor import Drive
 from sim.robot.model_check import absolute
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import MODELS, composite, shaped_robot
@@ -299,7 +299,7 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     swings = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
     loose = [name for name in (model.joint(k).name for k in swings) if name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
-    motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
+    motors = robot.drive.strength(0.0)
     whose = (
         "the shipped robot's, not counted on terrain"
         if robot.drive == Drive()

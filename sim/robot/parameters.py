@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
+from sim.motors.motor import Drive
 from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
@@ -23,6 +23,12 @@ any robot [m].
 """
 PATCH_LENGTH = 0.1
 """Default length of a wheel's contact with the ground [m]."""
+RADIUS_ERROR: Final = 0.0066
+"""Relative error of the shipped robot's effective sprocket radius, real / nominal - 1, tuned to the
+paper's slips [-].
+"""
+MAX_RADIUS_ERROR: Final = 0.5
+"""Largest magnitude of the radius error [-]."""
 _MIN_SIZE = 1e-3  # [m]
 _SIZE = require_within, _MIN_SIZE, 10.0, "m"  # allowed lengths
 _OFFSET = require_within, -10.0, 10.0, "m"  # allowed coordinates of the centre of mass

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.drive.drive import Drive
+from sim.motors.motor import Drive
 from sim.robot.parameters import PATCH_LENGTH, TRACKS, WHEELS
 from sim.robot.urdf import read_model
 from sim.tracks import Track
