@@ -13,9 +13,9 @@ from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_r
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
 from sim.ground.shear import Shear
-from sim.motors.motor import Drive
+from sim.motors.motor import Drive, or_tireless
 from sim.motors.sprockets import Forecast, Sprockets
-from sim.robot.parameters import MAX_RADIUS_ERROR, RADIUS_ERROR, SINK
+from sim.robot.parameters import MAX_RADIUS_ERROR, SINK
 from sim.robot.robot import Robot
 from sim.world import World, steps_in
 from trackslip import se2
@@ -49,7 +49,7 @@ class Fleet(World):
         robot: Robot,
         start: ArrayLike,
         ground: Ground | Sequence[Ground] | None = None,
-        radius_error: ArrayLike = RADIUS_ERROR,
+        radius_error: ArrayLike | None = None,
         drive: Drive | None = None,
         threads: int = 0,
         pull: Pull | None = None,
@@ -58,8 +58,9 @@ class Fleet(World):
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
         `ground` is a ground for all robots, or one per robot; `radius_error`, the sprockets'
-        relative error, is a scalar or (N,) [-]. All sprockets have the same `drive`, by default the
-        robot's, and all robots tow the same `pull`. `threads` is the number of worker threads, 0
+        relative error, is a scalar or (N,), by default the robot's [-]. All sprockets have the same
+        `drive`, by default the robot's; the torque of a robot without one is unlimited. All robots
+        tow the same `pull`. `threads` is the number of worker threads, 0
         for one per processor. If a ground shears, or if `shears` announces that a later one may,
         pads touch the ground at one point each instead of two.
 
@@ -85,8 +86,9 @@ class Fleet(World):
         """Centres (N, 3) of the robots' plates one physics step ago, a view of the batch [m]."""
         self._heading: Array = np.zeros(self.size)  # (N,) unwrapped [rad]
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
-        self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
-        drive = drive or robot.parameters.drive
+        error = robot.parameters.radius_error if radius_error is None else radius_error
+        self._radius = self._effective_radius(np.broadcast_to(error, (self.size,)))
+        drive = or_tireless(drive or robot.parameters.drive)
         self.drive = Sprockets(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
         self._substeps = steps_in(
@@ -128,16 +130,15 @@ class Fleet(World):
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis, with unwrapped headings [m, m, rad]."""
         pose = np.empty((self.size, 3))
-        pose[:, :2], pose[:, 2] = self.state.qpos[:, :2], self._heading
+        pose[:, :2] = self.state.qpos[:, :2]
+        pose[:, 2] = self._heading
         return pose
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
         twist = np.empty((self.size, 3))
-        twist[:, :2], twist[:, 2] = (
-            se2.rotate(-self._heading, self.state.qvel[:, :2]),
-            self.state.qvel[:, 5],
-        )
+        twist[:, :2] = se2.rotate(-self._heading, self.state.qvel[:, :2])
+        twist[:, 2] = self.state.qvel[:, 5]
         return twist
 
     def load(self) -> Array:
@@ -168,12 +169,14 @@ class Fleet(World):
             return
         start = np.array([s.start for s in setting], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
-        self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
-        self.drive.restart(
-            rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting]
-        )
+        own_error = self.robot.parameters.radius_error
+        errors = [own_error if s.radius_error is None else s.radius_error for s in setting]
+        self._radius[rows] = self._effective_radius(np.array(errors))
+        own_lag = self.drive.drive.lag
+        self.drive.restart(rows, [own_lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
-        mass, com = np.array([s.mass for s in setting]), np.array([s.weight for s in setting])
+        mass = np.array([s.mass for s in setting])
+        com = np.array([s.weight for s in setting])
         self._drive(rows, 1.0)
         self._load(rows, self._chassis, mass, com)
         self._drive(rows, 0.0)
@@ -244,10 +247,8 @@ class Fleet(World):
         """
         twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
         require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
-        self.state.qvel[:, :2], self.state.qvel[:, 5] = (
-            se2.rotate(self._heading, twist[:, :2]),
-            twist[:, 2],
-        )
+        self.state.qvel[:, :2] = se2.rotate(self._heading, twist[:, :2])
+        self.state.qvel[:, 5] = twist[:, 2]
 
     def follow(self, omega: Array) -> None:
         """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, with unlimited
@@ -362,11 +363,17 @@ class Fleet(World):
         period.
         """
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
-        centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
-        cos, sin = np.cos(heading), np.sin(heading)
-        pitch, yaw = force * (centre[..., 2] - self.pull.height), -force * centre[..., 1]
-        wrench = -force * cos, -force * sin, np.zeros_like(force), -pitch * sin, pitch * cos, yaw
-        self._wrench[rows] = np.stack(wrench, axis=-1)
+        cos = np.cos(heading)
+        sin = np.sin(heading)
+        force = self._pulled(rows)
+        pull = [-force * cos, -force * sin, np.zeros_like(force)]
+
+        # moments of the pull at the hitch about the centre of mass
+        centre = self._ground.centre_of_mass(rows)
+        pitch = force * (centre[..., 2] - self.pull.height)
+        yaw = -force * centre[..., 1]
+        moment = [-pitch * sin, pitch * cos, yaw]
+        self._wrench[rows] = np.stack(pull + moment, axis=-1)
 
     def _pulled(self, rows: Rows) -> Array:
         """Pull (R,) on the robots `rows` (R,) at present [N]."""
@@ -418,13 +425,12 @@ class Fleet(World):
             self.shear.forget(rows)
         self._lay_friction(rows)
         self._ground.tilt(rows)
-        grounds, heading = [self.ground[k] for k in rows], start[:, 2]
+        grounds = [self.ground[k] for k in rows]
+        heading = start[:, 2]
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
-        speed, lean = (
-            np.hypot(*self.state.qvel[rows, :2].T),
-            np.abs(self.attitude()[rows, 1:]).max(axis=1),
-        )
+        speed = np.hypot(*self.state.qvel[rows, :2].T)
+        lean = np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
         self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
@@ -452,10 +458,8 @@ class Fleet(World):
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) on the robots `rows` (R,) relative to their normal force [-]."""
-        masses, gravity = (
-            self.batch.expanded("body_mass"),
-            float(np.linalg.norm(self.robot.model.opt.gravity)),
-        )
+        masses = self.batch.expanded("body_mass")
+        gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
         mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
         return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
 
@@ -463,7 +467,8 @@ class Fleet(World):
         """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots'
         velocity constant [-].
         """
-        direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
+        direction = self._ground.uphill - self.pose()[:, 2]
+        steepness = np.tan(self._ground.slope)
         along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
@@ -482,8 +487,8 @@ class Setting:
 
     start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
     ground: Ground = field(default_factory=Ground)  # ground under the robot
-    # relative error of the effective sprocket radius, real / nominal - 1 [-]
-    radius_error: float = RADIUS_ERROR
+    # relative error of the effective sprocket radius, real / nominal - 1; None for the robot's [-]
+    radius_error: float | None = None
     lag: float | None = None  # time constant of the servos; None for the drive's own [s]
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forwards and to the left [m]."""

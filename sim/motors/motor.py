@@ -174,6 +174,11 @@ class Drive(Checked):
         return float(largest - self.motor.loss(speed))
 
 
+def or_tireless(drive: Drive | None) -> Drive:
+    """A robot's drive; for a robot without motors, one that never saturates."""
+    return tireless() if drive is None else drive
+
+
 def tireless(top_speed: float = TOP_SPEED) -> Drive:
     """A drive that never saturates and loses nothing, for robots without motors of their own, and
     to isolate the ground's effect; `top_speed` is in m/s.

@@ -41,7 +41,9 @@ _FIRM = 0.25
 
 @dataclass(frozen=True)
 class RobotParameters(Checked):
-    """Shape and mass of the robot. The defaults equal models/tracked_robot.xml."""
+    """Shape, mass and motors of the robot. The defaults are the shipped robot's, in
+    models/tracked_robot.xml.
+    """
 
     half_gauge: float = checked(0.168, *_SIZE)
     """Half the distance between the tracks [m]."""
@@ -75,8 +77,8 @@ class RobotParameters(Checked):
     """
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
-    drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
-    """Servos and motors."""
+    drive: Drive | None = field(default_factory=Drive, metadata={"stored_unless": Drive()})
+    """Servos and motors; None for motors of unlimited torque, as in files without `[drive]`."""
     radius_split: float = checked(
         0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO
     )
@@ -214,7 +216,8 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
     if parameters.axles:
         del given["contact_length"]
     driven = ""
-    if given.pop("drive", None):
+    given.pop("drive", None)
+    if parameters.drive is not None:
         drive = dataclasses.asdict(parameters.drive)
         motor = _lines(drive.pop("motor"))
         driven = f"\n[drive]\n{_lines(drive)}\n[drive.motor]\n{motor}"

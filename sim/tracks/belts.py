@@ -53,12 +53,21 @@ class _Map:
         )
 
     def motors(
-        self, size: int, motor: NDArray[np.int_], law: TorqueLaw | None = None
+        self,
+        size: int,
+        motor: NDArray[np.int_],
+        law: TorqueLaw | None = None,
+        sprocket_radius: ArrayLike | None = None,
     ) -> BeltMotors:
         """Motors for `size` simulations; `motor` (T,) is the index of each track's motor, `law` the
-        limits and losses of all motors.
+        limits and losses of all motors, and `sprocket_radius`, by default the largest wheel's, a
+        scalar or one for each motor (M,) [m].
         """
-        radius = np.array([self.radius[motor == each].max() for each in range(motor.max() + 1)])
+        count = int(motor.max()) + 1
+        if sprocket_radius is None:
+            radius = np.array([self.radius[motor == each].max() for each in range(count)])
+        else:
+            radius = np.broadcast_to(np.asarray(sprocket_radius, float), count).copy()
         return BeltMotors(size, radius, self.weight, self.slope, law)
 
     def surface(self, speeds: Floats) -> Floats:
@@ -171,7 +180,11 @@ class Belts:
         return self._map.read(data.sensordata, data.xmat, self.speeds()).complete(self.names)
 
     def bind_batch(
-        self, batch: Any, motor: ArrayLike | None = None, law: TorqueLaw | None = None
+        self,
+        batch: Any,
+        motor: ArrayLike | None = None,
+        law: TorqueLaw | None = None,
+        sprocket_radius: ArrayLike | None = None,
     ) -> BatchBelts:
         """Return the belts of the model in a `mujoco.batch.Batch` of simulations.
 
@@ -179,9 +192,12 @@ class Belts:
         motor. Belts with the same motor, such as those on one side of a robot with flippers, share
         speed and torque. `law` are the torque-speed line and the losses of all motors, such as a
         `sim.motors.motor.Motor`; by default the torque limit holds at any speed, without losses.
+        `sprocket_radius` is a scalar or one for each motor (M,), by default the radius of the
+        largest wheel [m].
         """
         own = np.arange(len(self.names))
-        return BatchBelts(self._map, batch, own if motor is None else np.asarray(motor, int), law)
+        index = own if motor is None else np.asarray(motor, int)
+        return BatchBelts(self._map, batch, index, law, sprocket_radius)
 
 
 class BatchBelts:
@@ -191,11 +207,16 @@ class BatchBelts:
     """Name of each track (T,)."""
 
     def __init__(
-        self, where: _Map, batch: Any, motor: NDArray[np.int_], law: TorqueLaw | None
+        self,
+        where: _Map,
+        batch: Any,
+        motor: NDArray[np.int_],
+        law: TorqueLaw | None,
+        sprocket_radius: ArrayLike | None,
     ) -> None:
         """Use `Belts.bind_batch`, which explains the arguments."""
         self._map, self.names, self._batch, self._motor = where, where.names, batch, motor
-        self._motors = where.motors(batch.nsim, motor, law)
+        self._motors = where.motors(batch.nsim, motor, law, sprocket_radius)
         # (N, ngeom, 6), a view of the batch
         self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")
         # (N, S), a view of the batch

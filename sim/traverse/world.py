@@ -14,7 +14,7 @@ from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
 from sim.motors.belt_motors import MotorReading
-from sim.motors.motor import Drive
+from sim.motors.motor import or_tireless
 from sim.motors.servo import FlipperServo, Servo
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
@@ -33,7 +33,6 @@ _BROKEN = [
     int(warning)
     for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
-_TOP_SPEED = 0.6  # top speed of belts without torque limits [m/s]
 _DROP = 0.3  # depth below the course's lowest ground at which a robot has fallen [m]
 _LEAN = 1.3  # lean of the chassis beyond which a robot has tipped over [rad]
 _FASTEST = 10.0  # chassis speed beyond which the simulation has diverged [m/s]
@@ -89,7 +88,7 @@ class Traverse(World):
             boxes: largest number of boxes on other courses that are allowed, too, if they have no
                 height fields.
             preset: contact preset of the tracks.
-            top_speed: top speed of the belts; by default the drive's, or 0.6 without a drive [m/s].
+            top_speed: top speed of the belts; by default the robot's, 0.6 without a drive [m/s].
             limits: the limits that end a run.
             period: time between set points [s].
             sample: time between changes in the belt speeds [s].
@@ -116,11 +115,13 @@ class Traverse(World):
         self._samples = steps_in("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
-        self._limited = robot.drive != Drive()
-        law = robot.drive.motor if self._limited else None
-        self._belts = belts.bind_batch(self.batch, self.tracked.track_side, law)
-        own = robot.drive.top_speed if self._limited else _TOP_SPEED
-        self.top_speed = own if top_speed is None else top_speed
+        law = None if robot.drive is None else robot.drive.motor
+        self._belts = belts.bind_batch(
+            self.batch, self.tracked.track_side, law, robot.sprocket_radius
+        )
+        drive = or_tireless(robot.drive)
+        self._lag = drive.lag
+        self.top_speed = drive.top_speed if top_speed is None else top_speed
         """Top speed of the belts [m/s]."""
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
         self._terrain_pairs = self.slots.pairs(model)
@@ -129,7 +130,7 @@ class Traverse(World):
         self.footprint = Footprint.of(robot, self.flippers)
         with engine_errors(robot.model):
             self._clear = clear_angles(self.tracked)
-        self.servo = Servo(size, robot.drive.lag, sample, self.top_speed)
+        self.servo = Servo(size, self._lag, sample, self.top_speed)
         """Servos of the belts, with the belt speeds [m/s]."""
         self.flipper_servo = FlipperServo(size, len(self.flippers.length))
         """Set points of the flippers' motors."""
@@ -198,7 +199,7 @@ class Traverse(World):
         )
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        self.servo.begin(where, [self.tracked.robot.drive.lag] * len(where))
+        self.servo.begin(where, [self._lag] * len(where))
         self.flipper_servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         for factor in factors:
@@ -252,7 +253,8 @@ class Traverse(World):
             return
         self.servo.command(np.asarray(command.speed, float))
         self.flipper_servo.command(command.flippers)
-        before, readings = self.batch.state.copy(), []
+        before = self.batch.state.copy()
+        readings = []
         # a diverging run ends with the outcome EXPLODED
         with quietly(), engine_errors(self.tracked.robot.model):
             for _ in range(self._samples):
@@ -277,10 +279,10 @@ class Traverse(World):
         T).
         """
         goal = self.servo.advance()
-        if not self._limited:
+        drive = self.tracked.robot.drive
+        if drive is None:
             self._belts.set(goal)
             return self._belts.run(self._substeps, rows)
-        drive = self.tracked.robot.drive
         self._belts.set(goal, torque_limit=drive.torque_limit, inertia=drive.motor.inertia)
         reading = self._belts.run(self._substeps, rows)
 
