@@ -294,20 +294,17 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     """Names and values of a compiled robot's properties: mass, inertia, joints, flippers and
     motors.
     """
-    robot, model, own = (
-        tracked.robot,
-        tracked.model,
-        np.flatnonzero(tracked.model.body_rootid == tracked.body),
-    )
+    robot = tracked.robot
+    model = tracked.model
+    own = np.flatnonzero(model.body_rootid == tracked.body)
     mass, (x, y, z), inertia = composite(model, _stand(tracked), own)
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
     swings = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
     loose = [name for name in (model.joint(k).name for k in swings) if name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
-    drive = robot.drive
-    motors = (
-        "none in [drive]: unlimited" if drive is None else f"{drive.strength(0.0):.3g} N m a side"
-    )
+    motors = "unlimited, without a table [drive]"
+    if robot.drive is not None:
+        motors = f"{robot.drive.strength(0.0):.3g} N m a side"
     return [
         ("mass", f"{mass:.4g} kg, {x:+.3f} m ahead, {y:+.3f} m left, {z:.3f} m above the ground"),
         (
