@@ -54,7 +54,7 @@ def write_nested(path: Path, content: Mapping[str, Any]) -> None:
     of their fields.
     """
     arrays: Arrays = {}
-    write_arrays(path, _told(content, "", arrays), arrays)
+    write_arrays(path, _plain(content, "", arrays), arrays)
 
 
 def read_nested(file: Path, what: str) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def read_nested(file: Path, what: str) -> dict[str, Any]:
     return content
 
 
-def _told(value: Any, name: str, arrays: Arrays) -> Any:
+def _plain(value: Any, name: str, arrays: Arrays) -> Any:
     """`value` as JSON stores it; arrays are added to `arrays`, by the path `name` that leads to
     them.
     """
@@ -81,18 +81,18 @@ def _told(value: Any, name: str, arrays: Arrays) -> Any:
     if dataclasses.is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):
-        return {str(key): _told(item, f"{name}/{key}", arrays) for key, item in value.items()}
+        return {str(key): _plain(item, f"{name}/{key}", arrays) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_told(item, f"{name}/{k}", arrays) for k, item in enumerate(value)]
+        return [_plain(item, f"{name}/{k}", arrays) for k, item in enumerate(value)]
     return value
 
 
-def _with_arrays(told: Any, arrays: Arrays) -> Any:
-    """The value that `_told` has told, with the arrays in their places."""
-    if isinstance(told, list):
-        return [_with_arrays(item, arrays) for item in told]
-    if not isinstance(told, dict):
-        return told
-    if told.keys() == {_ARRAY}:
-        return arrays[told[_ARRAY]]
-    return {key: _with_arrays(item, arrays) for key, item in told.items()}
+def _with_arrays(content: Any, arrays: Arrays) -> Any:
+    """The value from which `_plain` made `content`, with the arrays in their places."""
+    if isinstance(content, list):
+        return [_with_arrays(item, arrays) for item in content]
+    if not isinstance(content, dict):
+        return content
+    if content.keys() == {_ARRAY}:
+        return arrays[content[_ARRAY]]
+    return {key: _with_arrays(item, arrays) for key, item in content.items()}

@@ -68,7 +68,14 @@ class Replay:
         )
         pose = se2.compose(frame, seen)
         return RunLog(
-            of.run, of.time, of.omega, pose, command=of.command, truth=truth, metadata=about
+            run=of.run,
+            time=of.time,
+            omega=of.omega,
+            pose=pose,
+            command=of.command,
+            read=of.read,
+            truth=truth,
+            metadata=about,
         )
 
     def _at(self, states: Array, robot: Any, time: Array) -> Array:
@@ -222,7 +229,7 @@ def _turned(log: RunLog) -> list[tuple[Array, Array]]:
     """Times and angles of each sprocket, which turns at its first speed before the log and at its
     last after it.
     """
-    encoders = encoders_of(log)
+    encoders = encoders_of(log).smooth()
     before = log.time[:1] - 2 * RUN_UP
     after = log.time[-1:] + _BEYOND
     time = np.concatenate([before, encoders.edges, after])

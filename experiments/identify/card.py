@@ -10,6 +10,7 @@ from experiments.identify import tables
 from trackslip.identification.answer import TOO_LITTLE
 from trackslip.identification.comparison import REFERENCE, FittedLaw
 from trackslip.identification.drive_comparison import TODAY
+from trackslip.identification.prediction import FAR_AHEAD, PredictionErrors
 from trackslip.identification.result import Identification
 from trackslip.intervals import Gain
 from trackslip.laws.families import FAMILIES
@@ -31,12 +32,15 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
     for law in shown:
         prefix = "" if law == name or name is None else f"{law}: "
         facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
-    facts.append(
-        ("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.main.reason}")
-    )
+    reason = result.main.reason
+    sentence = reason[:1].upper() + reason[1:]
+    facts.append(("best law", f"{result.best} ({FAMILIES[result.best].title}). {sentence}"))
     if name is not None and name != result.best:
         facts.append(("deployed", f"{name}, whose parameters the multipliers are"))
-    facts += [("error today → now", error)] if (error := error_today_and_now(result)) else []
+    if error := error_today_and_now(result):
+        facts.append(("error today → now", error))
+    if error := far_error_today_and_now(result):
+        facts.append((f"after {FAR_AHEAD:g} m", error))
     notes = (f"note: {line}" for line in _few(in_few_lines(result.warnings), _MOST_NOTES))
     lines = [*_look(result), *_other_method(result), *_few(taken, _MOST_NOTES), *notes]
     alarms = [alarm.line for alarm in result.alarms]
@@ -96,23 +100,43 @@ def error_today_and_now(result: Identification) -> str:
             f"yaw rate at left-out radii: {1e3 * before.yaw_rate:.3g} → "
             f"{1e3 * after.yaw_rate:.3g} mrad/s (rms)"
         )
-    today, now = (result.drive.errors.get(name, {}) for name in (TODAY, result.best))
+    today = result.drive.errors.get(TODAY, {})
+    now = result.drive.errors.get(result.best, {})
     if not now:
         return ""
     ahead = min(now, key=lambda horizon: abs(horizon - _AHEAD))
-    old, new, parts = today[ahead], now[ahead], []
-    cm = 1e2 / new.way
+    return f"{ahead:g} s ahead, {_before_and_after(today[ahead], now[ahead])} (median)"
+
+
+def far_error_today_and_now(result: Identification) -> str:
+    """Prediction errors after FAR_AHEAD metres, without identification and with the best law; empty
+    if they aren't known.
+    """
+    if result.method == "steady" or result.drive is None:
+        return ""
+    today = result.drive.far_errors.get(TODAY)
+    now = result.drive.far_errors.get(result.best)
+    if today is None or now is None:
+        return ""
+    return f"{_before_and_after(today, now, per_metre=False)} (median)"
+
+
+def _before_and_after(old: PredictionErrors, new: PredictionErrors, per_metre: bool = True) -> str:
+    """Median errors of two predictions of the same motions, in position and heading."""
+    parts = list[str]()
     if old.position is not None and new.position is not None:
-        per_metre = f"{cm * old.position.median:.2g} → {cm * new.position.median:.2g} cm per metre"
-        parts.append(
-            f"position {old.position.median:.3f} → {new.position.median:.3f} m ({per_metre})"
-        )
+        part = f"position {old.position.median:.3f} → {new.position.median:.3f} m"
+        if per_metre:
+            cm = 1e2 / new.way
+            before = f"{cm * old.position.median:.2g}"
+            after = f"{cm * new.position.median:.2g}"
+            part += f" ({before} → {after} cm per metre)"
+        parts.append(part)
     if old.heading is not None and new.heading is not None:
-        parts.append(
-            f"heading {math.degrees(old.heading.median):.1f} → "
-            f"{math.degrees(new.heading.median):.1f}°"
-        )
-    return f"{ahead:g} s ahead, {' and '.join(parts)} (median)"
+        before = f"{math.degrees(old.heading.median):.1f}"
+        after = f"{math.degrees(new.heading.median):.1f}"
+        parts.append(f"heading {before} → {after}°")
+    return " and ".join(parts)
 
 
 def _look(result: Identification) -> list[str]:

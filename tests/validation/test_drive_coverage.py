@@ -15,6 +15,7 @@ from plain_drives import HUSKY, Drive, drive_of, log_of, measured
 from trials import LAW, Estimate, Estimates, identified, outcomes, plausible_shares, share_text
 
 from experiments.common.table import Table
+from trackslip import se2
 from trackslip.drives.conditioning import drives_of
 from trackslip.identification.answer import combined
 from trackslip.identification.law_fit import fit_drives
@@ -72,6 +73,29 @@ def short(seed: int) -> list[RunLog]:
     return [_log(drive_of(seed=seed, slip=0.05, duration=60.0), seed)]
 
 
+def drifting(seed: int) -> list[RunLog]:
+    """Slip that varies by 5 %, and headings that drift as a random walk of 0.01 rad/√s."""
+    drive = drive_of(seed=seed, slip=0.05)
+    time, pose = measured(drive, position_noise=0.01, heading_noise=0.01, seed=10_000 + seed)
+    true = drive.pose[:: len(drive.pose) // (len(pose) - 1)]
+    steps = se2.steps(true)
+    walk = np.random.default_rng(20_000 + seed).normal(size=len(steps))
+    steps[:, 2] += 0.01 * np.sqrt(np.diff(time)) * walk
+    return [log_of(drive, time, se2.chain(true[0], steps) + pose - true, f"drive {seed}")]
+
+
+def runs_of_one_ground(seed: int) -> list[RunLog]:
+    """Slip that varies by 5 %, in 8 runs of a minute, each with a D of its own."""
+    changes = np.random.default_rng(30_000 + seed).normal(0.0, 0.015, 8)
+    logs = []
+    for k, change in enumerate(changes.tolist()):
+        robot = replace(HUSKY, offset=HUSKY.offset + change)
+        logs.append(
+            _log(drive_of(robot, seed=8 * seed + k, slip=0.05, duration=60.0), 8 * seed + k)
+        )
+    return logs
+
+
 def _log(drive: Drive, seed: int) -> RunLog:
     time, pose = measured(drive, position_noise=0.01, heading_noise=0.01, seed=10_000 + seed)
     return log_of(drive, time, pose, f"drive {seed}")
@@ -85,6 +109,8 @@ CASES: dict[str, tuple[Callable[[int], list[RunLog]], float]] = {
     "the same, another law": (another_law, 0.92),
     "the same, 12 drives of 10 s": (blocks, 0.92),
     "the same, 60 s": (short, 0.88),
+    "the same, drifting poses": (drifting, 0.92),
+    "the same, 8 runs with a D each": (runs_of_one_ground, 0.92),
 }
 """Logs by seed, and the least share of the intervals that hold the truth."""
 

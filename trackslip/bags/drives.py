@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -25,12 +26,12 @@ from trackslip.logs.logfile import RUNS, read_log, runs_file, runs_in
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns, RunsInTables
 
-REPEATED = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
-_STRIDE = 1.0  # time step over which the motions of poses and wheels are compared [s]
-_MIN_STRIDES = 10  # number of strides up to which a comparison is inconclusive
+REPEATED: Final = "its poses repeat the dead reckoning of the wheels: they say nothing about slip"
+_STRIDE: Final = 1.0  # time step over which the motions of poses and wheels are compared [s]
+_MIN_STRIDES: Final = 10  # number of strides up to which a comparison is inconclusive
 # largest relative residual of poses computed from the wheels; noise-free poses with slip reach 6e-3
-_EXACT = 5e-3
-_PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
+_EXACT: Final = 5e-3
+_PERHAPS_WHEELS: Final = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
 def load(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -33,21 +33,21 @@ from trackslip.memory import require_fits
 
 K = TypeVar("K", bound=Hashable)
 
-_STORAGES = (".bag", ".mcap", ".db3")
+_STORAGES: Final = (".bag", ".mcap", ".db3")
 # suffixes of files that are compressed as a whole, or were not closed
-_WRAPPINGS = (".zstd", ".active")
-_REPAIRS = {
+_WRAPPINGS: Final = (".zstd", ".active")
+_REPAIRS: Final = {
     ".bag": "rosbag reindex {file}",
     ".active": "rosbag reindex {file}",
     ".mcap": "mcap recover {file} -o NEW.mcap",
     ".db3": "sqlite3 {file} .recover | sqlite3 NEW.db3",
     ".zstd": "zstd -d {file}",
 }
-_END_OF_TIME = 2**62  # times from which differences may not fit in 64 bits [ns]
-_DEPTH = 4  # number of folder levels that are searched for bags
-_SHOWN = 12  # largest number of names in an error message
-_NUMBER = 24  # memory for a number that is kept, and for copies of it [bytes]
-_KEY = 1000  # memory for a topic or a pair of frames with its lists [bytes]
+_END_OF_TIME: Final = 2**62  # times from which differences may not fit in 64 bits [ns]
+_FOLDER_LEVELS: Final = 4  # number of folder levels that are searched for bags
+_MAX_NAMES_SHOWN: Final = 12  # largest number of names in an error message
+_BYTES_PER_NUMBER: Final = 24  # memory for a number that is kept, and for copies of it [bytes]
+_BYTES_PER_LIST: Final = 1000  # memory for a topic or a pair of frames with its lists [bytes]
 
 
 class Message(NamedTuple):
@@ -180,7 +180,9 @@ class Bag:
             except (AttributeError, LookupError, TypeError, ValueError, OverflowError) as error:
                 wrong = f"a message is not as its type defines it ({reason(error)})"
                 raise LogError(f"topic {message.topic}: {wrong}") from error
-            require_fits(self.path, _NUMBER * kept + _KEY * len(times), self.max_memory)
+            require_fits(
+                self.path, _BYTES_PER_NUMBER * kept + _BYTES_PER_LIST * len(times), self.max_memory
+            )
         found = {}
         for key in times:
             stamps, arrivals = np.array(times[key], np.int64).reshape(-1, 2).T
@@ -212,7 +214,7 @@ class Bag:
         """Ascending times of recording (n,) [ns] of each topic's messages; reads the whole bag."""
         times = {name: array("q") for name in self.topics}
         for number, message in enumerate(self.read(self.topics, False)):
-            require_fits(self.path, _NUMBER * number, self.max_memory)
+            require_fits(self.path, _BYTES_PER_NUMBER * number, self.max_memory)
             times[message.topic].append(message.arrival)
         return {name: np.sort(np.array(some, np.int64)) for name, some in times.items()}
 
@@ -223,8 +225,8 @@ class Bag:
 
 def listed(names: Sequence[str]) -> str:
     """The first few names, as text for an error message."""
-    more = f", ... ({len(names)} of them)" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN] or ["none"]) + more
+    more = f", ... ({len(names)} of them)" if len(names) > _MAX_NAMES_SHOWN else ""
+    return ", ".join(names[:_MAX_NAMES_SHOWN] or ["none"]) + more
 
 
 def has_rosbags() -> bool:
@@ -288,7 +290,7 @@ def bags_in(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
-    patterns = ("/".join("*" * depth) for depth in range(1, _DEPTH + 1))
+    patterns = ("/".join("*" * depth) for depth in range(1, _FOLDER_LEVELS + 1))
     entries = (entry for pattern in patterns for entry in sorted(path.glob(pattern)))
     files = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
     return list(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -26,9 +26,10 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
-_NO_FIX = 0  # least status of a message with a fix: sensor_msgs/NavSatStatus
-_MAX_ALTITUDE = 1e5  # altitude above which a value is invalid [m]
-_MIN_WAY = 0.1  # extent of a path above which a constant heading is doubtful [m]
+_NO_FIX: Final = 0  # least status of a message with a fix: sensor_msgs/NavSatStatus
+_MAX_ALTITUDE: Final = 1e5  # altitude above which a value is invalid [m]
+_MIN_EXTENT: Final = 0.1  # extent of a path above which a constant heading is doubtful [m]
+_MAX_GAP: Final = 0.2  # longest interval between a gyro's readings that counts as measured [s]
 
 
 def read_poses(bag: Bag, source: str, notes: list[str]) -> Readings:
@@ -143,7 +144,7 @@ def _headings(name: str, poses: Array, notes: list[str]) -> Array:
     heading[good] = headings(turn[good], name, notes)
     known = heading[np.isfinite(heading)]
     placed = np.isfinite(place[:, 0])
-    moves = not placed.any() or np.ptp(place[placed], axis=0).max() > _MIN_WAY
+    moves = not placed.any() or np.ptp(place[placed], axis=0).max() > _MIN_EXTENT
     if len(known) and np.ptp(known) == 0 and moves:
         notes.append(f"{name}: its heading never changes: read without headings")
         heading[:] = np.nan
@@ -170,9 +171,6 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
         "z downwards?"
     )
     return np.full(len(heading), np.nan)
-
-
-_MAX_GAP = 0.2  # longest interval between readings that counts as measured [s]
 
 
 def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Readings | None:

@@ -51,7 +51,10 @@ _MOST_ELEMENTS: Final = 5_000  # most texts or messages in all arrays of fixed l
 _MOST_PARTS: Final = 100_000  # most parts of a message whose arrays all have a fixed length
 
 _PIECE: Final = 1_000_000  # size of the pieces in which files are read [bytes]
-_CHUNK_RECORD, _CHUNK_INDEX, _CHANNEL = 0x06, 0x08, 0x04  # kinds of records in MCAP files
+# kinds of records in MCAP files
+_CHANNEL: Final = 0x04
+_CHUNK_RECORD: Final = 0x06
+_CHUNK_INDEX: Final = 0x08
 _SUMMARY_END: Final = (0x02, 0x0E)  # kinds of records that follow the summary
 _FOOTER: Final = 37  # length of an MCAP file's end [bytes]
 

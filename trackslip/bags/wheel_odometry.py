@@ -19,11 +19,13 @@ from trackslip.bags.stamps import Readings, seconds, without_bursts
 from trackslip.bags.transforms import MAX_PLACE, are_unit, heading_and_tilt, pose_numbers
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.logs.angles import continuous, odometry_angles, odometry_speeds
+from trackslip.logs.angles import odometry_angles, odometry_jump, odometry_speeds
 
 _WINDOW: Final = 1.0  # duration of the motions in which pose and twist are compared [s]
 _CONTRADICTS: Final = 0.1  # relative difference of motions above which pose and twist differ [-]
-_LIKE_INTERVAL: Final = 0.2  # relative error of a twist per message, as messages are irregular [-]
+# a twist is per message if its motion is that of the pose times the interval of messages, within
+# this relative error
+_LIKE_INTERVAL: Final = 0.2
 _MIN_DISTANCE: Final = 0.1  # rms distance per window below which distances aren't compared [m]
 _MIN_TURN: Final = 0.1  # rms turn per window below which turns aren't compared [rad]
 
@@ -57,7 +59,13 @@ def odometry_angles_in(bag: Bag, topic: str, geometry: RobotGeometry, notes: lis
     heading, _ = heading_and_tilt(Rotation.from_quat(posed.values[:, 3:7]))
     pose = np.column_stack([posed.values[:, :2], np.unwrap(heading)])
     time = seconds(posed.stamp, int(posed.stamp[0]))
-    _refuse_jump(topic, time, pose)
+    jump = odometry_jump(time, pose)
+    if jump is not None:
+        row, distance = jump
+        raise LogError(
+            f"topic {topic}: its pose jumps by {distance:.3g} m after {time[row]:.6g} s: was the "
+            "odometry reset? Cut the bag there"
+        )
     if has_twist[has_pose].all():
         contradiction = _contradiction(time, pose, posed.values[:, 7:])
         if contradiction:
@@ -81,19 +89,6 @@ def _pose_and_twist(content: Any) -> tuple[float, ...]:
 def _changes(rows: Array) -> bool:
     """True if numbers (n, k) aren't the same in all rows."""
     return bool(len(rows) and np.ptp(rows, axis=0).any())
-
-
-def _refuse_jump(topic: str, time: Array, pose: Array) -> None:
-    """Raise LogError if poses (n, 3) jump, as when the odometry is reset."""
-    step = np.diff(pose[:, :2], axis=0)
-    distance = np.append(0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1])))
-    _, restart = continuous(time, 1e3 * distance, ())  # in steps of a millimetre
-    if restart is not None:
-        jump = distance[restart] - distance[restart - 1]
-        raise LogError(
-            f"topic {topic}: its pose jumps by {jump:.3g} m after {time[restart]:.6g} s: was the "
-            "odometry reset? Cut the bag there"
-        )
 
 
 def _contradiction(time: Array, pose: Array, twist: Array) -> str:

@@ -7,32 +7,32 @@ from typing import Final
 
 import numpy as np
 
-from trackslip.drives.drive import Drive
+from trackslip.drives.drive import MOST_INTERVALS, Drive
 from trackslip.drives.encoders import BENDS, encoders_of
 from trackslip.drives.gyro import headings_by_gyro, turn_sums, with_usable_gyro
 from trackslip.drives.poses import Poses, distinct_rows, measured_poses
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
-from trackslip.logs.checks import unwrapped
+from trackslip.logs.checks import unwrapped_headings
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.steady import STANDING
 
 FEW: Final = 5  # number of rows or windows that may occur by chance
-# most encoder intervals in total, to limit memory; surplus intervals are merged
-_MAX_ROWS: Final = 200_000
 
 
 def drives_of(logs: Sequence[RunLog]) -> tuple[list[Drive], list[Refused]]:
     """Prepare the usable drives and list the refused logs; raises LogError if no drive is
     usable.
+
+    If there are too many encoder intervals in total, several are merged into one.
     """
     drives = list[Drive]()
     refused = list[Refused]()
     names = dict[bytes, str]()  # of the drives, by their content
-    rows = max(sum(len(log.time) for log in logs), _MAX_ROWS)
+    rows = max(sum(len(log.time) for log in logs), MOST_INTERVALS)
     for log in logs:
         try:
-            drive = drive_of(log, len(log.time) * _MAX_ROWS // rows)
+            drive = drive_of(log, len(log.time) * MOST_INTERVALS // rows)
             content = drive.omega.tobytes() + drive.pose.tobytes()
             if content in names:
                 raise LogError(f"run {log.run!r}: a copy of run {names[content]!r}")
@@ -45,7 +45,7 @@ def drives_of(logs: Sequence[RunLog]) -> tuple[list[Drive], list[Refused]]:
     return drives, refused
 
 
-def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> Drive:
+def drive_of(log: RunLog, most_intervals: int = MOST_INTERVALS) -> Drive:
     """Prepare the drive in a log; raises LogError for a robot at rest, for too few poses, and for a
     gyro in a wrong unit.
 
@@ -74,7 +74,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> Drive:
     time, pose = _thinned(poses, usual)
 
     # All of them, by their own clocks.
-    encoders = encoders.merged(max_rows)
+    encoders = encoders.merged(most_intervals)
     return Drive(
         name=log.run,
         edges=encoders.edges,
@@ -87,7 +87,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> Drive:
         beyond=log.beyond,
         repeated=poses.repeated,
         interpolated=poses.interpolated,
-        whole=bool((log.omega == log.omega.round()).all()),
+        has_whole_speeds=bool((log.omega == log.omega.round()).all()),
         notes=(note,) if note else (),
     )
 
@@ -134,7 +134,7 @@ def _thinned(poses: Poses, usual: float) -> tuple[Array, Array]:
     time = poses.time[::stride]
     pose = poses.pose[::stride].copy()
     headed = np.isfinite(pose[:, 2])
-    pose[headed, 2] = unwrapped(pose[headed, 2])
+    pose[headed, 2] = unwrapped_headings(pose[headed, 2])
     return time, pose
 
 

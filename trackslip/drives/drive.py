@@ -13,12 +13,15 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.drives.encoders import Encoders
 from trackslip.kinematics import Array
 
 BLOCK: Final = 10.0
 """Least duration of a block of driving; slip in different blocks is assumed to be independent
 [s].
 """
+MOST_INTERVALS: Final = 200_000
+"""Most encoder intervals in a fit, to limit memory."""
 _POSES_PER_SECOND: Final = 2.0  # rate at which windows of poses have their usual duration [Hz]
 _PAUSE: Final = 5.0  # pause between drives on the common time axis [s]
 
@@ -42,7 +45,9 @@ class Drive:
     repeated: int = 0  # number of poses left out because they repeat the previous pose
     # number of poses left out because they lie on the line between other poses
     interpolated: int = 0
-    whole: bool = False  # true if the logged sprocket speeds are whole numbers, like counts
+    has_whole_speeds: bool = (
+        False  # true if the logged sprocket speeds are whole numbers, like counts
+    )
     notes: tuple[str, ...] = ()  # parts of the log that were left out, one line each
 
     @property
@@ -52,8 +57,13 @@ class Drive:
 
     def angles(self, time: Array) -> Array:
         """Angles (2, n) turned by the sprockets from the start to encoder times (n,) [rad]."""
-        turned = np.cumsum(self.omega * np.diff(self.edges)[:, None], axis=0)
-        return np.stack([np.interp(time, self.edges, np.append(0.0, side)) for side in turned.T])
+        sides = Encoders(self.edges, self.omega).angles.T
+        return np.stack([np.interp(time, self.edges, side) for side in sides])
+
+    def smooth(self) -> Drive:
+        """The drive with `Encoders.smooth`, for fits."""
+        encoders = Encoders(self.edges, self.omega).smooth()
+        return replace(self, edges=encoders.edges, omega=encoders.omega)
 
     def blocks(self, time: Array, least: float = BLOCK) -> np.ndarray:
         """Number (n,) of the block of driving at each pose time (n,).
@@ -171,6 +181,13 @@ class Drives:
             first=_first_indices(times),
         )
 
+    @classmethod
+    def smooth(cls, drives: Sequence[Drive]) -> Drives:
+        """Join drives with smooth encoders, for fits; as they are, if that took too much memory."""
+        smooth = [drive.smooth() for drive in drives]
+        intervals = sum(len(drive.omega) for drive in smooth)
+        return cls.of(smooth if intervals <= MOST_INTERVALS else drives)
+
     def intervals(self, time: Array) -> np.ndarray:
         """Index (K,) of the encoder interval in each pose's drive that contains `time` (K,), or is
         nearest to it.
@@ -199,9 +216,17 @@ class Drives:
                 )
         return headings
 
-    def way(self, radius: float) -> Array:
+    def belt_distance(self, radius: float) -> Array:
         """Mean distance (K,) driven by the belts up to each pose [m], for a sprocket radius [m]."""
         speed = np.abs(self.omega).mean(axis=1)
+        turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))
+        return radius * np.interp(self.time, self.edges, turned)
+
+    def middle_distance(self, radius: float) -> Array:
+        """Distance (K,) driven by the middle of the tracks up to each pose [m], without slip, for a
+        sprocket radius [m].
+        """
+        speed = np.abs(self.omega.mean(axis=1))
         turned = np.append(0.0, np.cumsum(speed * np.diff(self.edges)))
         return radius * np.interp(self.time, self.edges, turned)
 

@@ -1,8 +1,8 @@
-"""Encoder readings made into mean sprocket speeds in short intervals.
+"""Encoder readings made into mean sprocket speeds in the intervals between readings.
 
 A reading is the mean speed since the previous reading. So readings tell the angles of the sprockets
-at the times of reading; between these, the angle is a smooth curve. Nothing here changes the angle
-that a sprocket turned between two readings, or the order in which it turned.
+at the times of reading; fits need a smooth curve between these. Nothing here changes the angle that
+a sprocket turned between two readings, or the order in which it turned.
 """
 
 from __future__ import annotations
@@ -61,6 +61,60 @@ class Encoders:
         interval = np.searchsorted(self.edges, time) - 1
         return self.omega[np.clip(interval, 0, len(self.omega) - 1)]
 
+    def smooth(self) -> Encoders:
+        """The encoders with angles on a smooth curve between readings, divided where these are more
+        than BENDS apart.
+
+        Fits need a continuous speed: with steps, they end away from their minimum. The curve is
+        monotone between readings: a sprocket that stands or turns one way still does (F. N. Fritsch
+        and J. Butland, *A method for constructing local monotone piecewise cubic interpolants*,
+        1984). Its slope at a reading depends on the readings before and after, so that near the end
+        of a part of a log, it may differ from that of the whole log.
+        """
+        readings = self._without_repeats()
+        step = np.diff(readings.edges)
+        parts = np.maximum(np.rint(step / BENDS), 1).astype(int)
+        if (parts == 1).all():
+            return readings
+        # each interval in equal parts
+        interval = np.repeat(np.arange(len(step)), parts)
+        first = np.repeat(np.cumsum(parts) - parts, parts)
+        share = (np.arange(len(interval)) - first) / parts[interval]  # that has passed
+        begins = readings.edges[interval] + share * step[interval]
+        edges = np.append(begins, readings.edges[-1])
+        angles = PchipInterpolator(readings.edges, readings.angles)(edges)
+        return Encoders(edges, np.diff(angles, axis=0) / np.diff(edges)[:, None])
+
+    def _without_repeats(self) -> Encoders:
+        """Merge intervals that repeat a reading, if readings are logged several times.
+
+        That isn't stated in a log: it is guessed from speeds that stay equal for several rows. A
+        value that lasts longer than usual was read several times: it keeps the usual time of a
+        reading at both ends, and all intervals in between.
+        """
+        # a new value begins in these intervals
+        same = np.isclose(self.omega[1:], self.omega[:-1], rtol=_ROUNDING, atol=0.0).all(axis=1)
+        changes = 1 + np.flatnonzero(~same)
+        bounds = np.concatenate([[0], changes, [len(self.omega)]])
+        time = self.edges[bounds]
+
+        # at rest, equal values tell nothing
+        turning = (np.abs(self.omega[bounds[:-1]]) > STANDING).any(axis=1)
+        if turning.sum() < _FEWEST_HELD:
+            return self
+        usual = float(np.median(np.diff(time)[turning]))
+        if np.median(np.diff(bounds)[turning]) < _SEVERAL or usual > _LONGEST_HELD:
+            return self
+
+        # an edge is kept at each change, and where a change is further away than usual
+        edge = np.arange(len(self.edges))
+        value = np.searchsorted(bounds, edge, side="right") - 1
+        value = np.minimum(value, len(bounds) - 2)
+        since = self.edges - time[value]
+        until = time[value + 1] - self.edges
+        kept = (np.minimum(since, until) >= usual) | np.isin(edge, bounds)
+        return self.between(np.flatnonzero(kept))
+
     @property
     def angles(self) -> Array:
         """Angles (M + 1, 2) turned from the first edge to each [rad]."""
@@ -69,12 +123,12 @@ class Encoders:
 
 
 def encoders_of(log: RunLog) -> Encoders:
-    """Mean sprocket speeds in a log.
+    """The encoder readings in a log: mean sprocket speeds from reading to reading.
 
     The angle turned from the first to the last row is that of the log, whatever its rows, and so is
-    the angle from reading to reading. Near an end of a part of a log, speeds may differ from those
-    of the whole log: the smooth curve through the angles lacks the reading beyond the end, as the
-    line from tick to tick lacks the tick beyond it, and a value that is held there may be cut.
+    the angle from reading to reading. For encoders with few ticks, the angle changes linearly from
+    tick to tick; near the end of a part of a log, it may differ from that of the whole log, as the
+    tick beyond the end is unknown.
     """
     # the ends of the log count as readings, so that no angle is lost
     ends = np.union1d(np.flatnonzero(log.is_read), [0, len(log.time) - 1])
@@ -85,57 +139,7 @@ def encoders_of(log: RunLog) -> Encoders:
         sides = zip(readings.omega.T, ticks.T, strict=True)
         omega = [_between_ticks(readings.edges, speeds, count) for speeds, count in sides]
         return Encoders(readings.edges, np.column_stack(omega))
-    return _smooth(_without_repeats(readings))
-
-
-def _without_repeats(encoders: Encoders) -> Encoders:
-    """Merge intervals that repeat a reading, if readings are logged several times.
-
-    That isn't stated in a log: it is guessed from speeds that stay exactly equal for several rows.
-    A value that lasts longer than usual was read several times: it keeps the usual time of a
-    reading at both ends, and all intervals in between.
-    """
-    # a new value begins in these intervals
-    omega = encoders.omega
-    same = np.isclose(omega[1:], omega[:-1], rtol=_ROUNDING, atol=0.0).all(axis=1)
-    changes = 1 + np.flatnonzero(~same)
-    bounds = np.concatenate([[0], changes, [len(omega)]])
-    time = encoders.edges[bounds]
-
-    # at rest, equal values tell nothing
-    turning = (np.abs(omega[bounds[:-1]]) > STANDING).any(axis=1)
-    if turning.sum() < _FEWEST_HELD:
-        return encoders
-    usual = float(np.median(np.diff(time)[turning]))
-    if np.median(np.diff(bounds)[turning]) < _SEVERAL or usual > _LONGEST_HELD:
-        return encoders
-
-    # an edge is kept at each change, and where a change is further away than usual
-    value = np.searchsorted(bounds, np.arange(len(encoders.edges)), side="right") - 1
-    value = np.minimum(value, len(bounds) - 2)
-    since = encoders.edges - time[value]
-    until = time[value + 1] - encoders.edges
-    kept = (np.minimum(since, until) >= usual) | np.isin(np.arange(len(value)), bounds)
-    return encoders.between(np.flatnonzero(kept))
-
-
-def _smooth(encoders: Encoders) -> Encoders:
-    """Divide intervals that last longer than BENDS.
-
-    The angles at the new edges lie on a curve through those at the old edges, with a continuous
-    speed. It doesn't overshoot: a sprocket that stands or turns one way still does (F. N. Fritsch
-    and J. Butland, *A method for constructing local monotone piecewise cubic interpolants*, 1984).
-    """
-    step = np.diff(encoders.edges)
-    parts = np.maximum(np.rint(step / BENDS), 1).astype(int)
-    if (parts == 1).all():
-        return encoders
-    interval = np.repeat(np.arange(len(step)), parts)
-    first = np.repeat(np.cumsum(parts) - parts, parts)
-    share = (np.arange(len(interval)) - first) / parts[interval]  # of the interval that has passed
-    edges = np.append(encoders.edges[interval] + share * step[interval], encoders.edges[-1])
-    angles = PchipInterpolator(encoders.edges, encoders.angles)(edges)
-    return Encoders(edges, np.diff(angles, axis=0) / np.diff(edges)[:, None])
+    return readings
 
 
 def _few_ticks(encoders: Encoders) -> np.ndarray | None:
@@ -162,7 +166,7 @@ def _ticks(size: Array) -> Array:
 def _are_few_ticks(size: Array) -> bool:
     """True if nearly all sizes (M,) are small multiples of the smallest."""
     ticks = _ticks(size)
-    if not ticks.any():
+    if len(ticks) < 2 or not ticks.any():  # a single one can't change
         return False
     tick = np.median(size[ticks > 0] / ticks[ticks > 0])
     exact = np.abs(size / tick - ticks) < _EXACTLY

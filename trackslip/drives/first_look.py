@@ -3,25 +3,40 @@ driving can determine.
 
 Unusable logs are refused in one line that names the quantity, its value and a remedy. Other
 findings are only reported: a gain far from 1 is no error, as wheels may slip on ice or be smaller
-than assumed. Drives are cut where their poses jump.
+than assumed. Checks that can't be told from the log are reported, too. Drives are cut where their
+poses jump.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from trackslip.drives.checks import Check, Verdict, unknown_lines
 from trackslip.drives.clocks import GRID, NEAR, Clock, clock_of_drive, median_offset
 from trackslip.drives.drive import BLOCK, Drive, Drives
-from trackslip.drives.gains import Gains, Steps, gains_of, windows_of
+from trackslip.drives.gains import WINDOW, Gains, Steps, gains_of
 from trackslip.drives.jumps import without_jumps
-from trackslip.drives.misread import matches_of, refuse_cells, refuse_readings, refuse_units
+from trackslip.drives.misread import (
+    Matching,
+    Ratios,
+    counts_check,
+    degrees_check,
+    reading_checks,
+    refuse_cells,
+    units_check,
+)
 from trackslip.errors import LogError
 from trackslip.intervals import FEWEST_BLOCKS
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.kinematics import RobotGeometry
+
+# gains of robots with their nominal gear and radius, and tracks or wheels on any ground but ice
+_POSSIBLE_GAINS: Final = (0.1, 3.0)
+ONE_SIDED: Final = 0.1
+"""Share of all turns below which turns to one side count as none."""
 
 
 @dataclass(frozen=True)
@@ -43,174 +58,275 @@ class Look:
     left_turns: float  # sum of all turns to the left [rad]
     right_turns: float  # sum of all turns to the right, as a positive angle [rad]
     duration: float  # total duration of the drives with poses [s]
+    checks: tuple[Check, ...]  # verdicts on clocks, sides, directions, units and counts
     notes: tuple[str, ...]  # remarks on the log, one line each
     alarms: tuple[Alarm, ...]
 
+    @property
+    def turns_to_one_side(self) -> bool:
+        """True if the robot turns to one side only, or hardly turns."""
+        both = self.left_turns + self.right_turns
+        return min(self.left_turns, self.right_turns) <= ONE_SIDED * both
+
     def to_json(self) -> dict[str, Any]:
         """The fields, except `drives`, as plain numbers and strings, with None for NaN."""
-        content = {
-            name: value for name, value in vars(self).items() if name not in ("drives", "gains")
+        return {
+            "clock": self.clock,
+            "left_turns": self.left_turns,
+            "right_turns": self.right_turns,
+            "duration": self.duration,
+            "checks": {
+                check.subject: {"verdict": check.verdict.value, "line": check.line}
+                for check in self.checks
+            },
+            "notes": self.notes,
+            "alarms": [vars(alarm) for alarm in self.alarms],
+            "speed": self.gains.speed and self.gains.speed.to_json(),
+            "turn": self.gains.turn and self.gains.turn.to_json(),
         }
-        content["alarms"] = [vars(alarm) for alarm in self.alarms]
-        gains = ("speed", self.gains.speed), ("turn", self.gains.turn)
-        return content | {name: gain and gain.to_json() for name, gain in gains}
 
 
 def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
     """Inspect drives; raises LogError, with a one-line remedy, if the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
-    clocks = [_checked_clock(drive) for drive in drives]
+
+    # clocks first: all other checks compare wheels and poses at the same times
+    clocks = [clock_of_drive(drive) for drive in drives]
+    for drive, own in zip(drives, clocks, strict=True):
+        _refuse_clock(drive, own)
     clock = median_offset(clocks)
-    poses = np.bincount(Steps.of(Drives.of(drives), geometry, clock).drive, minlength=len(drives))
-    covered = [drive for drive, count in zip(drives, poses, strict=True) if count > 1]
-    if not covered:
-        raise LogError(
-            f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record "
-            "both together"
-        )
-    together = Drives.of(covered)
-    gains = gains_of(together, geometry, clock)
-    window = windows_of(together, geometry, clock)
-    matches = matches_of(window)
-    refuse_readings(covered, window, matches, geometry, clock)
-    refuse_units(covered, gains, geometry)
-    turns = gains.factors[1] * window.turn
-    left, right = float(turns.clip(min=0.0).sum()), float((-turns).clip(min=0.0).sum())
-    duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))
+    covered = _with_readings(drives, geometry, clock)
+
+    # sides, directions, units and counts
+    gains = gains_of(Drives.of(covered), geometry, clock)
+    matching = Matching.of(covered, geometry, clock)
+    checks = [
+        _clock_check(drives, clocks, matching),
+        degrees_check(covered, matching, gains),
+    ]
+    _refuse(checks)
+    checks += reading_checks(covered, matching, geometry, clock)
+    _refuse(checks)
+    ratios = Ratios.of(matching, gains)
+    checks += [
+        units_check(covered, matching, ratios, geometry),
+        counts_check(covered, ratios.speed),
+    ]
+    _refuse(checks)
+
+    # parts between jumps
     cut = [without_jumps(drive, geometry, gains, clock) for drive in drives]
     parts = tuple(part for kept, _ in cut for part in kept)
     if not parts:
         raise LogError(
             f"run {drives[0].name!r}: its poses jump so often that too few lie between jumps"
         )
-    others = [
+    checks += [
+        _match_check(Matching.of(parts, geometry, clock)),
+        _scale_check(ratios, matching, checks),
+    ]
+    left, right = _turns(covered, gains, geometry)
+    duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))
+    notes = [
+        *_notes(covered, gains, matching, left, right),
+        *unknown_lines(checks),
+        *_clock_notes(drives, clocks, clock),
+        *(line for _, lines in cut for line in lines),
+    ]
+    return Look(
+        drives=parts,
+        gains=gains,
+        clock=clock,
+        left_turns=left,
+        right_turns=right,
+        duration=duration,
+        checks=tuple(checks),
+        notes=tuple(notes),
+        alarms=tuple(_alarms(checks, covered, duration)),
+    )
+
+
+def _refuse(checks: Sequence[Check]) -> None:
+    """Raise LogError for the first check that fails so that the log can't be used."""
+    for check in checks:
+        if check.refuses:
+            raise LogError(check.line)
+
+
+def _with_readings(drives: Sequence[Drive], geometry: RobotGeometry, clock: float) -> list[Drive]:
+    """The drives in which encoders were read at two poses or more; raises LogError if there are
+    none.
+    """
+    steps = Steps.of(Drives.of(drives), geometry, clock)
+    poses = np.bincount(steps.drive, minlength=len(drives))
+    covered = [drive for drive, count in zip(drives, poses, strict=True) if count > 1]
+    if not covered:
+        raise LogError(
+            f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record "
+            "both together"
+        )
+    return covered
+
+
+def _refuse_clock(drive: Drive, clock: Clock) -> None:
+    """Raise LogError if encoders and poses are too far apart for fits to align them."""
+    if clock.distinct and abs(clock.offset) > NEAR:
+        ahead = "pose" if clock.offset < 0 else "encoder"
+        raise LogError(
+            f"run {drive.name!r}: the clocks differ by {abs(clock.offset):.1f} s, as the {ahead} "
+            f"clock is ahead: subtract that from the times of the {ahead}s"
+        )
+    time = drive.time
+    if drive.beyond is not None:
+        time = np.append(time, drive.beyond[:, 0])
+    begin, end = drive.edges[[0, -1]]
+    first = float(time.min())
+    last = float(time.max())
+    if first > end + NEAR or last < begin - NEAR:
+        raise LogError(
+            f"run {drive.name!r}: encoders (t = {begin:.12g} to {end:.12g} s) and poses "
+            f"({first:.12g} to {last:.12g} s) don't overlap: subtract the difference of their "
+            "clocks"
+        )
+
+
+def _clock_check(drives: Sequence[Drive], clocks: Sequence[Clock], matching: Matching) -> Check:
+    """Check that no other clock offset explains the motion as well, in the run that tells most."""
+    subject = "clocks"
+    if any(clock.checked for clock in clocks):
+        return Check(subject, Verdict.HOLDS)
+    reason = matching.why_unknown if matching.far is not None else "the motion hardly varies"
+    if max(len(drive.time) for drive in drives) <= 2:
+        reason = matching.spacing
+    return Check(subject, Verdict.UNKNOWN, reason)
+
+
+def _clock_notes(drives: Sequence[Drive], clocks: Sequence[Clock], clock: float) -> list[str]:
+    """A note on each run whose clocks are apart by another time than the usual one."""
+    return [
         f"run {drive.name!r}: add {own.offset - clock:.2f} s to the times of its poses: other "
         "runs have other clocks"
         for drive, own in zip(drives, clocks, strict=True)
         if own.distinct and abs(own.offset - clock) > 2 * GRID
     ]
-    return Look(
-        parts,
-        gains,
-        clock,
-        left,
-        right,
-        duration,
-        (
-            *_notes(covered, gains, left, right),
-            *others,
-            *(line for _, lines in cut for line in lines),
-        ),
-        tuple(
-            _alarms(
-                covered, gains, duration, matches_of(windows_of(Drives.of(parts), geometry, clock))
-            )
-        ),
-    )
 
 
-def _checked_clock(drive: Drive) -> Clock:
-    """A drive's clock offset; raises LogError if encoders and poses are too far apart for fits to
-    align them.
+def _match_check(matching: Matching) -> Check:
+    """Check that wheels and poses are of one drive."""
+    subject = "match of wheels and poses"
+    if matching.goes_together is None:
+        return Check(subject, Verdict.UNKNOWN, matching.why_unknown)
+    if matching.goes_together:
+        return Check(subject, Verdict.HOLDS)
+    if matching.far is not None:
+        found = f"agree in {100 * matching.far.explained:.0f} % of motions between poses"
+    else:
+        found = f"correlation {float(np.abs(matching.matches).mean()):.2f}"
+    line = f"wheels and poses hardly go together ({found}): are they of one drive?"
+    return Check(subject, Verdict.FAILS, line, alarm="match")
+
+
+def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) -> Check:
+    """Check that the gains of distances and of turns are possible, unless a unit is known to be
+    wrong.
+
+    Gains of turns that unequal radii may cause, on straight drives, tell nothing.
     """
-    clock = clock_of_drive(drive)
-    ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
-    if clock.distinct and differ > NEAR:
-        raise LogError(
-            f"run {drive.name!r}: the clocks differ by {differ:.1f} s, as the {ahead} clock is "
-            "ahead: subtract that "
-            f"from the times of the {ahead}s"
-        )
-    time = np.sort(
-        drive.time if drive.beyond is None else np.append(drive.time, drive.beyond[:, 0])
-    )
-    if time[0] > drive.edges[-1] + NEAR or time[-1] < drive.edges[0] - NEAR:
-        raise LogError(
-            f"run {drive.name!r}: encoders (t = {drive.edges[0]:.12g} to {drive.edges[-1]:.12g} "
-            "s) and poses "
-            f"({time[0]:.12g} to {time[-1]:.12g} s) don't overlap: subtract the difference of "
-            "their clocks"
-        )
-    return clock
+    subject = "gains"
+    known = any(check.verdict is Verdict.FAILS for check in checks)
+    low, high = _POSSIBLE_GAINS
+    speed = ratios.speed
+    turn = ratios.turn if matching.turns_tell else None
+    moves_wrong = speed is not None and not low <= speed <= high
+    turns_wrong = turn is not None and not low <= turn <= high
+    if known or not (moves_wrong or turns_wrong):
+        return Check(subject, Verdict.HOLDS)
+    moves = [f"move {speed:.3g}"] if speed is not None else []
+    turns = [f"turn {turn:.3g}"] if turn is not None else []
+    # a wrong unit of omega changes both gains
+    if speed is None:
+        cause = "the units of phi and omega, the gear and half_gauge"
+    elif turn is None:
+        cause = "the units of x, y and omega, the gear and sprocket_radius"
+    elif moves_wrong and turns_wrong:
+        cause = "the unit of omega, the gear and sprocket_radius"
+    elif moves_wrong:
+        cause = "the unit of x and y, and sprocket_radius"
+    else:
+        cause = "the unit of phi, and half_gauge"
+    both = " and ".join([*moves, *turns])
+    line = f"the poses {both} times as far as the wheels: check {cause}"
+    return Check(subject, Verdict.FAILS, line, alarm="units")
 
 
-def _alarms(drives: Sequence[Drive], gains: Gains, duration: float, matches: Array) -> list[Alarm]:
+def _alarms(checks: Sequence[Check], drives: Sequence[Drive], duration: float) -> list[Alarm]:
     """Reasons to doubt any law fitted to the drives."""
-    alarms = list[Alarm]()
-    match = float(np.abs(matches).mean()) if len(matches) else 1.0
-    if match < 0.5:
-        line = (
-            f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?"
-        )
-        alarms.append(Alarm("match", line))
-    for gain, what, unit in ((gains.speed, "move", "x and y"), (gains.turn, "turn", "phi")):
-        if gain is not None and not 0.1 <= abs(gain.value) <= 3.0:
-            times = f"the poses {what} {gain.value:.3g} times as far as the wheels"
-            alarms.append(
-                Alarm(
-                    "units",
-                    f"{times}: check the units of {unit} and omega, the gear and sprocket_radius",
-                )
-            )
-    if (
-        all(drive.whole for drive in drives)
-        and gains.speed is not None
-        and not 0.8 <= abs(gains.speed.value) <= 1.2
-    ):
-        what = (
-            "omega_l and omega_r are whole numbers, and the poses move "
-            f"{gains.speed.value:.3g} times as far"
-        )
-        alarms.append(
-            Alarm(
-                "units", f"{what}: of counts, omega is 2 pi counts / (counts per turn * their time)"
-            )
-        )
-    if sum(int(drive.blocks(drive.time[-1:])[0]) + 1 for drive in drives) < FEWEST_BLOCKS:
+    failed = [check for check in checks if check.verdict is Verdict.FAILS]
+    alarms = [Alarm(check.alarm, check.line) for check in failed]
+    blocks = sum(int(drive.blocks(drive.time[-1:])[0]) + 1 for drive in drives)
+    if blocks < FEWEST_BLOCKS:
         least = FEWEST_BLOCKS * BLOCK
-        alarms.append(
-            Alarm(
-                "little",
-                f"{duration:.0f} s of driving are too few for intervals: drive {least:.0f} s",
-            )
-        )
+        line = f"{duration:.0f} s of driving are too few for intervals: drive {least:.0f} s"
+        alarms.append(Alarm("little", line))
     return alarms
 
 
-def _notes(drives: Sequence[Drive], gains: Gains, left: float, right: float) -> list[str]:
+def _turns(drives: Sequence[Drive], gains: Gains, geometry: RobotGeometry) -> tuple[float, float]:
+    """Sums of turns to the left and to the right, from the wheels and the gain of turns [rad].
+
+    Turns are taken over windows, in which the noise of the encoders doesn't add up.
+    """
+    turns = [_turns_in_windows(drive, geometry) for drive in drives]
+    turn = gains.factors[1] * np.concatenate(turns)
+    return float(turn.clip(min=0.0).sum()), float((-turn).clip(min=0.0).sum())
+
+
+def _turns_in_windows(drive: Drive, geometry: RobotGeometry) -> np.ndarray:
+    """Turns (n,) of the wheels in successive windows [rad]."""
+    grid = np.append(np.arange(drive.edges[0], drive.edges[-1], WINDOW), drive.edges[-1])
+    left, right = drive.angles(grid) * geometry.sprocket_radius
+    return np.diff(right - left) / (2 * geometry.half_gauge)
+
+
+def _notes(
+    drives: Sequence[Drive], gains: Gains, matching: Matching, left: float, right: float
+) -> list[str]:
     """Remarks on the log's content; `left` and `right` are the sums of turns to each side [rad]."""
-    headed, placed = (np.mean([np.isfinite(d.pose[:, k]).any() for d in drives]) for k in (2, 0))
+    headed = np.mean([np.isfinite(drive.pose[:, 2]).any() for drive in drives])
+    placed = np.mean([np.isfinite(drive.pose[:, 0]).any() for drive in drives])
     interval = float(np.median([drive.interval for drive in drives]))
     step = float(np.median(np.concatenate([np.diff(drive.edges) for drive in drives])))
-    kind = (
-        "positions without headings"
-        if headed == 0
-        else "headings without positions"
-        if placed == 0
-        else "poses"
-    )
+    kind = "poses"
+    if headed == 0:
+        kind = "positions without headings"
+    elif placed == 0:
+        kind = "headings without positions"
     notes = [f"{kind} every {interval:.3g} s, encoders every {step:.3g} s"]
     if 0 < headed < 1 or 0 < placed < 1:
         notes.append("some runs lack headings or positions")
     if repeated := sum(drive.repeated for drive in drives):
-        notes.append(f"{repeated:,} poses repeat the one before: each counts once")
+        notes.append(f"{repeated:,} repeated poses ignored")
     if between := sum(drive.interpolated for drive in drives):
-        notes.append(
-            f"poses are interpolated: {between:,} rows between the measured ones are left out"
-        )
+        notes.append(f"{between:,} interpolated poses ignored")
     notes += [line for drive in drives for line in drive.notes]
-    if gains.speed is None and placed:
-        notes.append(
-            "gains of distances can't be determined: the robot hardly drives, or poses are too rare"
-        )
-    if gains.turn is None:
-        notes.append(
-            "gains of turns can't be determined: the robot hardly turns, or poses are too rare"
-        )
-    elif min(left, right) < 0.1 * (left + right):
+    notes += _gain_notes(gains, matching, bool(placed))
+    if gains.turn is not None and min(left, right) < ONE_SIDED * (left + right):
         side = "left" if left > right else "right"
-        notes.append(
-            f"turns to the {side} only: unequal sides can't be distinguished from the turns"
-        )
+        notes.append(f"turns to the {side} only: unequal sides and turns can't be told apart")
     return notes
+
+
+def _gain_notes(gains: Gains, matching: Matching, placed: bool) -> list[str]:
+    """Why gains of distances or of turns aren't known."""
+    missing = list[str]()
+    if gains.speed is None and placed:
+        missing.append("distances")
+    if gains.turn is None:
+        missing.append("turns")
+    if not missing:
+        return []
+    verb = {"distances": "drives", "turns": "turns"}
+    if matching.far is not None or matching.evidence is None:
+        return [f"no gains of {' and '.join(missing)}: {matching.spacing}"]
+    return [f"no gain of {what}: the robot hardly {verb[what]}" for what in missing]

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from trackslip.identification.comparison import FittedLaw
+from trackslip.identification.comparison import FittedLaw, differs_from_zero
 from trackslip.intervals import Gain
 from trackslip.laws.families import DIFF_DRIVE
 
@@ -22,7 +22,10 @@ TOO_LITTLE: Final = "too little driving for an interval"
 """What stands in place of an interval whose ends are NaN."""
 SIDES: Final = ("left", "right")
 _DRIVE_TURNS: Final = "not determined: drive turns to both sides"
-_DRIVE_STRAIGHT: Final = "not determined: drive straight from one pose to another (taken as 1)"
+# the interval of the separation allows for it, by comparison.MACHINED
+_DRIVE_STRAIGHT: Final = (
+    "not determined: drive straight from one pose to another (taken as 1 ± 0.04)"
+)
 _MEASURE_POSITIONS: Final = "not determined: measure positions, too (taken as 1)"
 
 
@@ -39,18 +42,24 @@ def answer_of(fit: FittedLaw, half_gauge: float) -> dict[str, Gain]:
     interval are NaN if there is too little driving.
     """
     offset = combined(fit, _mean(fit, "offset"))
-    errors = {side: combined(fit, _mean(fit, "radius_error", side)) for side in SIDES}
+    left_error = combined(fit, _mean(fit, "radius_error", "left"))
+    right_error = combined(fit, _mean(fit, "radius_error", "right"))
     answer = {
-        "wheel_separation_multiplier": Gain(*(1 + end / half_gauge for end in offset)),
-        **{
-            f"{side}_wheel_radius_multiplier": Gain(*(1 + end for end in error))
-            for side, error in errors.items()
-        },
+        "wheel_separation_multiplier": _multiplier(offset, half_gauge),
+        "left_wheel_radius_multiplier": _multiplier(left_error),
+        "right_wheel_radius_multiplier": _multiplier(right_error),
         "offset": offset,
         "radius_error": combined(fit, _mean(fit, "radius_error")),
     }
-    unknown = Gain(np.nan, np.nan, np.nan)
-    return answer | dict.fromkeys(undetermined(fit), unknown)
+    for name in undetermined(fit):
+        answer[name] = Gain(np.nan, np.nan, np.nan)
+    return answer
+
+
+def _multiplier(excess: Gain, unit: float = 1.0) -> Gain:
+    """The ratio to the nominal value, given the excess over it in some unit."""
+    value, low, high = excess
+    return Gain(1 + value / unit, 1 + low / unit, 1 + high / unit)
 
 
 def undetermined(fit: FittedLaw) -> dict[str, str]:
@@ -63,15 +72,19 @@ def undetermined(fit: FittedLaw) -> dict[str, str]:
     """
     found = dict[str, str]()
     if _is_open(fit, "offset"):
-        found |= dict.fromkeys(("wheel_separation_multiplier", "offset"), _DRIVE_TURNS)
+        found["wheel_separation_multiplier"] = _DRIVE_TURNS
+        found["offset"] = _DRIVE_TURNS
+
     radii = _mean(fit, "radius_error")
     if not radii or not all(_is_open(fit, name) for name in radii):
         return found
     unmeasured = all(fit.held[name] == NO_POSITIONS for name in radii)
     remedy = _MEASURE_POSITIONS if unmeasured else _DRIVE_STRAIGHT
     found["radius_error"] = remedy
-    if not (fit.name == DIFF_DRIVE and radii_differ(fit)):
-        found |= dict.fromkeys((f"{side}_wheel_radius_multiplier" for side in SIDES), remedy)
+    is_difference_known = fit.name == DIFF_DRIVE and radii_differ(fit)
+    if not is_difference_known:
+        for side in SIDES:
+            found[f"{side}_wheel_radius_multiplier"] = remedy
     return found
 
 
@@ -79,8 +92,7 @@ def _is_open(fit: FittedLaw, name: str) -> bool:
     """True if the driving doesn't determine a parameter; one that differs from 0 is determined,
     however wide its interval is.
     """
-    low, high = fit.interval95.get(name, (np.nan, np.nan))
-    return name in fit.held and not (low > 0 or high < 0)
+    return name in fit.held and not differs_from_zero(fit, name)
 
 
 def combined(fit: FittedLaw, weights: Mapping[str, float]) -> Gain:
@@ -91,15 +103,21 @@ def combined(fit: FittedLaw, weights: Mapping[str, float]) -> Gain:
     fitted = [name for name in weights if name in fit.stderr]
     if not fitted:
         return Gain(value, np.nan, np.nan)
-    rows = [list(fit.stderr).index(name) for name in fitted]
+
+    # errors add like vectors whose angles have the correlations as cosines
+    of_stderr = list(fit.stderr)
+    rows = [of_stderr.index(name) for name in fitted]
     correlation = fit.correlation[np.ix_(rows, rows)]
-    # limits cut one end of an interval
-    half = [
-        weights[name] * np.abs(np.subtract(fit.interval95[name], fit.values[name])).max()
-        for name in fitted
-    ]
-    wide = float(np.sqrt(half @ correlation @ half))
-    return Gain(value, value - wide, value + wide)
+    half_widths = np.array([weights[name] * _half_width(fit, name) for name in fitted])
+    half_width = float(np.sqrt(half_widths @ correlation @ half_widths))
+    return Gain(value, value - half_width, value + half_width)
+
+
+def _half_width(fit: FittedLaw, name: str) -> float:
+    """Half the width of a parameter's 95 % interval: the larger half, as limits may cut one end."""
+    low, high = fit.interval95[name]
+    value = fit.values[name]
+    return max(value - low, high - value)
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> dict[str, float]:

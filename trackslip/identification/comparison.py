@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackslip.errors import counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
@@ -22,10 +21,21 @@ REFERENCE: Final = "icr_radius"
 """The law that is fitted first, as the start for other laws; it is also the best law if laws can't
 be compared.
 """
+MACHINED: Final = 0.02
+"""Standard deviation of radius errors where the driving doesn't determine the radius [-]."""
+NEAREST_CURVATURES: Final = 0.05
+"""Largest angle between motions of one curvature, in the plane (v, b w): encoders scatter less in a
+second [rad].
+"""
 LEAST_ERROR: Final = 1e-3
 """Mean prediction error, or difference between mean errors, that is too small to notice [m, rad, or
 relative].
 """
+# least number of blocks whose scatter shows what chance is, and the share of the leader's mean
+# error that counts as chance with fewer blocks
+_FEWEST_BLOCKS_FOR_SCATTER: Final = 5
+_CHANCE_SHARE: Final = 0.25
+_NEARLY_0: Final = 1e-9  # mean error in whose place ratios of errors have no meaning
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,31 +45,48 @@ class FittedLaw:
     name: str  # name of the law's family
     law: SlipLaw  # the law with the values below
     values: dict[str, float]  # parameters of the law by name, in their units
-    stderr: dict[str, float]  # standard errors of the fitted parameters
-    interval95: dict[str, tuple[float, float]]  # 95 % intervals of the fitted parameters
-    correlation: Array  # correlation matrix of the fitted parameters, in the order of stderr
+    # standard errors of the fitted parameters; empty with too little driving
+    stderr: dict[str, float]
+    # 95 % intervals of the same parameters
+    interval95: dict[str, tuple[float, float]]
+    correlation: Array  # correlation matrix of the same parameters, in the order of stderr
     # the reason for each parameter that was held or that the driving doesn't determine
     held: Mapping[str, str] = field(default_factory=dict)
 
 
-def uncertainty(
-    names: Sequence[str], values: Array, covariance: Array, quantile: Array | float, limits: Array
-) -> dict[str, Any]:
-    """The fields stderr, interval95 and correlation of a FittedLaw, for fitted parameters (f,) with
-    limits (2, f).
-    """
-    error = np.sqrt(np.diag(covariance))
-    low, high = (
-        np.maximum(values - quantile * error, limits[0]),
-        np.minimum(values + quantile * error, limits[1]),
-    )
-    with np.errstate(invalid="ignore"):
-        correlation = covariance / np.outer(error, error)
-    return {
-        "stderr": dict(zip(names, error.tolist(), strict=True)),
-        "interval95": dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True)),
-        "correlation": correlation,
-    }
+class Uncertainty(NamedTuple):
+    """The uncertainty of a law's parameters: the fields of a `FittedLaw` with the same names."""
+
+    stderr: dict[str, float]
+    interval95: dict[str, tuple[float, float]]
+    correlation: Array
+
+    @classmethod
+    def of(
+        cls,
+        names: Sequence[str],
+        values: Array,
+        covariance: Array,
+        quantile: Array,
+        limits: Array,
+    ) -> Uncertainty:
+        """The uncertainty of fitted parameters (f,) with a covariance (f, f) and `limits` (2, f).
+
+        Half an interval has the width of `quantile` (f,) standard errors. Parameters whose variance
+        is NaN, as with too little driving, are left out: nothing is known of their errors.
+        """
+        known = np.flatnonzero(np.isfinite(np.diag(covariance)))
+        among_known = covariance[np.ix_(known, known)]
+        error = np.sqrt(np.diag(among_known))
+        stderr = dict[str, float]()
+        interval95 = dict[str, tuple[float, float]]()
+        for k, stderr_of_value in zip(known.tolist(), error.tolist(), strict=True):
+            half_width = float(quantile[k]) * stderr_of_value
+            low = max(float(values[k]) - half_width, float(limits[0, k]))
+            high = min(float(values[k]) + half_width, float(limits[1, k]))
+            stderr[names[k]] = stderr_of_value
+            interval95[names[k]] = low, high
+        return cls(stderr, interval95, among_known / np.outer(error, error))
 
 
 Fit = TypeVar("Fit", bound=FittedLaw)
@@ -105,12 +132,16 @@ class Criterion:
         the leader's mean error.
         """
         worse = errors - errors[leader]
-        mean, (number, block) = worse.mean(axis=1), np.unique(self.block, return_inverse=True)
-        count = len(number)
-        if count < 5:
-            return np.asarray(mean <= 0.25 * errors[leader].mean())
-        sums = np.array([np.bincount(block, each) for each in worse - mean[:, None]])
-        chance = np.sqrt(np.sum(sums**2, axis=1) * count / (count - 1)) / len(block)
+        mean = worse.mean(axis=1)
+        labels, block = np.unique(self.block, return_inverse=True)
+        count = len(labels)
+        if count < _FEWEST_BLOCKS_FOR_SCATTER:
+            return np.asarray(mean <= _CHANCE_SHARE * errors[leader].mean())
+
+        # standard error of the mean, from the scatter of sums over blocks
+        sums = np.array([np.bincount(block, of_law) for of_law in worse - mean[:, None]])
+        variance = np.sum(sums**2, axis=1) * count / (count - 1)
+        chance = np.sqrt(variance) / len(block)
         return np.asarray(mean <= np.maximum(chance, self.unnoticed))
 
 
@@ -122,24 +153,27 @@ def choose(
     A law that odometry can't express is best only if a parameter that no law for odometry has
     differs from zero.
     """
-    linear = {name: law for name, law in laws.items() if is_expressible(name)}
-    choice, among = rank(laws), rank(linear) if linear else None
-    if choice is None or among is None or choice.best in linear:
+    linear = {name: law for name, law in laws.items() if is_usable_for_odometry(name)}
+    choice = rank(laws)
+    among_linear = rank(linear) if linear else None
+    if choice is None or among_linear is None or choice.best in linear:
         return choice
-    own = [
-        name
-        for name in laws[choice.best].values
-        if not any(name in law.values for law in linear.values())
-    ]
-    ends = [laws[choice.best].interval95.get(name, (-np.inf, np.inf)) for name in own]
-    if not all(low <= 0 <= high for low, high in ends):
+
+    # the parameters that only the best law has
+    best = laws[choice.best]
+    of_linear = {name for law in linear.values() for name in law.values}
+    own = [name for name in best.values if name not in of_linear]
+    if any(differs_from_zero(best, name) for name in own):
         return choice
     terms = " and ".join(own)
-    reason = (
-        f"{choice.best} predicts best, but its {terms} may be 0; of laws for odometry, "
-        f"{among.reason}"
-    )
-    return replace(choice, best=among.best, reason=reason)
+    reason = f"{among_linear.reason}; {choice.best} predicts better, but its {terms} may be 0"
+    return replace(choice, best=among_linear.best, reason=reason)
+
+
+def differs_from_zero(law: FittedLaw, name: str) -> bool:
+    """True if the 95 % interval of a parameter is known and doesn't contain 0."""
+    low, high = law.interval95.get(name, (-np.inf, np.inf))
+    return low > 0 or high < 0
 
 
 def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choice | None:
@@ -152,35 +186,54 @@ def ranked(laws: Mapping[str, FittedLaw], criteria: Sequence[Criterion]) -> Choi
     if not criteria:
         return None
     names = list(laws)
-    errors = [np.stack([criterion.errors[name] for name in names]) for criterion in criteria]
-    means = [each.mean(axis=1) for each in errors]
-    score = np.mean([(mean + 1e-9) / (mean.min() + 1e-9) for mean in means], axis=0)
+    errors = [
+        np.stack([criterion.errors[name] for name in names]) for criterion in criteria
+    ]  # (laws, n) by each criterion
+
+    # the leader
+    means = [of_laws.mean(axis=1) for of_laws in errors]
+    ratios = [(mean + _NEARLY_0) / (mean.min() + _NEARLY_0) for mean in means]
+    score = np.mean(ratios, axis=0)
     wins = np.bincount([int(mean.argmin()) for mean in means], minlength=len(names))
     leader = min(range(len(names)), key=lambda k: (-wins[k], score[k]))
-    as_good = np.sum(
-        [c.as_good_as(each, leader) for c, each in zip(criteria, errors, strict=True)], axis=0
-    )
-    good = np.flatnonzero(2 * as_good > len(means)).tolist()
+
+    # the simplest of the laws that are as good
+    as_good = np.zeros(len(names), int)
+    for criterion, of_laws in zip(criteria, errors, strict=True):
+        as_good += criterion.as_good_as(of_laws, leader)
+    good = np.flatnonzero(2 * as_good > len(criteria)).tolist()
     best = min(good, key=lambda k: (_terms(names[k], laws[names[k]]), k != leader, score[k]))
-    why = (
-        f"{names[leader]} has the smallest errors at {wins[leader]} of "
-        f"{counted(len(means), 'time')} ahead"
-    )
+
+    usable = all(map(is_usable_for_odometry, names))
+    compared = "all laws usable for odometry" if usable else "all laws"
+    where = _share_of_horizons(int(wins[leader]), len(criteria))
+    reason = f"smallest errors of {compared} {where}"
     if best != leader:
-        why += (
-            f"; {names[best]} is as good at {as_good[best]}, within one standard error, and "
+        reason = (
+            f"as good as {names[leader]}, which has the {reason}, within one standard error, and "
             "simpler to use"
         )
-    return Choice(best=names[best], reason=why, score=dict(zip(names, score.tolist(), strict=True)))
+    return Choice(
+        best=names[best], reason=reason, score=dict(zip(names, score.tolist(), strict=True))
+    )
+
+
+def _share_of_horizons(count: int, total: int) -> str:
+    """At how many of the prediction horizons, in words."""
+    if total == 1:
+        return "at the only horizon"
+    if count == total:
+        return f"at all {total} horizons"
+    return f"at {count} of {total} horizons"
 
 
 def _terms(name: str, law: FittedLaw) -> float:
-    """Number of a law's parameters, plus a half if odometry can't express the law."""
-    return len(law.values) + 0.5 * (not is_expressible(name))
+    """Number of a law's parameters, plus a half if odometry can't use the law."""
+    return len(law.values) + 0.5 * (not is_usable_for_odometry(name))
 
 
-def is_expressible(name: str) -> bool:
-    """True if a differential drive's odometry can express the law."""
+def is_usable_for_odometry(name: str) -> bool:
+    """True if `deploy` can write the law as parameters of a differential drive's odometry."""
     return "ros2_control" in FAMILIES[name].targets
 
 
@@ -214,7 +267,8 @@ def different_curvatures(direction: Array, nearest: float, least: int = 1) -> in
     """
     # straight motions scatter about 0: they must not be split there
     angle = np.sort((direction + nearest / 2) % np.pi)
-    count = begin = 0
+    count = 0
+    begin = 0
     while begin < len(angle):
         end = int(np.searchsorted(angle, angle[begin] + nearest, side="right"))
         count += end - begin >= least

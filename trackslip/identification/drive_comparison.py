@@ -14,28 +14,30 @@ import numpy as np
 from trackslip.drives.first_look import Alarm, Look
 from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
+    NEAREST_CURVATURES,
     REFERENCE,
     Choice,
     Comparison,
+    Uncertainty,
     choose,
     different_curvatures,
     few_curvatures,
     ranked,
     turns_fast,
-    uncertainty,
 )
 from trackslip.identification.far_poses import are_far_apart, other_separations
 from trackslip.identification.law_fit import DriveFit, fit_drives, prior_means
+from trackslip.identification.longer_windows import LongerWindows, covering_longer_windows
 from trackslip.identification.path import DriveModel
-from trackslip.identification.prediction import Pairs, PredictionErrors
+from trackslip.identification.prediction import FAR_AHEAD, Pairs, PredictionErrors
 from trackslip.intervals import FEWEST_BLOCKS, Gain
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
 
-NEAREST_ANGLE: Final = 0.05
-"""Largest angle between motions of one curvature; encoders scatter less in a second [rad]."""
 TODAY: Final = "today"  # name of the prediction without identification: dead reckoning without slip
+_WORSE: Final = 1.1  # least ratio of mean errors for an alarm
+_LEAST_SHARE: Final = 0.02  # share of the motions below which a curvature doesn't count [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,9 @@ class DriveComparison(Comparison):
     laws: Mapping[str, DriveFit]  # fits by law name, the best first
     errors: Mapping[str, Mapping[float, PredictionErrors]]
     """Held-out prediction errors for each law and horizon [s]; TODAY and GAINS come first."""
-    alarms: tuple[Alarm, ...]  # reasons not to trust the best law
+    far_errors: Mapping[str, PredictionErrors]
+    """The same after FAR_AHEAD [m] of driving; empty if no drive is as long."""
+    alarms: tuple[Alarm, ...]  # reasons not to trust the best law, or the law of the answer
 
 
 def compare_drives(
@@ -62,64 +66,68 @@ def compare_drives(
     `names` are the laws, by default all families made for drives. `step(1.0)` is called after each
     fitted law. Raises LogError if no law can be fitted.
     """
-    whole = names is None
-    fast = not whole or turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
+    is_whole = names is None  # a whole identification, with an answer
+
+    # 1. The reference law decides the length of windows; the other laws are fitted to the same.
     start = look.gains.start(geometry, look.clock)
     reference = fit_drives(REFERENCE, look.drives, geometry, sensor, start=start, lag=lag)
-    laws, notes = dict[str, DriveFit](), list(look.notes)
+    is_fast = turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
+    laws = dict[str, DriveFit]()
     for name in names or drive_laws():
-        if "offset_left" in FAMILIES[name].names and reference.sits_aside:
-            aside = (
-                f"{1000 * reference.extras['sensor_y']:.0f} mm to the left, where "
-                f"{REFERENCE} has it"
-            )
-            notes.append(
-                f"law {name} takes the sensor {aside}: else it looks like unequal ICRs; give "
-                "--sensor"
-            )
-        if fast or not FAMILIES[name].fast:
+        if is_fast or not (is_whole and FAMILIES[name].fast):
             laws[name] = fit_drives(
                 name, look.drives, geometry, sensor, reference=reference, lag=lag
             )
         step(1.0)
+
+    # 2. The answer is the law of a differential drive, whose intervals know of longer windows.
     answer = reference
-    if whole:
+    longer: LongerWindows | None = None
+    if is_whole:
         sides = fit_drives(DIFF_DRIVE, look.drives, geometry, sensor, reference=reference, lag=lag)
         answer = sides if radii_differ(sides) else reference
+        mean = prior_means(answer.fit.model, sensor)
+        answer, longer = covering_longer_windows(answer, mean)
         laws[answer.name] = answer
-    pairs, missed = reference.pairs, {name: law.missed for name, law in laws.items()}
-    place = (
-        {}
-        if sensor is None
-        else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
-    )
-    two = _gains_fit(look, reference)
-    plain = {TODAY: place, GAINS: place | two.values}
-    known = {
-        name: pairs.errors(two.fit.model, _of_model(two.fit.model, only)[None])
-        for name, only in plain.items()
-    }
-    errors = {name: pairs.summaries(error) for name, error in {**known, **missed}.items()}
 
-    def rank(some: Mapping[str, DriveFit]) -> Choice | None:
-        return ranked(some, pairs.criteria({name: missed[name] for name in some}))
+    # 3. Held-out predictions by the laws, and those of today and by gains, without a fit.
+    gains = _gains_fit(look, reference)
+    pairs = reference.pairs
+    far_pairs = Pairs.after_distance(reference.fit.drives, geometry, FAR_AHEAD)
+    unfitted = _unfitted_values(gains, sensor)
+    near = _Predictions.of(pairs, laws, unfitted, gains.fit.model)
+    far = _Predictions.of(far_pairs, laws, unfitted, gains.fit.model)
 
+    # 4. The best law predicts best; over few curvatures, laws with two parameters are alike.
     compared = {name: law for name, law in laws.items() if name != DIFF_DRIVE}
     uncompared = ""
-    if whole and len(pairs.start):
+    if is_whole and len(pairs.start):
         uncompared = few_curvatures(_curvatures(pairs), "the drives have")
-    choice = None if uncompared else choose(compared, rank)
+    choice = None if uncompared else choose(compared, near.ranked)
     if choice is None:
-        why = uncompared or "no motion can be predicted: the drives are too short"
-        choice = Choice(best=answer.name, reason=why, score={})
-    of_best = _alarms(laws[choice.best], known)
-    # the same alarms count once, as do those for the best law if it gives the answer
-    of_laws = dict.fromkeys([*of_best, *(_alarms(answer, known) if whole else [])])
-    alarms = [*look.alarms, *of_laws, *_whole_turns(answer, sensor)]
-    if GAINS in [alarm.kind for alarm in of_best] and not two.at_limit:
-        laws[GAINS] = two
-        why = "gains by regression predict better than every law that was fitted"
-        choice = replace(choice, best=GAINS, reason=why)
+        reason = uncompared or "no motion can be predicted: the drives are too short"
+        choice = Choice(best=answer.name, reason=reason, score={})
+
+    # 5. Reasons not to trust the best law, or the law of the answer; equal ones count once.
+    of_best = _alarms(laws[choice.best], near, far)
+    of_answer = list[Alarm]()
+    if is_whole:
+        of_answer += _alarms(answer, near, far)
+        of_answer += _differing_runs(answer)
+    if longer is not None and longer.outside:
+        of_answer.append(Alarm("windows", longer.line(answer)))
+    is_little = "little" in [alarm.kind for alarm in look.alarms]
+    of_laws = [
+        alarm
+        for alarm in dict.fromkeys([*of_best, *of_answer])
+        if not (is_little and alarm.kind == "blocks")
+    ]
+    alarms = (*look.alarms, *of_laws, *_whole_turns(answer, sensor))
+    if GAINS in [alarm.kind for alarm in of_best] and not gains.at_limit:
+        laws[GAINS] = gains
+        reason = "gains by regression predict better than every law that was fitted"
+        choice = replace(choice, best=GAINS, reason=reason)
+
     order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, 0.0)))
     return DriveComparison(
         best=choice.best,
@@ -128,47 +136,144 @@ def compare_drives(
         expressible=answer.name,
         laws={name: laws[name] for name in order},
         look=look,
-        errors=errors,
-        alarms=tuple(alarms),
-        warnings=tuple(notes),
+        errors=near.summaries(),
+        far_errors=far.at_one_horizon(),
+        alarms=alarms,
+        warnings=(*look.notes, *_assumed_places(laws, reference)),
     )
+
+
+def _assumed_places(laws: Mapping[str, DriveFit], reference: DriveFit) -> list[str]:
+    """Notes on laws that take the sensor where the reference law has it."""
+    if not reference.sits_aside:
+        return []
+    aside = 1000 * reference.extras["sensor_y"]
+    return [
+        f"law {name} takes the sensor {aside:.0f} mm to the left, where {REFERENCE} has it: else "
+        "it looks like unequal ICRs; give --sensor"
+        for name in laws
+        if "offset_left" in FAMILIES[name].names
+    ]
+
+
+@dataclass(frozen=True)
+class _Predictions:
+    """Errors (n, 3) of predictions from the same pairs of poses."""
+
+    pairs: Pairs
+    unfitted: Mapping[str, Array]  # by TODAY and GAINS
+    held_out: Mapping[str, Array]  # by each law, from fits without the pair's block
+
+    @classmethod
+    def of(
+        cls,
+        pairs: Pairs,
+        laws: Mapping[str, DriveFit],
+        unfitted: Mapping[str, Array],
+        model: DriveModel,
+    ) -> _Predictions:
+        """Predict by laws, and by a `model` with `unfitted` parameters (p,)."""
+        return cls(
+            pairs,
+            {name: pairs.errors(model, values[None]) for name, values in unfitted.items()},
+            {
+                name: law.missed if pairs is law.pairs else pairs.held_out_errors(law.fit)
+                for name, law in laws.items()
+            },
+        )
+
+    def summaries(self) -> dict[str, dict[float, PredictionErrors]]:
+        """Errors by law and horizon [s]."""
+        errors = {**self.unfitted, **self.held_out}
+        return {name: self.pairs.summaries(error) for name, error in errors.items()}
+
+    def at_one_horizon(self) -> dict[str, PredictionErrors]:
+        """Errors by law of pairs that all have the same horizon; empty without pairs."""
+        return {
+            name: next(iter(by_horizon.values()))
+            for name, by_horizon in self.summaries().items()
+            if by_horizon
+        }
+
+    def ranked(self, laws: Mapping[str, DriveFit]) -> Choice | None:
+        """The best of the laws by their held-out predictions; None without pairs."""
+        return ranked(laws, self.pairs.criteria({name: self.held_out[name] for name in laws}))
+
+    def is_worse(self, errors: Array, than: str) -> bool:
+        """True if errors (n, 3) exceed those of TODAY or GAINS at any horizon, by a tenth and by
+        more than chance.
+        """
+        for criterion in self.pairs.criteria({than: self.unfitted[than], "law": errors}):
+            both = np.stack([criterion.errors[than], criterion.errors["law"]])
+            theirs, ours = both.mean(axis=1)
+            if ours > _WORSE * theirs and not criterion.as_good_as(both, leader=0)[1]:
+                return True
+        return False
 
 
 def _curvatures(pairs: Pairs) -> int:
     """Number of different curvatures of the wheels' motions between poses, each of 2 % of all."""
     drives = pairs.drives
-    edges = drives.edges
-    turned = np.cumsum(drives.omega * np.diff(edges)[:, None], axis=0)
-    angles = np.stack([np.interp(drives.time, edges, np.append(0.0, side)) for side in turned.T])
+    turned = np.cumsum(drives.omega * np.diff(drives.edges)[:, None], axis=0)
+    angles = np.stack(
+        [np.interp(drives.time, drives.edges, np.append(0.0, side)) for side in turned.T]
+    )
     near = pairs.horizon == pairs.horizon.min()
     left, right = angles[:, pairs.end[near]] - angles[:, pairs.start[near]]
     direction = np.arctan2(right - left, right + left)  # b w = (right - left) / 2
-    return different_curvatures(direction, NEAREST_ANGLE, math.ceil(0.02 * len(direction)))
+    least = math.ceil(_LEAST_SHARE * len(direction))
+    return different_curvatures(direction, NEAREST_CURVATURES, least)
+
+
+def _unfitted_values(gains: DriveFit, sensor: Mounting | None) -> dict[str, Array]:
+    """Values (p,) of the parameters by TODAY and by GAINS, with the place of the sensor if it is
+    given.
+    """
+    place = dict[str, float]()
+    if sensor is not None:
+        place = {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
+    model = gains.fit.model
+    return {
+        TODAY: _of_model(model, place),
+        GAINS: _of_model(model, place | gains.values),
+    }
 
 
 def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
-    """The first look's gains in the form of a fitted law."""
-    model, values = reference.fit.model, look.gains.law(reference.fit.model.geometry)
-    speed, turn = (
-        gain or Gain(1.0, np.nan, np.nan) for gain in (look.gains.speed, look.gains.turn)
+    """The first look's gains in the form of a fitted law.
+
+    With the gain s of distances and the gain t of turns, ε = s - 1 and b + D = b s / t. Their
+    variances follow from those of the gains to first order, where an interval's half-width is two
+    standard errors.
+    """
+    model = reference.fit.model
+    half_gauge = model.geometry.half_gauge
+    values = look.gains.law(model.geometry)
+    unknown = Gain(1.0, np.nan, np.nan)
+    speed = look.gains.speed or unknown
+    turn = look.gains.turn or unknown
+
+    half_width = half_gauge * speed.value / turn.value  # b + D
+    by_speed = [half_width / speed.value, 1.0]  # derivatives of D and ε
+    by_turn = [-half_width / turn.value, 0.0]
+    slope = np.column_stack([by_speed, by_turn])
+    variance = np.diag([(speed.error / 2) ** 2, (turn.error / 2) ** 2])
+    errors = Uncertainty.of(
+        tuple(values),
+        np.array([*values.values()]),
+        slope @ variance @ slope.T,
+        np.full(len(values), 2.0),
+        model.limits[:2, : len(values)],
     )
-    wide = model.geometry.half_gauge * speed.value / turn.value
-    slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
-    # from the intervals' half-widths
-    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T
     return replace(
         reference,
         name=GAINS,
         law=FAMILIES[GAINS].build(values, model.geometry),
         values=values,
+        stderr=errors.stderr,
+        interval95=errors.interval95,
+        correlation=errors.correlation,
         fit=replace(reference.fit, values=_of_model(model, reference.extras | values)),
-        **uncertainty(
-            tuple(values),
-            np.array([*values.values()]),
-            covariance / 4,
-            2.0,
-            model.limits[:2, : len(values)],
-        ),
     )
 
 
@@ -199,31 +304,41 @@ def _whole_turns(law: DriveFit, sensor: Mounting | None) -> list[Alarm]:
     return [Alarm("circles", line)]
 
 
-def _alarms(law: DriveFit, known: Mapping[str, Array]) -> list[Alarm]:
-    """Reasons not to trust the best law; `known` has the prediction errors (n, 3) of TODAY and
-    GAINS.
+def _differing_runs(law: DriveFit) -> list[Alarm]:
+    """Return an alarm if parameters of a law differ between runs, which are too few to tell how
+    much.
     """
+    fit = law.fit
+    names = [fit.model.names[k] for k in fit.free[fit.differs_between_runs].tolist()]
+    of_law = [name for name in names if name in law.values]
+    if not of_law:
+        return []
+    count = int(fit.run_of_block.max()) + 1
+    line = (
+        f"{' and '.join(of_law)} of law {law.name} differ between the {count} runs by more than "
+        f"the intervals say: take {FEWEST_BLOCKS} runs or more"
+    )
+    return [Alarm("runs", line)]
+
+
+def _alarms(law: DriveFit, near: _Predictions, far: _Predictions) -> list[Alarm]:
+    """Reasons not to trust a law, from predictions some seconds and some metres ahead."""
     alarms = [
         Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}")
         for name in law.at_limit
     ]
     if law.blocks < FEWEST_BLOCKS:
-        what = (
+        line = (
             f"{law.blocks} independent parts of driving are too few for an interval, which "
-            f"takes {FEWEST_BLOCKS}"
+            f"takes {FEWEST_BLOCKS}: drive for a minute or more"
         )
-        return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
-    # GAINS are fitted to all driving, too
+        return [*alarms, Alarm("blocks", line)]
+    name = law.name
+    if any(ahead.is_worse(ahead.held_out[name], TODAY) for ahead in (near, far)):
+        line = f"law {name} predicts worse than the robot does today: don't use it"
+        alarms.append(Alarm(TODAY, line))
+    # gains are fitted to all driving, too
     fitted = law.pairs.errors(law.fit.model, law.fit.values[None])
-    for name, ours, others in (
-        (TODAY, law.missed, "the robot does today"),
-        (GAINS, fitted, "two gains do"),
-    ):
-        for criterion in law.pairs.criteria({name: known[name], law.name: ours}):
-            both = np.stack([criterion.errors[name], criterion.errors[law.name]])
-            if both[1].mean() > 1.1 * both[0].mean() and not criterion.as_good_as(both, 0)[1]:
-                alarms.append(
-                    Alarm(name, f"law {law.name} predicts worse than {others}: don't use it")
-                )
-                break
+    if near.is_worse(fitted, GAINS):
+        alarms.append(Alarm(GAINS, f"law {name} predicts worse than two gains do: don't use it"))
     return alarms

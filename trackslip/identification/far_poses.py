@@ -52,7 +52,7 @@ def start_between_far_poses(
     """
     pairs = _neighbours(model, drives)
     unit = np.array([1.0, 1.0, 1 / model.geometry.half_gauge])
-    rough = np.maximum(_ROUGH * float(np.median(pairs.way)) * unit, _LEAST)
+    rough = np.maximum(_ROUGH * float(np.median(pairs.distance)) * unit, _LEAST)
 
     # first with the same scales for all starts, so that their losses can be compared
     free = np.array([name not in held for name in model.names])
@@ -95,8 +95,9 @@ def other_separations(fit: WindowFit, mean: Array) -> list[float]:
 def _neighbours(model: DriveModel, drives: Drives) -> Pairs:
     """All pairs of neighbouring poses in the same drive."""
     first = np.flatnonzero(np.diff(drives.drive) == 0)
-    way = np.diff(drives.way(model.geometry.sprocket_radius))[first]
-    return Pairs(drives, first, first + 1, np.diff(drives.time)[first], way)
+    duration = np.diff(drives.time)[first]
+    distance = np.diff(drives.belt_distance(model.geometry.sprocket_radius))[first]
+    return Pairs(drives, first, first + 1, duration, distance)
 
 
 def _scatter(model: DriveModel, pairs: Pairs, values: Array) -> Array:
@@ -119,17 +120,18 @@ def _fitted(
     """
     low, high, unit = model.limits[:, free]
 
-    def whole(fitted: Array) -> Array:
+    def all_values(fitted: Array) -> Array:
+        """Values (p,) of all parameters, given those that are fitted."""
         values = start.copy()
         values[free] = fitted
         return values
 
     def residual(fitted: Array) -> Array:
-        values = whole(fitted)
+        values = all_values(fitted)
         missed = np.nan_to_num(pairs.errors(model, values[None]) / scale)
         of_prior = (fitted - mean[free]) / model.prior[free]
         return np.append(missed.ravel(), of_prior)
 
     begin = np.clip(start[free], low, high)
     result = least_squares(residual, begin, bounds=(low, high), x_scale=unit, loss="soft_l1")
-    return float(result.cost), whole(result.x)
+    return float(result.cost), all_values(result.x)

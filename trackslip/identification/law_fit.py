@@ -14,7 +14,7 @@ from trackslip.drives.clocks import clock_of_drive, median_offset
 from trackslip.drives.drive import Drive, Drives
 from trackslip.drives.gains import gains_of
 from trackslip.identification.answer import NO_POSITIONS
-from trackslip.identification.comparison import REFERENCE, FittedLaw, uncertainty
+from trackslip.identification.comparison import MACHINED, REFERENCE, FittedLaw, Uncertainty
 from trackslip.identification.far_poses import OFFSETS, are_far_apart, start_between_far_poses
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, sizes, slip_noise
@@ -24,11 +24,14 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import DIFF_DRIVE, FAMILIES, family
 from trackslip.se2 import Mounting
 
-MACHINED: Final = 0.02
-"""Prior standard deviation of radius errors if the driving doesn't determine the radius [-]."""
 _LENGTHS: Final = (10.0, 5.0, 2.0, 1.0)  # candidate lengths of windows [s]
 # prediction horizons that decide the window length and show how slip varies [s]
 _COMPARED: Final = (1.0, 5.0)
+_AS_SMALL: Final = 1.01  # ratio of prediction errors that doesn't matter
+# difference of losses of fits in the same minimum, where residuals may be 1 % larger
+_SAME_LOSS: Final = 0.01
+# standard error above which a parameter is undetermined [standard deviations of its prior]
+_VAGUE: Final = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +55,12 @@ class DriveFit(FittedLaw):
     def at_limit(self) -> tuple[str, ...]:
         """Names of law parameters at or very near a limit, except a lower limit of 0."""
         low, high, scale = self.fit.model.limits[:, : len(self.values)]
-        # a fit may stop before it reaches a limit
-        values, near = self.fit.values[: len(self.values)], 0.3 * scale
-        bound = ((values < low + near) & (low != 0)) | (values > high - near)
-        return tuple(name for name, at in zip(self.values, bound, strict=True) if at)
+        values = self.fit.values[: len(self.values)]
+        near = 0.3 * scale  # a fit may stop before it reaches a limit
+        is_low = (values < low + near) & (low != 0)
+        is_high = values > high - near
+        at_limit = is_low | is_high
+        return tuple(name for name, is_at in zip(self.values, at_limit, strict=True) if is_at)
 
     @property
     def sits_aside(self) -> bool:
@@ -84,27 +89,61 @@ def fit_drives(
     fitted first, from the values by name in `start` (by default gains and clock from regression).
     Without radius_error in `start`, the prior for it is narrow.
     """
+    # the reference law decides the length of the windows, and where other laws start
     if reference is None:
-        reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
+        reference = _reference(Drives.smooth(drives), geometry, sensor, start, lag)
     if name == REFERENCE:
         return reference
+
+    # the same model with the other law
     first = reference.fit
     model = replace(first.model, family=family(name))
-    values = np.concatenate(
-        [_law_start(name, geometry, reference.values), [*reference.extras.values()]]
-    )
-    held, mean = held_parameters(model, first.drives, sensor, lag), prior_means(model, sensor)
+    held = held_parameters(model, first.drives, sensor, lag)
+    mean = prior_means(model, sensor)
+    extras = [*reference.extras.values()]
+    starts = [
+        np.array([*of_law, *extras]) for of_law in _law_starts(name, geometry, reference.values)
+    ]
     if "offset_left" in model.names and not reference.sits_aside:
-        values[model.index("sensor_y")] = mean[model.index("sensor_y")]
-    if not model.far:
+        for values in starts:
+            values[model.index("sensor_y")] = mean[model.index("sensor_y")]
+    if model.far:
+        return _fit_between_far_poses(model, reference, starts[0], held, mean)
+
+    # A law that contains the reference law can't fit worse. If it does, it ended in another minimum
+    # and is fitted from other starts, too.
+    best: WindowFit | None = None
+    for values in starts:
         fit = fit_windows(model, first.drives, first.length, values, held, mean)
-        return _described(fit, held, reference.pairs)
-    # equal radii may fit too badly to show that the driving determines the mean radius
-    priors = [DriveModel.radius_prior] if name == DIFF_DRIVE else []
-    for prior in (*priors, model.radius_prior):
+        if best is None or fit.loss < best.loss:
+            best = fit
+        if best.loss < first.loss + _SAME_LOSS:
+            break
+    assert best is not None
+    return _described(best, held, reference.pairs)
+
+
+def _fit_between_far_poses(
+    model: DriveModel,
+    reference: DriveFit,
+    values: Array,
+    held: Mapping[str, str],
+    mean: Array,
+) -> DriveFit:
+    """Fit a law to the same poses, far apart, as the `reference`, from start `values` (p,).
+
+    Equal radii may fit too badly to show that the driving determines the mean radius. So the prior
+    for the radii of `diff_drive` is broad, unless they then are undetermined.
+    """
+    broad = DriveModel.radius_prior
+    priors = [model.radius_prior]
+    if model.family is FAMILIES[DIFF_DRIVE]:
+        priors.insert(0, broad)
+    first = reference.fit
+    for prior in priors:
         model = replace(model, radius_prior=prior)
-        start_values = start_between_far_poses(model, first.drives, values, held, mean)
-        fit = fit_windows(model, first.drives, first.length, start_values, held, mean)
+        start = start_between_far_poses(model, first.drives, values, held, mean)
+        fit = fit_windows(model, first.drives, first.length, start, held, mean)
         found = _described(fit, held, reference.pairs)
         if not found.held.keys() >= {"radius_error_left", "radius_error_right"}:
             break
@@ -128,33 +167,45 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives))
         start = gains_of(drives, geometry, clock).start(geometry, clock)
+
     # relative motions take positions and headings
-    far = are_far_apart(drives) and bool(drives.known.any(axis=1).all())
-    machined = machined or not (far or "radius_error" in start)
-    prior = MACHINED if machined else DriveModel.radius_prior
-    model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior, far)
-    held, mean = held_parameters(model, drives, sensor, lag), prior_means(model, sensor)
+    is_far = are_far_apart(drives) and bool(drives.known.any(axis=1).all())
+    is_machined = machined or not (is_far or "radius_error" in start)
+    prior = MACHINED if is_machined else DriveModel.radius_prior
+    has_gyro = drives.gyro is not None
+    model = DriveModel(FAMILIES[REFERENCE], geometry, has_gyro, prior, is_far)
+    held = held_parameters(model, drives, sensor, lag)
+    mean = prior_means(model, sensor)
+
     values = mean.copy()
     for name, value in start.items():
-        if not (name in held or (sensor is not None and name.startswith("sensor"))):
+        is_given = sensor is not None and name.startswith("sensor")
+        if name not in held and not is_given:
             values[model.index(name)] = value
-    if far:
+    if is_far:
         values = start_between_far_poses(model, drives, values, held, mean, OFFSETS)
-    starts = values[None]
-    # front and rear may look alike: try both
-    if not ({"sensor_x", "sensor_y"} & set(held) or drives.known[1].any()):
-        starts = np.tile(values, (2, 1))
-        starts[:, model.index("sensor_x")] = geometry.half_gauge, -geometry.half_gauge
+
+    # without headings, front and rear may look alike: try both
+    starts = [values]
+    has_headings = bool(drives.known[1].any())
+    if not has_headings and "sensor_x" not in held and "sensor_y" not in held:
+        starts = [values.copy(), values.copy()]
+        starts[0][model.index("sensor_x")] = geometry.half_gauge
+        starts[1][model.index("sensor_x")] = -geometry.half_gauge
+
     pairs = Pairs.of(drives, geometry)
     best: DriveFit | None = None
     for length in _lengths(drives):
-        windows = (fit_windows(model, drives, length, start, held, mean) for start in starts)
-        fit = min((_described(each, held, pairs) for each in windows), key=_size)
-        if best is not None and _size(best) <= 1.01 * _size(fit):  # 1 % doesn't matter
+        fits = [
+            _described(fit_windows(model, drives, length, values, held, mean), held, pairs)
+            for values in starts
+        ]
+        fit = min(fits, key=_size)
+        if best is not None and _size(best) <= _AS_SMALL * _size(fit):
             break
         best = fit
     assert best is not None
-    if far and not machined and "radius_error" in best.held:
+    if is_far and not is_machined and "radius_error" in best.held:
         return _reference(drives, geometry, sensor, start, lag, machined=True)
     return best
 
@@ -163,33 +214,30 @@ def _lengths(drives: Drives) -> list[float]:
     """Window lengths [s], longest first, that fit into the drives and leave enough blocks for
     confidence intervals.
     """
-    longest = max(float(drive.time[-1] - drive.time[0]) for drive in drives.drives)
-    blocks = [int(drives.blocks(2 * length)[-1]) + 1 for length in _LENGTHS]
-    least = min(FEWEST_BLOCKS, blocks[-1])
-    lengths = [
-        length
-        for length, count in zip(_LENGTHS, blocks, strict=True)
-        if length <= longest and count >= least
+    longest_drive = max(float(drive.time[-1] - drive.time[0]) for drive in drives.drives)
+    blocks = {length: int(drives.blocks(2 * length)[-1]) + 1 for length in _LENGTHS}
+    shortest = _LENGTHS[-1]
+    enough = min(FEWEST_BLOCKS, blocks[shortest])
+    fitting = [
+        length for length, count in blocks.items() if length <= longest_drive and count >= enough
     ]
-    return lengths or [_LENGTHS[-1]]
+    return fitting or [shortest]
 
 
 def _size(fit: DriveFit) -> float:
     """Geometric mean of a fit's mean errors in position and heading at the compared horizons; 0
     without errors.
     """
-    size, horizon = sizes(fit.missed), fit.pairs.horizon
-    ahead = set(horizon) & set(_COMPARED) or set(horizon)
-    columns = [
-        column[np.isfinite(column)] for h in sorted(ahead) for column in size[horizon == h].T
-    ]
-    return float(
-        np.exp(
-            np.mean(
-                [np.log(column.mean() + 1e-12) for column in columns if len(column)] or [-np.inf]
-            )
-        )
-    )
+    size = sizes(fit.missed)
+    horizon = fit.pairs.horizon
+    compared = set(horizon) & set(_COMPARED) or set(horizon)
+    logarithms = list[float]()
+    for ahead in sorted(compared):
+        for errors in size[horizon == ahead].T:
+            known = errors[np.isfinite(errors)]
+            if len(known):
+                logarithms.append(float(np.log(known.mean() + 1e-12)))
+    return float(np.exp(np.mean(logarithms))) if logarithms else 0.0
 
 
 def held_parameters(
@@ -200,11 +248,11 @@ def held_parameters(
     if not drives.known[1].any():
         held["sensor_yaw"] = "no headings were measured"
     if not drives.known[0].any():
-        lengths = [
-            name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))
-        ]
+        law_names = model.family.names
+        lengths = [name for name in law_names if name.startswith(("radius_error", "turn_loss"))]
         held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), NO_POSITIONS)
-    if np.diff(drives.first).max() <= 2:
+    most_poses = np.diff(drives.first).max()
+    if most_poses <= 2:
         ends = ("sensor_x", "sensor_y", "drift", "clock_offset")
         held |= dict.fromkeys(ends, "poses at both ends of runs don't determine it")
     if not lag:
@@ -221,57 +269,67 @@ def prior_means(model: DriveModel, sensor: Mounting | None) -> Array:
     """Prior means (p,) of the parameters."""
     mean = np.zeros(len(model.names))
     if sensor is not None:
-        mean[[model.index(f"sensor_{key}") for key in ("x", "y", "yaw")]] = (
-            sensor.x,
-            sensor.y,
-            sensor.yaw,
-        )
+        mean[model.index("sensor_x")] = sensor.x
+        mean[model.index("sensor_y")] = sensor.y
+        mean[model.index("sensor_yaw")] = sensor.yaw
     return mean
 
 
-def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float]) -> list[float]:
-    """Start values with which a law predicts nearly the same motion as the reference law."""
-    starts = zip(
-        FAMILIES[name].names, FAMILIES[name].starts(geometry.half_gauge)[0].tolist(), strict=True
-    )
-    return [
-        reference.get(key.removesuffix("_left").removesuffix("_right"), value)
-        for key, value in starts
-    ]
+def _law_starts(
+    name: str, geometry: RobotGeometry, reference: Mapping[str, float]
+) -> list[list[float]]:
+    """Values from which fits of a law start: first those with which it predicts nearly the same
+    motion as the reference law, then those of its family, as far as they differ.
+    """
+    names = FAMILIES[name].names
+    of_family = FAMILIES[name].starts(geometry.half_gauge).tolist()
+    like_reference = []
+    for key, value in zip(names, of_family[0], strict=True):
+        of_both_sides = key.removesuffix("_left").removesuffix("_right")
+        like_reference.append(reference.get(of_both_sides, value))
+    return [like_reference, *of_family] if names else [like_reference]
 
 
 def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:
     """Make a DriveFit from a fit in windows: the law's values, intervals and prediction errors."""
-    model, covariance = fit.model, fit.covariance
+    model = fit.model
     names = [model.names[k] for k in fit.free]
-    # standard errors above half the prior's; with too few blocks, only those for independent
-    # residuals are known
+
+    # parameters whose standard errors exceed half the prior's are undetermined; with too few
+    # blocks, only the errors for independent residuals are known
+    covariance = fit.covariance
     variance = np.fmax(np.diag(covariance), np.diag(fit.inverse))
-    vague = np.sqrt(variance) > 0.5 / np.sqrt(fit.prior)
-    unknown = [name for name, is_vague in zip(names, vague, strict=True) if is_vague]
-    values = dict(zip(model.names, fit.values.tolist(), strict=True))
-    parameters = {name: values.pop(name) for name in model.family.names}
+    is_vague = np.sqrt(variance) > _VAGUE / np.sqrt(fit.prior)
+    vague = [name for name, of_name in zip(names, is_vague, strict=True) if of_name]
+    errors = Uncertainty.of(
+        names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free]
+    )
+
+    # values of the law, and of the other parameters
+    extras = dict(zip(model.names, fit.values.tolist(), strict=True))
+    values = {name: extras.pop(name) for name in model.family.names}
+
+    # errors of predictions, and the noise that they show
     missed = pairs.held_out_errors(fit)
     position, heading, turn = fit.spread.tolist()
-    noise = {
-        "position": position,
-        "heading": heading,
-        **slip_noise(missed, pairs, fit.spread, _COMPARED),
-    }
+    noise = {"position": position, "heading": heading}
+    noise |= slip_noise(missed, pairs, fit.spread, _COMPARED)
+    if model.gyro:
+        noise["gyro"] = turn / np.sqrt(fit.drives.drives[0].interval)
+
     return DriveFit(
         name=next(name for name, family in FAMILIES.items() if family is model.family),
-        law=model.family.build(parameters, model.geometry),
-        values=parameters,
-        extras=values,
-        held={**held, **dict.fromkeys(unknown, "the driving doesn't determine it")},
-        noise=noise
-        | ({"gyro": turn / np.sqrt(fit.drives.drives[0].interval)} if model.gyro else {}),
+        law=model.family.build(values, model.geometry),
+        values=values,
+        stderr=errors.stderr,
+        interval95=errors.interval95,
+        correlation=errors.correlation,
+        held={**held, **dict.fromkeys(vague, "the driving doesn't determine it")},
+        extras=extras,
+        noise=noise,
         poses=int(fit.drives.known.any(axis=0).sum()),
         blocks=len(fit.score),
         fit=fit,
         missed=missed,
         pairs=pairs,
-        **uncertainty(
-            names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free]
-        ),
     )

@@ -20,6 +20,14 @@ from trackslip.drives.drive import Drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import LawFamily
 
+GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
+FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
+"""Prior standard deviations for drives with few poses, far apart, in the units of `Extra.prior`: a
+sensor that may be anywhere would take up the effects of unequal radii.
+"""
+_LAG_STEP: Final = 1e-3  # step of finite differences by the lag, smaller than any that matters [s]
+_SMALL_TURN: Final = 1e-4  # turn up to which a series has no rounding errors [rad]
+
 
 @dataclass(frozen=True)
 class Extra:
@@ -43,11 +51,6 @@ EXTRAS: Final[dict[str, Extra]] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
-FAR_PRIORS: Final = {"sensor_x": 0.05, "sensor_y": 0.05, "sensor_yaw": 0.02}
-"""Prior standard deviations for drives with few poses, far apart, as in EXTRAS: a sensor that may
-be anywhere would take up the effects of unequal radii.
-"""
-GYRO: Final = ("gyro_bias", "gyro_scale")  # the last of EXTRAS, for drives with a gyro
 
 
 @dataclass(frozen=True)
@@ -86,41 +89,55 @@ class DriveModel:
         """Prior standard deviations (p,); those of law parameters are too wide to matter with
         informative data.
         """
-        scale, b = self.family.limits(self.geometry.half_gauge)[2], self.geometry.half_gauge
+        half_gauge = self.geometry.half_gauge
+        _, _, scale = self.family.limits(half_gauge)
+        is_radius = np.array([name.startswith("radius_error") for name in self.family.names], bool)
+        of_law = np.where(is_radius, self.radius_prior, 10 * scale)
+
         width = {name: extra.prior for name, extra in self.extras.items()}
         if self.far:
             width |= FAR_PRIORS
-        extras = [
-            width[name] * (b if extra.unit == "m" else 1.0) for name, extra in self.extras.items()
+        of_extras = [
+            width[name] * (half_gauge if extra.unit == "m" else 1.0)
+            for name, extra in self.extras.items()
         ]
-        radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
-        return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
+        return np.concatenate([of_law, of_extras])
 
     def path(self, values: Array, drives: Drives, free: np.ndarray) -> Path:
         """The sensor's path at the pose times for `values` (p,), with derivatives by the parameters
         `free` (f,).
         """
-        law = len(self.family.names)
-        extra = dict(zip(self.extras, values[law:], strict=True))
-        moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
-        motion, slope = self._motion(values[:law], extra, drives, free[moving])
+        # the turning centre's path, which depends on the law, the drift and the lag
+        law_size = len(self.family.names)
+        extra = dict(zip(self.extras, values[law_size:], strict=True))
+        is_of_motion = (free < law_size) | np.isin(free, [self.index("drift"), self.index("lag")])
+        motion, motion_slope = self._motion(values[:law_size], extra, drives, free[is_of_motion])
         time = drives.time + extra["clock_offset"]
-        path = path_at(drives.edges, motion, slope, time, drives.intervals(time))
+        path = path_at(drives.edges, motion, motion_slope, time, drives.intervals(time))
+
+        # its derivatives by all free parameters: a later clock is further along the path
+        place_slope = np.zeros((len(free), len(time)), complex)
+        heading_slope = np.zeros((len(free), len(time)))
+        place_slope[is_of_motion] = path.place_slope
+        heading_slope[is_of_motion] = path.heading_slope
+        place_slope[free == self.index("clock_offset")] = path.velocity
+        heading_slope[free == self.index("clock_offset")] = path.yaw_rate
+
+        # the sensor, at the end of an arm that turns with the robot
         ahead = np.exp(1j * path.heading)
         arm = (extra["sensor_x"] + 1j * extra["sensor_y"]) * ahead
-        place_slope, heading_slope = (
-            np.zeros((len(free), len(time)), complex),
-            np.zeros((len(free), len(time))),
-        )
-        place_slope[moving], heading_slope[moving] = path.place_slope, path.heading_slope
-        clock = free == self.index("clock_offset")
-        place_slope[clock], heading_slope[clock] = path.velocity, path.yaw_rate
         place_slope += 1j * arm * heading_slope
         place_slope[free == self.index("sensor_x")] = ahead
         place_slope[free == self.index("sensor_y")] = 1j * ahead
         heading_slope[free == self.index("sensor_yaw")] = 1.0
-        place, heading = path.place + arm, path.heading + extra["sensor_yaw"]
-        return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
+        return Path(
+            place=path.place + arm,
+            heading=path.heading + extra["sensor_yaw"],
+            place_slope=place_slope,
+            heading_slope=heading_slope,
+            velocity=path.velocity,
+            yaw_rate=path.yaw_rate,
+        )
 
     def gyro_turns(
         self, values: Array, drives: Drives, free: np.ndarray
@@ -130,7 +147,9 @@ class DriveModel:
         """
         assert drives.gyro is not None
         time = drives.time + values[self.index("clock_offset")]
-        turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
+        gyro_time, turned_sums, measured_sums = drives.gyro.T
+        turned = np.interp(time, gyro_time, turned_sums)
+        measured = np.interp(time, gyro_time, measured_sums)
         at_bias = self.index("gyro_bias")
         slope = np.where((free == at_bias)[:, None], -drives.time, 0.0)
         return turned - values[at_bias] * drives.time, slope, measured
@@ -141,42 +160,62 @@ class DriveModel:
         """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters
         `free` (f,).
         """
-        lag, drift, of_law = extra["lag"], extra["drift"], free[free < len(values)]
-        belts = np.moveaxis(
-            self.family.law(values, self.geometry).twist(drives.omega, self.geometry), -1, 0
-        )
-        v, w = motion = _lagging(belts, drives, lag)
+        law_size = len(values)
+        of_law = free[free < law_size]
+        lag = extra["lag"]
+        drift = extra["drift"]
+        is_lag = free == self.index("lag")
+
+        # forward speed and yaw rate (2, M), which follow the law's with a lag
+        law = self.family.law(values, self.geometry)
+        by_law = np.moveaxis(law.twist(drives.omega, self.geometry), -1, 0)
+        v, w = _lagging(by_law, drives, lag)
+
+        # their derivatives
         slope = np.zeros((3, len(free), len(drives.omega)))
+        forward_slope, leftward_slope, yaw_slope = slope  # views
         if len(of_law):
-            by_law = self.family.twist_slopes(values[None], drives.omega, self.geometry)[0]
-            slope[::2, free < len(values)] = _lagging(
-                np.moveaxis(by_law[..., of_law], 0, -1), drives, lag
-            )
-        if (at_lag := free == self.index("lag")).any():
-            change = 1e-3  # [s], small relative to any noticeable lag
-            slope[::2, at_lag] = ((_lagging(belts, drives, lag + change) - motion) / change)[
-                :, None
-            ]
-        slope[1] = -drift * (v * slope[2] + w * slope[0])
-        slope[1, free == self.index("drift")] = -v * w
+            slopes = self.family.twist_slopes(values[None], drives.omega, self.geometry)[0]
+            of_free = np.moveaxis(slopes[..., of_law], 0, -1)  # (2, f, M)
+            lagging = _lagging(of_free, drives, lag)
+            forward_slope[free < law_size] = lagging[0]
+            yaw_slope[free < law_size] = lagging[1]
+        if is_lag.any():
+            later_v, later_w = _lagging(by_law, drives, lag + _LAG_STEP)
+            forward_slope[is_lag] = (later_v - v) / _LAG_STEP
+            yaw_slope[is_lag] = (later_w - w) / _LAG_STEP
+
+        # the drift to the left, -c v w
+        leftward_slope[:] = -drift * (v * yaw_slope + w * forward_slope)
+        leftward_slope[free == self.index("drift")] = -v * w
         return np.stack([v, -drift * v * w, w]), slope
 
 
 def _lagging(values: Array, drives: Drives, lag: float) -> Array:
     """Apply a first-order lag [s] to interval means (..., M); each drive starts in a settled
     state.
+
+    In an interval of duration h with the constant input u, the output x approaches u. With
+    k = e^(-h / lag), it ends at k x0 + (1 - k) u and has the mean u + (x0 - u) (lag / h) (1 - k),
+    where x0 is its value at the end of the interval before. So the values at all ends solve a
+    bidiagonal system of equations.
     """
     if lag <= 0:
         return values
-    step, begins = np.diff(drives.edges), drives.begins
+    step = np.diff(drives.edges)
+    begins = drives.begins
     kept = np.exp(-step / lag)
+
+    # a drive begins with x0 = u
     driven = (1 - kept) * values
     driven[..., begins] += kept[begins] * values[..., begins]
-    bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
-    bands[1, begins[1:] - 1] = 0.0
-    ends = scipy.linalg.solve_banded((1, 0), bands, driven.reshape(-1, len(step)).T).T.reshape(
-        driven.shape
-    )
+    diagonal = np.ones(len(step))
+    below = np.append(-kept[1:], 0.0)
+    below[begins[1:] - 1] = 0.0
+    rows = driven.reshape(-1, len(step))
+    ends = scipy.linalg.solve_banded((1, 0), np.stack([diagonal, below]), rows.T)
+    ends = ends.T.reshape(driven.shape)
+
     before = np.roll(ends, 1, axis=-1)
     before[..., begins] = values[..., begins]
     return values + (before - values) * ((lag / step) * (1 - kept))
@@ -202,20 +241,35 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
     derivatives. `row` (K,) is the interval that contains each time, or the interval whose motion
     continues up to that time.
     """
+    # headings and places at the edges
     step = np.diff(edges)
-    turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
-    moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:, :-1])
-    rest, here, here_slope = time - edges[row], motion[:, row], np.take(slope, row, axis=-1)
-    heading, heading_slope = turned[row], np.take(turned_slope, row, axis=-1)
-    beyond, beyond_slope = _displaced(here, here_slope, rest, heading, heading_slope)
-    heading = heading + here[2] * rest
+    edge_heading = _started(motion[2] * step)
+    edge_heading_slope = _started(slope[2] * step)
+    moved, moved_slope = _displaced(
+        motion, slope, step, edge_heading[:-1], edge_heading_slope[:, :-1]
+    )
+    edge_place = _started(moved)
+    edge_place_slope = _started(moved_slope)
+
+    # from the edge before each time to that time
+    rest = time - edges[row]
+    motion_here = motion[:, row]
+    slope_here = np.take(slope, row, axis=-1)
+    begin_heading = edge_heading[row]
+    begin_heading_slope = np.take(edge_heading_slope, row, axis=-1)
+    beyond, beyond_slope = _displaced(
+        motion_here, slope_here, rest, begin_heading, begin_heading_slope
+    )
+
+    forward_speed, leftward_speed, yaw_rate = motion_here
+    heading = begin_heading + yaw_rate * rest
     return Path(
-        _started(moved)[row] + beyond,
-        heading,
-        np.take(_started(moved_slope), row, axis=-1) + beyond_slope,
-        heading_slope + here_slope[2] * rest,
-        np.exp(1j * heading) * (here[0] + 1j * here[1]),
-        here[2],
+        place=edge_place[row] + beyond,
+        heading=heading,
+        place_slope=np.take(edge_place_slope, row, axis=-1) + beyond_slope,
+        heading_slope=begin_heading_slope + slope_here[2] * rest,
+        velocity=np.exp(1j * heading) * (forward_speed + 1j * leftward_speed),
+        yaw_rate=yaw_rate,
     )
 
 
@@ -225,20 +279,33 @@ def _displaced(
     """World displacements (M,) for motions (3, M) that last `step` (M,) from headings (M,), and
     derivatives (f, M).
 
-    An arc's chord points along the mean heading. It is sin(t/2) / (t/2) times as long as the arc,
-    where t is the turn.
+    A robot that turns by t on an arc of length a moves along its chord, which points along the mean
+    heading and has the length a s with
+
+        s = sin(t / 2) / (t / 2),    ds/dt = (cos(t / 2) - s) / t
+
+    With the velocity u (forwards + i leftwards), the duration h and the mean heading m, the
+    displacement is z = h s u e^(i m). It changes by
+
+        dz = h s e^(i m) du + h u e^(i m) ds/dt dt + i z dm
     """
+    velocity = motion[0] + 1j * motion[1]
     turn = motion[2] * step
-    chord = np.sinc(turn / (2 * np.pi))
-    ahead = np.exp(1j * (heading + turn / 2)) * step
-    moved = ahead * chord * (motion[0] + 1j * motion[1])
+    shortening = np.sinc(turn / (2 * np.pi))
+    along = np.exp(1j * (heading + turn / 2)) * step
+    moved = along * shortening * velocity
     if not slope.shape[1]:
         return moved, np.zeros((0, len(moved)), complex)
-    small = np.abs(turn) < 1e-4  # where the chord is 1 - t² / 24
-    shorter = np.where(small, -turn / 12, (np.cos(turn / 2) - chord) / np.where(small, 1.0, turn))
+
+    # ds/dt; where the turn is small, s is 1 - t² / 24
+    is_small = np.abs(turn) < _SMALL_TURN
+    by_turn = (np.cos(turn / 2) - shortening) / np.where(is_small, 1.0, turn)
+    by_turn = np.where(is_small, -turn / 12, by_turn)
+
+    velocity_slope = slope[0] + 1j * slope[1]
     turn_slope = slope[2] * step
-    moved_slope = (ahead * chord) * (slope[0] + 1j * slope[1])
-    moved_slope += (ahead * shorter * (motion[0] + 1j * motion[1])) * turn_slope
+    moved_slope = (along * shortening) * velocity_slope
+    moved_slope += (along * by_turn * velocity) * turn_slope
     moved_slope += (1j * moved) * (heading_slope + turn_slope / 2)
     return moved, moved_slope
 

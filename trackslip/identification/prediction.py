@@ -1,5 +1,5 @@
-"""Predictions of driving: from each measured pose, by the belt speeds, to the pose some seconds
-later.
+"""Predictions of driving: from each measured pose, by the belt speeds, to the pose some seconds or
+metres later.
 """
 
 from __future__ import annotations
@@ -20,6 +20,18 @@ from trackslip.metrics import rms
 FOLDS: Final = 5
 """Number of parts for held-out predictions; each part contains every fifth block of driving."""
 HORIZONS: Final = (1.0, 2.0, 5.0, 10.0)  # prediction horizons [s]
+FAR_AHEAD: Final = 10.0
+"""Distance driven from which errors are told beside those after some seconds [m]."""
+_DISTANCE_TOLERANCE: Final = 0.1  # of a distance driven, as in `odometry.evaluation` [-]
+_FEWEST_PAIRS: Final = 5  # least number of pairs at a horizon
+_LEAST_MOTION: Final = 0.1  # least distance driven by the belts between two poses [half gauges]
+_TRAILING: Final = 10.0  # duration of the path that is fitted to positions for a heading [s]
+_FEWEST_TRAILING: Final = 5  # least number of positions for a heading
+# least spread of positions for a heading, as over 0.5 m: noise of 2 cm is a few degrees [m]
+_LEAST_TRAILING_SPREAD: Final = 0.15
+_TO_DEVIATION: Final = 1.4826  # standard deviation over the median size of normal errors
+# share of a variance below which its growth is a difference that medians don't resolve
+_RESOLVED: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -35,8 +47,13 @@ class Statistics:
     @classmethod
     def of(cls, errors: Array) -> Statistics:
         """Compute the statistics of error sizes (n,), which are non-negative."""
-        mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
-        return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
+        return cls(
+            rms=rms(errors),
+            mean=float(errors.mean()),
+            median=float(np.median(errors)),
+            p90=float(np.quantile(errors, 0.9)),
+            largest=float(errors.max()),
+        )
 
 
 @dataclass(frozen=True)
@@ -44,17 +61,29 @@ class PredictionErrors:
     """Errors of predictions that all cover the same duration or distance."""
 
     count: int  # number of predictions, whose times overlap
-    way: float  # median distance driven by the belts [m]
+    way: float
+    """Median distance driven, without slip [m]: that of `Pairs.distance`, or of the middle of the
+    tracks in `odometry.evaluation`. The name is the key in files.
+    """
     position: Statistics | None  # errors of positions [m]; None without positions
     heading: Statistics | None  # absolute errors of headings [rad]; None without headings
 
     @classmethod
-    def of(cls, way: Array, position: Array, heading: Array) -> PredictionErrors:
+    def of(cls, distance: Array, position: Array, heading: Array) -> PredictionErrors:
         """Summarise errors (n,) of predictions over distances (n,); NaN where unknown."""
-        known = (errors[np.isfinite(errors)] for errors in (position, heading))
-        statistics = [Statistics.of(errors) if errors.size else None for errors in known]
-        count = int((np.isfinite(position) | np.isfinite(heading)).sum())
-        return cls(count, float(np.median(way)), *statistics)
+        is_known = np.isfinite(position) | np.isfinite(heading)
+        return cls(
+            count=int(is_known.sum()),
+            way=float(np.median(distance)),
+            position=_statistics(position),
+            heading=_statistics(heading),
+        )
+
+
+def _statistics(errors: Array) -> Statistics | None:
+    """Statistics of error sizes (n,) other than NaN; None if there are none."""
+    known = errors[np.isfinite(errors)]
+    return Statistics.of(known) if len(known) else None
 
 
 @dataclass(frozen=True)
@@ -67,7 +96,12 @@ class Pairs:
     start: np.ndarray  # (n,) index of the first pose
     end: np.ndarray  # (n,) index of the second pose
     horizon: Array  # (n,) nominal time between both poses [s]
-    way: Array  # (n,) mean distance driven by the belts between both poses [m]
+    distance: Array
+    """Distances (n,) driven between both poses, without slip [m].
+
+    For pairs some seconds apart, it is the mean of both belts' distances, as the robot may turn in
+    place; for pairs from `after_distance`, that of the middle of the tracks.
+    """
 
     @classmethod
     def of(
@@ -81,25 +115,53 @@ class Pairs:
         shortest = min(drive.interval for drive in drives.drives)
         if shortest > max(horizons):
             horizons = (shortest,)
-        way, pairs = drives.way(geometry.sprocket_radius), [np.zeros((3, 0))]
-        for drive, begin in zip(drives.drives, drives.first, strict=False):
+        starts = [np.zeros(0, int)]
+        ends = [np.zeros(0, int)]
+        times = [np.zeros(0)]
+        for drive, first in zip(drives.drives, drives.first[:-1], strict=True):
             usable = np.flatnonzero(np.isfinite(drive.pose).any(axis=1))
-            time, half = drive.time[usable], drive.interval / 2
+            tolerance = drive.interval / 2
             for horizon in horizons:
-                end = np.clip(np.searchsorted(time, time + horizon - half), 0, len(time) - 1)
-                hit = np.flatnonzero(np.abs(time[end] - time - horizon) <= half + 1e-9)
-                pairs.append(
-                    np.stack(
-                        [begin + usable[hit], begin + usable[end[hit]], np.full(len(hit), horizon)]
-                    )
-                )
-        *rows, ahead = np.concatenate(pairs, axis=1)
-        start, end = np.array(rows, int)
-        moving = way[end] - way[start] > 0.1 * geometry.half_gauge
-        moving &= np.isin(ahead, [h for h in horizons if (ahead[moving] == h).sum() >= 5])
-        return cls(
-            drives, start[moving], end[moving], ahead[moving], (way[end] - way[start])[moving]
-        )
+                start, end = _apart(drive.time[usable], horizon, tolerance)
+                starts.append(first + usable[start])
+                ends.append(first + usable[end])
+                times.append(np.full(len(start), horizon))
+        start = np.concatenate(starts)
+        end = np.concatenate(ends)
+        horizon_of_pair = np.concatenate(times)
+
+        # between which the robot moves, at horizons with enough of them
+        distance_to_pose = drives.belt_distance(geometry.sprocket_radius)
+        distance = distance_to_pose[end] - distance_to_pose[start]
+        kept = distance > _LEAST_MOTION * geometry.half_gauge
+        counts = {h: np.sum(kept & (horizon_of_pair == h)) for h in horizons}
+        frequent = [h for h, count in counts.items() if count >= _FEWEST_PAIRS]
+        kept &= np.isin(horizon_of_pair, frequent)
+        return cls(drives, start[kept], end[kept], horizon_of_pair[kept], distance[kept])
+
+    @classmethod
+    def after_distance(cls, drives: Drives, geometry: RobotGeometry, distance: float) -> Pairs:
+        """Find all pairs of poses between which the middle of the tracks drives a `distance` [m],
+        to within a tenth, by the encoders without slip.
+
+        Their horizon is the median time that this takes.
+        """
+        starts = [np.zeros(0, int)]
+        ends = [np.zeros(0, int)]
+        middle = drives.middle_distance(geometry.sprocket_radius)
+        for drive, first in zip(drives.drives, drives.first[:-1], strict=True):
+            usable = first + np.flatnonzero(np.isfinite(drive.pose).any(axis=1))
+            start, end = _apart(middle[usable], distance, _DISTANCE_TOLERANCE * distance)
+            starts.append(usable[start])
+            ends.append(usable[end])
+        start = np.concatenate(starts)
+        end = np.concatenate(ends)
+        if len(start) < _FEWEST_PAIRS:
+            start = start[:0]
+            end = end[:0]
+        duration = drives.time[end] - drives.time[start]
+        usual = float(np.median(duration)) if len(duration) else 0.0
+        return cls(drives, start, end, np.full(len(start), usual), middle[end] - middle[start])
 
     def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
         """Errors (n, 3) forwards, to the left and in heading [m, m, rad] of F parameter sets (F,
@@ -107,43 +169,55 @@ class Pairs:
 
         `part` (n,) is the index of the parameter set that predicts each pair.
         """
-        part = np.zeros(len(self.start), int) if part is None else part
-        drives, error = self.drives, np.full((len(part), 3), np.nan)
+        if part is None:
+            part = np.zeros(len(self.start), int)
+        no_slopes = np.zeros(0, int)
+        errors = np.full((len(part), 3), np.nan)
         for k, parameters in enumerate(values):
-            start, end = self.start[part == k], self.end[part == k]
-            path = model.path(parameters, drives, np.zeros(0, int))
-            heading = _headings(drives, path)
-            turn = heading[start] - path.heading[start]
-            moved = (path.place[end] - path.place[start]) * np.exp(1j * turn)
-            missed = (moved - (drives.place[end] - drives.place[start])) * np.exp(
-                -1j * heading[start]
-            )
-            off = wrap_angle(
-                path.heading[end]
-                - path.heading[start]
-                - (drives.heading[end] - drives.heading[start])
-            )
-            placed, headed = drives.known[:, start] & drives.known[:, end]
-            missed[~placed] = off[~headed] = np.nan
-            error[part == k] = np.column_stack([missed.real, missed.imag, off])
-        return error
+            pairs = part == k
+            path = model.path(parameters, self.drives, no_slopes)
+            errors[pairs] = self._errors_of_path(path, self.start[pairs], self.end[pairs])
+        return errors
+
+    def _errors_of_path(self, path: Path, start: np.ndarray, end: np.ndarray) -> Array:
+        """Errors (n, 3) of a predicted path between poses `start` (n,) and `end` (n,), as in
+        `errors`.
+        """
+        drives = self.drives
+        heading = _headings(drives, path)[start]
+
+        # the predicted motion, turned so that it starts with the measured heading
+        turn = heading - path.heading[start]
+        predicted = (path.place[end] - path.place[start]) * np.exp(1j * turn)
+        measured = drives.place[end] - drives.place[start]
+        missed = (predicted - measured) * np.exp(-1j * heading)
+
+        predicted_turn = path.heading[end] - path.heading[start]
+        measured_turn = drives.heading[end] - drives.heading[start]
+        missed_turn = wrap_angle(predicted_turn - measured_turn)
+
+        is_placed, is_headed = drives.known[:, start] & drives.known[:, end]
+        missed[~is_placed] = np.nan
+        missed_turn[~is_headed] = np.nan
+        return np.column_stack([missed.real, missed.imag, missed_turn])
 
     def held_out_errors(self, fit: WindowFit) -> Array:
         """Prediction errors (n, 3) by fits that leave out a fifth of all blocks, including the
         block of each pair.
         """
-        count = len(fit.score)
-        number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
-        values = fit.without(fold == np.arange(len(number))[:, None])
-        return self.errors(fit.model, values, fold[np.minimum(fit.block[self.start], count - 1)])
+        fold_of_block = np.arange(len(fit.score)) % FOLDS
+        folds = np.arange(min(FOLDS, len(fit.score)))
+        values = fit.without(fold_of_block == folds[:, None])
+        return self.errors(fit.model, values, fold_of_block[fit.block[self.start]])
 
     def summaries(self, error: Array) -> dict[float, PredictionErrors]:
         """Summarise errors (n, 3) by horizon [s]."""
-        every = {horizon: self.horizon == horizon for horizon in np.unique(self.horizon).tolist()}
-        return {
-            h: PredictionErrors.of(self.way[rows], *sizes(error)[rows].T)
-            for h, rows in every.items()
-        }
+        found = dict[float, PredictionErrors]()
+        for horizon in np.unique(self.horizon).tolist():
+            rows = self.horizon == horizon
+            position, heading = sizes(error)[rows].T
+            found[horizon] = PredictionErrors.of(self.distance[rows], position, heading)
+        return found
 
     def criteria(self, errors: Mapping[str, Array]) -> list[Criterion]:
         """Make a criterion for each horizon from errors (n, 3) by law.
@@ -153,21 +227,33 @@ class Pairs:
         more than the laws' predictions differ there, whereas its square could decide the
         comparison.
         """
-        criteria, every = [], np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
+        criteria = list[Criterion]()
+        of_laws = np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
         for horizon in np.unique(self.horizon):
             rows = self.horizon == horizon
-            size = every[:, rows]
-            known = np.isfinite(size).all(axis=0)  # for every law
-            if not known.any():
+            size = of_laws[:, rows]
+            is_known = np.isfinite(size).all(axis=0)  # for every law
+            if not is_known.any():
                 continue
-            size = np.where(known, size, 0.0)
-            least = (size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0)
-            relative = (size / np.maximum(least, LEAST_ERROR)).sum(axis=2)
+            size = np.where(is_known, size, 0.0)
+            mean = size.sum(axis=1) / np.maximum(is_known.sum(axis=0), 1)  # (laws, 2)
+            relative = size / np.maximum(mean.min(axis=0), LEAST_ERROR)
+            both = relative.sum(axis=2)
             block = self.drives.blocks(horizon)[self.start[rows]]
-            criteria.append(
-                Criterion(dict(zip(errors, relative, strict=True)), block, 2 * LEAST_ERROR)
-            )
+            criteria.append(Criterion(dict(zip(errors, both, strict=True)), block, 2 * LEAST_ERROR))
         return criteria
+
+
+def _apart(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and ends (n,) of all stretches of about `length` on an ascending axis (K,), to within
+    the tolerance.
+    """
+    if not len(axis):
+        return np.zeros(0, int), np.zeros(0, int)
+    end = np.searchsorted(axis, axis + length - tolerance)
+    end = np.minimum(end, len(axis) - 1)
+    start = np.flatnonzero(np.abs(axis[end] - axis - length) <= tolerance + 1e-9)
+    return start, end[start]
 
 
 def sizes(error: Array) -> Array:
@@ -181,10 +267,13 @@ def _headings(drives: Drives, path: Path) -> Array:
     """
     heading = np.where(drives.known[1], drives.heading, np.nan)
     for drive, begin, end in zip(drives.drives, drives.first[:-1], drives.first[1:], strict=True):
-        if not drive.has_heading:
-            rows = begin + np.flatnonzero(drives.known[0][begin:end])
-            here = path.place[rows], path.heading[rows]
-            heading[rows] = trailing_heading(drive.time[rows - begin], drives.place[rows], *here)
+        if drive.has_heading:
+            continue
+        placed = np.flatnonzero(drives.known[0][begin:end])
+        rows = begin + placed
+        heading[rows] = trailing_heading(
+            drive.time[placed], drives.place[rows], path.place[rows], path.heading[rows]
+        )
     return heading
 
 
@@ -194,16 +283,30 @@ def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, headi
 
     The positions `measured` (n,) at `time` (n,) and the positions `place` (n,) are complex, x + i
     y. `place` and `heading` (n,) are from dead reckoning with any start pose.
+
+    With N positions z_k measured and c_k dead-reckoned, the turn that fits best is the angle of
+    sum z_k conj(c_k) - (sum z_k) (sum conj(c_k)) / N, as in `windows.residuals`. All sums over the
+    last 10 s are differences of cumulative sums.
     """
     place = place - place[:1]
-    values = [np.ones(len(place)), measured, place, measured * place.conj(), np.abs(place) ** 2]
-    sums = np.concatenate([np.zeros((5, 1)), np.cumsum(values, axis=1)], axis=1)
-    begin = np.searchsorted(time, time - 10.0)
-    number, there, here, product, square = sums[:, 1:] - sums[:, begin]
-    size = (square / number).real - np.abs(here / number) ** 2
-    # positions over 0.5 m: noise of 2 cm is a few degrees
-    known = (number.real >= 5) & (size > 0.15**2)
-    return np.where(known, np.angle(product - there * here.conj() / number) + heading, np.nan)
+    begin = np.searchsorted(time, time - _TRAILING)
+    rows = np.arange(1, len(time) + 1)
+
+    def trailing_sums(values: np.ndarray) -> np.ndarray:
+        """Sums (n,) of values (n,) over the last 10 s before each row."""
+        total = np.append(0.0, np.cumsum(values))
+        return np.asarray(total[rows] - total[begin])
+
+    count = (rows - begin).astype(float)
+    measured_sum = trailing_sums(measured)
+    place_sum = trailing_sums(place)
+    product = trailing_sums(measured * place.conj())
+    square = trailing_sums(np.abs(place) ** 2)
+
+    turn = np.angle(product - measured_sum * place_sum.conj() / count)
+    variance = square / count - np.abs(place_sum / count) ** 2
+    is_known = (count >= _FEWEST_TRAILING) & (variance > _LEAST_TRAILING_SPREAD**2)
+    return np.where(is_known, turn + heading, np.nan)
 
 
 def slip_noise(
@@ -213,33 +316,49 @@ def slip_noise(
     errors (n, 3).
 
     The variance of errors, from medians, is the variance of two poses plus a part that grows with
-    the distance driven, between the shortest and the longest horizon in `ahead` [s]. With a single
-    horizon, `spread` (3,) has the standard deviations of poses. Errors in the first heading and in
-    turns add to the sideways variance.
+    the distance s driven. With q_f, q_l and q_t the variances per metre that slip adds forwards, to
+    the left and in turn, the errors have the variances
+
+        forwards     2 p² + q_f s
+        turn         2 h² + q_t s
+        to the left  2 p² + q_l s + (h² + q_t s / 3) d²
+
+    where p and h are the standard deviations of measured positions and headings. An error of the
+    first heading, and turns on the way, move the end of a straight path of length d sideways. The
+    shortest and the longest horizon in `ahead` [s] yield p, h and the q. With a single horizon, p
+    and h come from `spread` (3,), the standard deviations of poses.
     """
-    names, horizons = (
-        ("slip_forward", "slip_sideways", "slip_turn"),
-        np.intersect1d(pairs.horizon, ahead),
-    )
+    names = ("slip_forward", "slip_sideways", "slip_turn")
+    horizons = np.intersect1d(pairs.horizon, ahead)
     if not len(horizons):
         return dict.fromkeys(names, 0.0)
-    rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]]
-    moved = np.abs(pairs.drives.place[pairs.end] - pairs.drives.place[pairs.start]) ** 2
-    way, reach = (
-        np.array([np.median(values[row]) for row in rows]) for values in (pairs.way, moved)
+
+    # distances driven (2,), squared distances between poses (2,), and variances (2, 3) of errors at
+    # the shortest and the longest horizon
+    places = pairs.drives.place
+    moved = np.abs(places[pairs.end] - places[pairs.start]) ** 2
+    near, far = (pairs.horizon == horizon for horizon in horizons[[0, -1]])
+    driven = np.array([np.median(pairs.distance[rows]) for rows in (near, far)])
+    reach = np.array([np.median(moved[rows]) for rows in (near, far)])
+    variance = np.array(
+        [[_robust_variance(of_column) for of_column in error[rows].T] for rows in (near, far)]
     )
-    # (2, 3)
-    variance = np.array([[_robust_variance(part) for part in error[row].T] for row in rows])
-    if way[1] - way[0] < 1e-6:
-        way, reach = np.array([0.0, way[0]]), np.array([0.0, reach[0]])
-        variance = np.stack([2 * spread[[0, 0, 1]] ** 2, variance[0]])
-    per_way = np.maximum((variance[1] - variance[0]) / (way[1] - way[0]), 0.0)
-    heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one heading
-    aside = variance[:, 1] - (heading + per_way[2] * way / 3) * reach
-    per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
-    # the growth is a difference between large numbers: medians don't resolve less than 1 % of these
-    per_way = np.maximum(per_way, 0.01 * variance[1] / max(way[1], 1e-9))
-    return dict(zip(names, np.sqrt(per_way).tolist(), strict=True))
+    if driven[1] - driven[0] < 1e-6:
+        driven[0] = 0.0
+        reach[0] = 0.0
+        variance[0] = 2 * spread[[0, 0, 1]] ** 2
+
+    # growth per metre
+    longer = driven[1] - driven[0]
+    per_metre = np.maximum((variance[1] - variance[0]) / longer, 0.0)
+    of_heading = max(variance[0, 2] - per_metre[2] * driven[0], 0.0) / 2  # h²
+    by_headings = (of_heading + per_metre[2] * driven / 3) * reach
+    aside = variance[:, 1] - by_headings
+    per_metre[1] = max((aside[1] - aside[0]) / longer, 0.0)
+
+    # the growth is a difference between large numbers
+    per_metre = np.maximum(per_metre, _RESOLVED * variance[1] / max(driven[1], 1e-9))
+    return dict(zip(names, np.sqrt(per_metre).tolist(), strict=True))
 
 
 def _robust_variance(values: Array) -> float:
@@ -247,4 +366,4 @@ def _robust_variance(values: Array) -> float:
     values other than NaN.
     """
     size = np.abs(values[np.isfinite(values)])
-    return float((1.4826 * np.median(size)) ** 2) if len(size) else 0.0
+    return float((_TO_DEVIATION * np.median(size)) ** 2) if len(size) else 0.0

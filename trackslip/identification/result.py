@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -14,7 +14,8 @@ from trackslip.drives.first_look import Alarm
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.answer import TOO_LITTLE, answer_of, undetermined
 from trackslip.identification.comparison import REFERENCE, Comparison, FittedLaw
-from trackslip.identification.drive_comparison import DriveComparison
+from trackslip.identification.drive_comparison import TODAY, DriveComparison
+from trackslip.identification.prediction import FAR_AHEAD
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady import SteadyComparison
 from trackslip.intervals import Gain
@@ -28,6 +29,8 @@ Method = Literal["steady", "drive"]
 """How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
 # largest half-width of a useful interval for a multiplier, which is 1 to 2 for tracks [-]
 _VAGUE: Final = 0.5
+# share of a significant change in a parameter by which steady stretches and whole drives may differ
+_NOTICED: Final = 0.1
 
 
 def _odometry_of(log: RunLog) -> str:
@@ -63,13 +66,25 @@ class Identification:
     def alarms(self) -> tuple[Alarm, ...]:
         """Reasons not to trust the best law."""
         drive = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
-        return (*self._unstated_multiplier(), *self._untold(), *drive, *self._contradiction())
+        alarms = [
+            *self._unstated_multiplier(),
+            *self._untold(drive),
+            *drive,
+            *self._contradiction(),
+        ]
+        # a law that is worse than none is the first to be known
+        return tuple(sorted(alarms, key=lambda alarm: alarm.kind != TODAY))
 
-    def _untold(self) -> list[Alarm]:
-        """Return an alarm if the driving hardly determines D."""
+    def _untold(self, others: Sequence[Alarm]) -> list[Alarm]:
+        """Return an alarm if the driving hardly determines D; none if `others` name the cause, or
+        if the robot turns enough.
+        """
         key = "wheel_separation_multiplier"
         times = self.answer.get(key)
-        if times is None or not (key in self.undetermined or times.error > _VAGUE):
+        if times is None or others or not (key in self.undetermined or times.error > _VAGUE):
+            return []
+        look = self.drive.look if self.drive is not None and self.method == "drive" else None
+        if look is not None and not look.turns_to_one_side and key not in self.undetermined:
             return []
         return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
 
@@ -92,29 +107,28 @@ class Identification:
         """Return an alarm if values from steady stretches and whole drives differ and intervals
         don't overlap.
         """
-        both = [
-            by.laws[REFERENCE]
-            for by in (self.steady, self.drive)
-            if by is not None and REFERENCE in by.laws
-        ]
-        if len(both) < 2:
+        if self.steady is None or self.drive is None:
             return []
-        (steady, drive), apart = both, []
-        for name, change in zip(
-            drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True
-        ):
-            lows, highs = zip(
-                *(fit.interval95.get(name, (-np.inf, np.inf)) for fit in both), strict=True
-            )
-            if (
-                max(lows) > min(highs)
-                and abs(steady.values[name] - drive.values[name]) > 0.1 * change
-            ):
+        if REFERENCE not in self.steady.laws or REFERENCE not in self.drive.laws:
+            return []
+        steady = self.steady.laws[REFERENCE]
+        drive = self.drive.laws[REFERENCE]
+        _, _, scales = FAMILIES[REFERENCE].limits(self.geometry.half_gauge)
+        apart = list[str]()
+        for name, scale in zip(drive.values, scales.tolist(), strict=True):
+            steady_low, steady_high = steady.interval95.get(name, (-np.inf, np.inf))
+            drive_low, drive_high = drive.interval95.get(name, (-np.inf, np.inf))
+            overlap = max(steady_low, drive_low) <= min(steady_high, drive_high)
+            difference = abs(steady.values[name] - drive.values[name])
+            if not overlap and difference > _NOTICED * scale:
                 apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
-        contradict = f"steady stretches and whole drives contradict each other ({', '.join(apart)})"
-        return (
-            [Alarm("contradiction", f"{contradict}: look at both in the report")] if apart else []
+        if not apart:
+            return []
+        line = (
+            f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look "
+            "at both in the report"
         )
+        return [Alarm("contradiction", line)]
 
     @property
     def answer(self) -> dict[str, Gain]:
@@ -236,40 +250,55 @@ def identification_to_json(result: Identification) -> dict[str, Any]:
     """The content of summary.json: laws in the form that `load_laws` reads, their details,
     predictions and outliers.
     """
-    steady, drive = result.steady, result.drive
     stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values}
-    content: dict[str, Any] = laws_content(stored, result.geometry) | {
-        "method": result.method,
-        "best": result.best,
-        "expressible": result.expressible,
-        "answer": {name: gain.to_json() for name, gain in result.answer.items()},
-        "undetermined": result.undetermined,
+    content: dict[str, Any] = laws_content(stored, result.geometry)
+    content["method"] = result.method
+    content["best"] = result.best
+    content["expressible"] = result.expressible
+    content["answer"] = {name: gain.to_json() for name, gain in result.answer.items()}
+    content["undetermined"] = result.undetermined
+    if result.steady is not None:
+        content["samples"] = len(result.steady.samples)
+        content["laws"] = _steady_content(result.steady)
+    if result.drive is not None:
+        content |= _drive_content(result.drive)
+    content["outliers"] = [asdict(outlier) for outlier in result.outliers]
+    content["alarms"] = [asdict(alarm) for alarm in result.alarms]
+    content["warnings"] = list(result.warnings)
+    return content
+
+
+def _steady_content(steady: SteadyComparison) -> dict[str, dict[str, Any]]:
+    """Laws from steady samples by name, with their errors at left-out radii."""
+    content = {name: _content(law) for name, law in steady.laws.items()}
+    for name, errors in steady.validation.items():
+        if errors is not None:
+            content[name] |= {f"cv_{key}": error for key, error in vars(errors).items()}
+    return content
+
+
+def _drive_content(drive: DriveComparison) -> dict[str, Any]:
+    """Laws from whole drives, the first look at these, and errors of predictions."""
+    laws = {name: _content(law) for name, law in drive.laws.items()}
+    names = [part.name for part in drive.look.drives]
+
+    # errors by law, and by horizon in s or m
+    prediction = dict[str, dict[str, Any]]()
+    for law, by_horizon in drive.errors.items():
+        prediction[law] = {}
+        for horizon, errors in by_horizon.items():
+            prediction[law][f"{horizon:g}"] = asdict(errors)
+    for law, errors in drive.far_errors.items():
+        prediction[law][f"{FAR_AHEAD:g} m"] = asdict(errors)
+
+    compared = {
+        "best": drive.best,
+        "reason": drive.reason,
+        "drives": names,
+        "score": dict(drive.score),
+        "laws": laws,
     }
-    if steady is not None:
-        content["samples"] = len(steady.samples)
-        content["laws"] = {name: _content(law) for name, law in steady.laws.items()}
-        for name, errors in steady.validation.items():
-            content["laws"][name] |= (
-                {f"cv_{key}": error for key, error in vars(errors).items()} if errors else {}
-            )
-    if drive is not None:
-        content["drive"] = {
-            "best": drive.best,
-            "reason": drive.reason,
-            "drives": [part.name for part in drive.look.drives],
-            "score": dict(drive.score),
-            "laws": {name: _content(law) for name, law in drive.laws.items()},
-        }
-        content["look"] = drive.look.to_json()
-        content["prediction"] = {
-            name: {f"{horizon:g}": asdict(errors) for horizon, errors in by_horizon.items()}
-            for name, by_horizon in drive.errors.items()
-        }
-    return content | {
-        "outliers": [asdict(outlier) for outlier in result.outliers],
-        "alarms": [asdict(alarm) for alarm in result.alarms],
-        "warnings": list(result.warnings),
-    }
+    return {"drive": compared, "look": drive.look.to_json(), "prediction": prediction}
 
 
 def _stored(law: FittedLaw) -> dict[str, Any]:
@@ -283,7 +312,7 @@ def _stored(law: FittedLaw) -> dict[str, Any]:
 def _content(law: FittedLaw) -> dict[str, Any]:
     """The fields of a fit that summary.json contains."""
     unstored = ("name", "law", "fit", "missed", "pairs")
-    content = {
-        field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored
-    }
-    return content | {"correlation": law.correlation.tolist()}
+    names = [field.name for field in fields(law) if field.name not in unstored]
+    content = {name: getattr(law, name) for name in names}
+    content["correlation"] = law.correlation.tolist()
+    return content

@@ -38,6 +38,11 @@ MOTION_METHODS: Final[dict[str, MotionMethod]] = {"paper": paper, "arc": arc, "b
 """Methods that estimate the twist of a steady run, from the paper's own to the most accurate."""
 REPEATED: Final = 0.01
 """Largest angle between a command and its repeats (test_steady) [rad]."""
+_FEWEST_FOR_YAW: Final = 4  # least number of runs that determine the sensor's yaw
+_LEAST_YAW: Final = 0.02  # least yaw of a sensor that is corrected [rad]
+_SIGNIFICANT: Final = 4.0  # least ratio of the yaw to its standard error
+# ratio of singular values below which the runs don't determine the yaw and X
+_LEAST_RATIO: Final = 0.1
 # plausible ratios to the sprockets' speed and yaw rate (test_steady)
 _KEPT: Final = np.array([[0.2, 0.0], [1.8, 1.8]])
 
@@ -119,20 +124,39 @@ class SlipSamples:
         """Correct speeds for the sensor's yaw, if this is above 0.02 rad and significant, to be
         along the robot.
 
-        A sensor X ahead moves to the left at X w; a further leftward speed, proportional to v,
-        comes from its yaw.
+        A sensor with the yaw y, at X ahead of the turning centre, moves to its left at
+
+            X w + v tan(y)
+
+        The regression of the leftward speeds on v and b w yields tan(y). Where the runs don't
+        determine both coefficients, the rank is 1.
         """
-        if self.lateral is None or not np.isfinite(self.lateral).all() or len(self) < 4:
+        if self.lateral is None or not np.isfinite(self.lateral).all():
             return self
+        if len(self) < _FEWEST_FOR_YAW:
+            return self
+
+        # tan(y), and its standard error by the residuals
         columns = self.twist * [1.0, geometry.half_gauge]
-        (left, _), rest, rank, _ = np.linalg.lstsq(columns, self.lateral, rcond=0.1)
-        error = np.sqrt(rest.sum() / (len(self) - 2) * np.linalg.pinv(columns.T @ columns)[0, 0])
-        if rank < 2 or abs(left) < max(0.02, 4 * error):
+        coefficients, squares, rank, _ = np.linalg.lstsq(columns, self.lateral, rcond=_LEAST_RATIO)
+        tangent = coefficients[0]
+        variance = squares.sum() / (len(self) - len(coefficients))
+        inverse = np.linalg.pinv(columns.T @ columns)
+        error = np.sqrt(variance * inverse[0, 0])
+        if rank < 2 or abs(tangent) < max(_LEAST_YAW, _SIGNIFICANT * error):
             return self
-        moved = (self.twist[:, 0] + 1j * self.lateral) * np.exp(-1j * np.arctan(left))
-        twist = np.column_stack([moved.real, self.twist[:, 1]])
+
+        # the speeds, complex as forwards + i leftwards, turned back from the sensor to the robot
+        of_sensor = self.twist[:, 0] + 1j * self.lateral
+        of_robot = of_sensor * np.exp(-1j * np.arctan(tangent))
         return SlipSamples.of(
-            self.omega, twist, geometry, self.run, self.covariance, moved.imag, self.load
+            self.omega,
+            np.column_stack([of_robot.real, self.twist[:, 1]]),
+            geometry,
+            self.run,
+            self.covariance,
+            of_robot.imag,
+            self.load,
         )
 
     def take(self, rows: np.ndarray) -> SlipSamples:

@@ -31,18 +31,19 @@ from trackslip.errors import LogError, counted
 from trackslip.identification.answer import radii_differ
 from trackslip.identification.comparison import (
     LEAST_ERROR,
+    MACHINED,
     REFERENCE,
     Choice,
     Comparison,
     Criterion,
     FittedLaw,
+    Uncertainty,
     choose,
     different_curvatures,
     few_curvatures,
     nearest_curvatures,
     ranked,
     turns_fast,
-    uncertainty,
 )
 from trackslip.identification.samples import REPEATED, SlipSamples
 from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps
@@ -122,9 +123,13 @@ def _fitted(
     covariance = fit.covariance
     if doubt := fit.undetermined(np.sqrt(np.diag(covariance))):
         raise LogError(f"law {name}: {doubt}")
+    if "radius_error" in model.names and "radius_error" not in names:
+        covariance = covariance + _error_of_nominal_radius(fit)
     fitted = dict(zip(names, fit.values.tolist(), strict=True))
     values = {key: fitted.get(key, 0.0) for key in model.names}
     limits = free.limits(geometry.half_gauge)[:2]
+    quantile = np.full(len(names), stdtrit(fit.freedom, 0.975))
+    errors = Uncertainty.of(names, fit.values, covariance, quantile, limits)
     return SteadyFit(
         name=name,
         law=model.build(values, geometry),
@@ -132,8 +137,23 @@ def _fitted(
         rms=rms(samples.relative_errors(fit.predicted(fit.values), geometry)),
         scatter=fit.scatter,
         fit=fit,
-        **uncertainty(names, fit.values, covariance, stdtrit(fit.freedom, 0.975), limits),
+        stderr=errors.stderr,
+        interval95=errors.interval95,
+        correlation=errors.correlation,
     )
+
+
+def _error_of_nominal_radius(fit: Fit) -> Array:
+    """Covariance (p, p) that a radius error held at 0 adds to the other parameters.
+
+    Turns in place determine (b + D) / (1 + ε) alone. So an ε of standard deviation MACHINED adds
+    MACHINED (b + D) to the standard error of D.
+    """
+    at_offset = fit.family.names.index("offset")
+    half_width = fit.geometry.half_gauge + fit.values[at_offset]
+    covariance = np.zeros((len(fit.values), len(fit.values)))
+    covariance[at_offset, at_offset] = (MACHINED * half_width) ** 2
+    return covariance
 
 
 def _left_open(name: str, samples: SlipSamples, geometry: RobotGeometry) -> dict[str, str]:
@@ -484,10 +504,12 @@ def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]
     }
     if len(samples) < FEWEST_BLOCKS:
         return None
-    criteria = [Criterion(errors, np.arange(len(samples)), LEAST_ERROR**2)] if errors else []
+    # repeats of a command share effects outside the laws
+    command = samples.by_command(fit.geometry)
+    criteria = [Criterion(errors, command, LEAST_ERROR**2)] if errors else []
     choice = ranked({name: laws[name] for name in errors}, criteria)
     why = (
-        "it is the simplest of those that predict left-out radii as well as any, within a "
+        "the simplest of the laws that predict left-out radii as well as any, within one "
         "standard error"
     )
     return choice and replace(choice, reason=why)

@@ -23,10 +23,11 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.special import fdtri
 
 from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel, Path
-from trackslip.intervals import cr3, newton_steps, student
+from trackslip.intervals import FEWEST_BLOCKS, cr3, newton_steps, student
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS: Final = 2.0
@@ -35,10 +36,21 @@ Ronchetti).
 """
 # least second derivative of the loss relative to the weights; large residuals would lower it
 # further
-_BENDS: Final = 0.2
+_LEAST_BEND: Final = 0.2
 # factor on the first steps: those of reweighted least squares are too short for this loss
-_RELAXED: Final = 1.5
+_RELAXATION: Final = 1.5
 _NEAR: Final = 30.0  # change below which the next step is Newton's [standard errors]
+_FAR: Final = 3.0  # change above which derivatives are computed anew [standard errors]
+_CONVERGED: Final = 0.1  # change at convergence [standard errors]
+_ITERATIONS: Final = 50
+# spread of positions and headings that the first alignment assumes [m, rad]
+_FIRST_SPREAD: Final = 0.02
+# least information on the turn of a window: the poses of a window that hardly moves don't tell how
+# it is turned, so that its residuals say nothing of the law (test_windows) [1/rad²]
+_LEAST_INFORMATION: Final = 9.0
+_TINY: Final = 1e-300  # instead of 0 in denominators
+_TO_DEVIATION: Final = 1.4826  # standard deviation over the median size of normal errors
+_LEAST_SPREAD: Final = 1e-6  # rounding errors of a path [m, rad]
 
 
 @dataclass(frozen=True)
@@ -56,21 +68,29 @@ class Windows:
         Each drive is cut twice, the second time half a window later, which is as efficient as a fit
         of the whole path.
         """
-        rows = []
-        for drive, begin in zip(drives.drives, drives.first, strict=False):
-            time, span = drive.time, drive.span(length)
+        poses = list[np.ndarray]()
+        for drive, first_pose in zip(drives.drives, drives.first[:-1], strict=True):
+            time = drive.time
+            span = drive.span(length)
             for start in (time[0], time[0] + span / 2):
                 cuts = np.searchsorted(time, np.arange(start, time[-1], span))
-                ends = np.unique([0, *cuts, len(time) - 1])
-                if start > time[0] and len(ends) < 4:
+                borders = np.unique([0, *cuts, len(time) - 1])
+                if start > time[0] and len(borders) < 4:
                     break  # the window would contain the same poses again
-                rows += [begin + np.arange(a, b + 1) for a, b in pairwise(ends)]
-        return cls(np.concatenate(rows), np.array([len(row) for row in rows]))
+                for begin, end in pairwise(borders):
+                    poses.append(first_pose + np.arange(begin, end + 1))
+        count = np.array([len(of_window) for of_window in poses])
+        return cls(np.concatenate(poses), count)
 
     @cached_property
     def first(self) -> np.ndarray:
         """First rows (W,) of the windows."""
         return np.cumsum(self.count) - self.count
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Index (W,) of the pose in the middle of each window."""
+        return self.pose[self.first + (self.count - 1) // 2]
 
     def sums(self, values: np.ndarray) -> np.ndarray:
         """Sums (..., W) of values (..., R) over each window."""
@@ -89,7 +109,7 @@ class Residuals:
 
     value: Array  # (3 or 4, R) residuals
     slope: Array  # (3 or 4, f, R) derivatives of the residuals by the free parameters
-    known: np.ndarray  # (3 or 4, R) bool: true where measured
+    known: np.ndarray  # (3 or 4, R) bool: true where measured, in a window whose turn is known
 
     @property
     def spread(self) -> Array:
@@ -97,11 +117,12 @@ class Residuals:
         not measured.
         """
         spread = np.ones(3)
-        for k, rows in enumerate((slice(2), slice(2, 3), slice(3, 4))):
-            size = np.abs(self.value[rows][self.known[rows]])
+        coordinates, headings, turns = slice(0, 2), slice(2, 3), slice(3, 4)
+        for quantity, columns in enumerate((coordinates, headings, turns)):
+            size = np.abs(self.value[columns][self.known[columns]])
             if len(size):
-                # for normal errors, but no less than rounding
-                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)
+                of_normal_errors = _TO_DEVIATION * float(np.median(size))
+                spread[quantity] = max(of_normal_errors, _LEAST_SPREAD)
         return spread
 
     def weights(self, spread: Array) -> tuple[Array, Array]:
@@ -111,31 +132,44 @@ class Residuals:
         Weights and derivatives are 0 where nothing was measured. Derivatives are negative for large
         residuals.
         """
-        variance = spread[[0, 0, 1, 2][: len(self.value)], None] ** 2
+        of_columns = spread[[0, 0, 1, 2][: len(self.value)], None]
+        variance = of_columns**2
         square = self.value**2 / (variance * LOSS**2)
         weight = self.known / (variance * (1 + square))
         return weight, weight * (1 - square) / (1 + square)
+
+    def loss(self, spread: Array) -> float:
+        """Mean of Cauchy's loss of the residuals and of the logarithm of their spread, so that
+        losses with different spreads (3,) can be compared.
+        """
+        of_columns = spread[[0, 0, 1, 2][: len(self.value)], None]
+        square = (self.value / (of_columns * LOSS)) ** 2
+        of_rows = 0.5 * LOSS**2 * np.log1p(square) + np.log(of_columns)
+        return float(np.sum(of_rows[self.known])) / max(1, int(self.known.sum()))
 
     def alignment(self, spread: Array) -> Array:
         """Weights (2, R) of places and headings for the alignment of windows; outliers weigh
         less.
         """
-        size = np.stack([np.hypot(*self.value[:2]), self.value[2]]) / spread[:2, None]
-        return self.known[[0, 2]] / (1 + (size / LOSS) ** 2) / spread[:2, None] ** 2
+        variance = spread[:2, None] ** 2
+        distance = np.hypot(*self.value[:2])
+        turn = self.value[2]
+        square = np.stack([distance, turn]) ** 2 / (variance * LOSS**2)
+        return self.known[[0, 2]] / (variance * (1 + square))
 
     def normal(self, weight: Array, rows: slice = slice(None)) -> Array:
         """Normal equations (f, f) over `rows`, given the weights (3 or 4, R) of all rows."""
-        weighted = self.slope[..., rows] * weight[:, None, rows]
-        return np.asarray(
-            sum(w @ s.T for w, s in zip(weighted, self.slope[..., rows], strict=True))
-        )
+        slope = self.slope[..., rows]
+        weighted = slope * weight[:, None, rows]
+        return np.asarray(sum(w @ s.T for w, s in zip(weighted, slope, strict=True)))
 
     def score(self, weight: Array, rows: slice = slice(None)) -> Array:
         """Gradient (f,) of half the weighted sum of squares over `rows`, given the weights (3 or 4,
         R) of all rows.
         """
-        pull = weight[:, rows] * self.value[:, rows]
-        return np.asarray(sum(s @ p for s, p in zip(self.slope[..., rows], pull, strict=True)))
+        slope = self.slope[..., rows]
+        weighted = weight[:, rows] * self.value[:, rows]
+        return np.asarray(sum(s @ w for s, w in zip(slope, weighted, strict=True)))
 
 
 def residuals(
@@ -149,70 +183,136 @@ def residuals(
     """Residuals of the rows for parameter values (p,), with derivatives by the parameters `free`
     (f,).
 
-    `weight` (2, R) has the weights of places and headings for the alignment of windows.
+    `weight` (2, R) has the weights of places and headings for the alignment of windows, about their
+    inverse variances.
+
+    **Alignment.** In one window, let z_k be the measured places and c_k those on the path, as
+    complex numbers x + i y about their weighted means; h_k and phi_k the measured headings and
+    those on the path; a_k and b_k the weights of places and headings. The path is moved so that the
+    means coincide, and turned by the angle theta that minimises
+
+        sum_k a_k |z_k - e^(i theta) c_k|² + b_k |e^(i h_k) - e^(i (phi_k + theta))|²
+
+    Expanded, only the products of measured and predicted depend on theta, as -2 Re(e^(-i theta) q)
+    with the complex sum
+
+        q = sum_k a_k conj(c_k) z_k + b_k e^(i (h_k - phi_k))
+
+    The minimum is where e^(-i theta) q is real and positive: theta = angle(q). There, half the
+    second derivative of the sum by theta is |q|.
+
+    **Residuals**, in the robot's frame, where the heading on the turned path is phi_k + theta:
+
+        p_k = (z_k - e^(i theta) c_k) e^(-i (phi_k + theta))        place, forwards + i leftwards
+        r_k = h_k - phi_k - theta                                   heading
+
+    **Derivatives.** A parameter that changes c_k by dc_k and phi_k by dphi_k changes the sum by
+
+        dq = sum_k a_k conj(dc_k) z_k - i b_k e^(i (h_k - phi_k)) dphi_k
+
+    and the angle of q by dtheta = Im(dq conj(q)) / |q|². The residuals then change by
+
+        dp_k = -(dc_k + i c_k dtheta) e^(-i phi_k)
+        dr_k = -dphi_k - dtheta
+
+    The turn of the robot's frame would change p_k by a product of p_k with dphi_k + dtheta. It is
+    left out, as it vanishes with the residuals and doesn't change their size.
+
+    **Windows that hardly move.** Without headings, the turn of a window in which the robot stands
+    is unknown: c_k is about 0, and q is noise. Its residuals would have derivatives of any size.
+    The variance of theta is 1 / I with I = sum_k a_k |c_k|². Windows without headings and with less
+    information I than _LEAST_INFORMATION count as not measured.
     """
     path = model.path(values, drives, free)
-    rows, (wp, wh) = windows.pose, weight
-    z, h = drives.place[rows], drives.heading[rows]
-    c, phi, dc, dphi = (
-        np.take(part, rows, axis=-1)
-        for part in (path.place, path.heading, path.place_slope, path.heading_slope)
-    )
-    total = np.maximum(windows.sums(wp), 1e-300)
-    u = z - windows.each(windows.sums(wp * z) / total)
-    c = c - windows.each(windows.sums(wp * c) / total)
-    off = wh * np.exp(1j * (h - phi))
-    q = windows.sums(wp * np.conj(c) * u + off)
-    theta = np.angle(q)
-    turned = phi + windows.each(theta)
-    back = np.exp(-1j * phi)  # into the robot's frame
-    left = u * np.exp(-1j * turned) - c * back
-    value = np.stack([left.real, left.imag, wrap_angle(h - turned)])
-    # derivatives of the alignment, from d angle(q) = Im(dq conj(q)) / |q|², then of the residuals,
-    # to first order
-    per_turn = windows.each(np.conj(q) / np.maximum(np.abs(q) ** 2, 1e-300))
-    by_place, by_turn = wp * u * per_turn, (off * per_turn).real
-    dtheta = windows.each(
-        windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi)
-    )
-    middle = windows.each(windows.sums(wp * dc) / total)
-    dleft = (middle - dc - (1j * c) * dtheta) * back
-    slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta])
-    known = drives.known[[0, 0, 1]][:, rows]
-    if not model.gyro:
-        return Residuals(value, slope, known)
-    of_gyro = _gyro_residuals(model, drives, windows, values, free, path)
-    return Residuals(
-        *(
-            np.append(a, b[None], axis=0)
-            for a, b in zip((value, slope, known), of_gyro, strict=True)
-        )
-    )
+    rows = windows.pose
+    place_weight, heading_weight = weight
+
+    # measured and predicted places about their weighted means, and headings
+    total = np.maximum(windows.sums(place_weight), _TINY)
+
+    def weighted_means(of_rows: np.ndarray) -> np.ndarray:
+        """Means (..., R) over the window of each row."""
+        return windows.each(windows.sums(place_weight * of_rows) / total)
+
+    measured = drives.place[rows]
+    measured = measured - weighted_means(measured)  # z
+    predicted = path.place[rows]
+    predicted = predicted - weighted_means(predicted)  # c
+    measured_heading = drives.heading[rows]  # h
+    heading = path.heading[rows]  # phi
+
+    # alignment of each window
+    of_headings = heading_weight * np.exp(1j * (measured_heading - heading))
+    q = windows.sums(place_weight * np.conj(predicted) * measured + of_headings)
+    turned_heading = heading + windows.each(np.angle(q))  # phi + theta
+    information = windows.sums(place_weight * np.abs(predicted) ** 2)
+    has_headings = windows.sums(heading_weight) > 0
+    is_turn_known = windows.each(has_headings | (information >= _LEAST_INFORMATION))
+
+    # residuals
+    into_robot = np.exp(-1j * heading)
+    place_residual = measured * np.exp(-1j * turned_heading) - predicted * into_robot
+    heading_residual = wrap_angle(measured_heading - turned_heading)
+    value = np.stack([place_residual.real, place_residual.imag, heading_residual])
+    is_placed, is_headed = drives.known[:, rows] & is_turn_known
+    known = np.stack([is_placed, is_placed, is_headed])
+
+    # derivative of the alignment, dtheta (f, R), where Im(conj(dc) x) = Re dc Im x - Im dc Re x
+    place_slope = np.take(path.place_slope, rows, axis=-1)  # dc
+    heading_slope = np.take(path.heading_slope, rows, axis=-1)  # dphi
+    per_turn = windows.each(np.conj(q) / np.maximum(np.abs(q) ** 2, _TINY))
+    by_place = place_weight * measured * per_turn
+    by_heading = (of_headings * per_turn).real
+    turn_slope = by_place.imag * place_slope.real - by_place.real * place_slope.imag
+    turn_slope -= by_heading * heading_slope
+    turn_slope = windows.each(windows.sums(turn_slope))
+
+    # derivatives of the residuals
+    about_mean = place_slope - weighted_means(place_slope)
+    place_residual_slope = -(about_mean + (1j * predicted) * turn_slope) * into_robot
+    heading_residual_slope = -heading_slope - turn_slope
+    slope = np.stack([place_residual_slope.real, place_residual_slope.imag, heading_residual_slope])
+    found = Residuals(value, slope, known)
+    return _with_gyro(found, model, drives, windows, values, free, path) if model.gyro else found
 
 
-def _gyro_residuals(
-    model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
-) -> tuple[Array, Array, np.ndarray]:
-    """Turns by the gyro minus turns by the law since the previous row, their derivatives, and a
-    mask of known values.
+def _with_gyro(
+    found: Residuals,
+    model: DriveModel,
+    drives: Drives,
+    windows: Windows,
+    values: Array,
+    free: np.ndarray,
+    path: Path,
+) -> Residuals:
+    """The residuals `found`, followed by turns by the gyro minus turns by the law since the row
+    before.
 
-    Both turns are timed by the encoder clock, so the derivative by the clock offset is 0.
+    A gyro reads (1 + scale) times the yaw rate. Both turns are timed by the encoder clock, so the
+    derivative by the clock offset is 0.
     """
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
     before[windows.first] = rows[windows.first]
-    reading, slope, known = model.gyro_turns(values, drives, free)
-    turned = reading[rows] - reading[before]
-    by_law = path.heading[rows] - path.heading[before]
     scale = 1 + values[model.index("gyro_scale")]
-    by_slope = (
-        slope[:, rows]
-        - slope[:, before]
-        - scale * (path.heading_slope[:, rows] - path.heading_slope[:, before])
+
+    reading, reading_slope, known = model.gyro_turns(values, drives, free)
+    by_gyro = reading[rows] - reading[before]
+    by_law = path.heading[rows] - path.heading[before]
+    value = by_gyro - scale * by_law
+
+    by_gyro_slope = reading_slope[:, rows] - reading_slope[:, before]
+    by_law_slope = path.heading_slope[:, rows] - path.heading_slope[:, before]
+    slope = by_gyro_slope - scale * by_law_slope
+    slope[free == model.index("gyro_scale")] -= by_law
+    slope[free == model.index("clock_offset")] = 0.0
+
+    is_measured = known[rows] > known[before]
+    return Residuals(
+        np.append(found.value, value[None], axis=0),
+        np.append(found.slope, slope[None], axis=0),
+        np.append(found.known, is_measured[None], axis=0),
     )
-    by_slope[free == model.index("gyro_scale")] -= by_law
-    by_slope[free == model.index("clock_offset")] = 0.0
-    return turned - scale * by_law, by_slope, known[rows] > known[before]
 
 
 @dataclass(frozen=True)
@@ -225,11 +325,12 @@ class WindowFit:
     values: Array  # (p,) values of all parameters
     free: np.ndarray  # (f,) indices of the parameters that were fitted
     spread: Array  # (3,) `Residuals.spread`
-    block: np.ndarray  # (K,) block of each pose, from `Drives.blocks`
+    block: np.ndarray  # (K,) block of each pose, from 0 to G - 1
     blocks: Array  # (G, f, f) normal equations of each block, weighted
     bend: Array  # (f, f) second derivatives of the loss
     score: Array  # (G, f) gradient from each block; the sum, with the prior's gradient, is about 0
     prior: Array  # (f,) precisions of the priors
+    loss: float  # `Residuals.loss`
 
     def without(self, blocks: np.ndarray) -> Array:
         """Parameters (F, p) without the blocks in each row of `blocks` (F, G) bool, by one Newton
@@ -247,18 +348,73 @@ class WindowFit:
         low, high, _ = self.model.limits
         return np.clip(values, low, high)
 
+    @cached_property
+    def apart(self) -> Array:
+        """Changes (G, f) of the free parameters without each block."""
+        return self._apart_without_each(np.arange(len(self.score)))
+
+    def _apart_without_each(self, part: np.ndarray) -> Array:
+        """Changes (P, f) of the free parameters without each of P parts, given the `part` (G,) of
+        each block.
+        """
+        is_in_part = part == np.arange(part.max() + 1)[:, None]
+        return (self.without(is_in_part) - self.values)[:, self.free]
+
+    @cached_property
+    def run_of_block(self) -> np.ndarray:
+        """Index (G,) of the run to which each block belongs; a run may consist of several drives.
+
+        A block that drives share belongs to the run of the last of them.
+        """
+        names = [drive.name for drive in self.drives.drives]
+        run_of_drive = np.unique(names, return_inverse=True)[1]
+        found = np.zeros(len(self.score), int)
+        found[self.block] = run_of_drive[self.drives.drive]
+        return np.unique(found, return_inverse=True)[1]
+
+    @property
+    def _cluster_of_block(self) -> np.ndarray:
+        """Index (G,) of the independent part of the driving to which each block belongs.
+
+        Each run may have a slip of its own. So runs are the independent parts if there are enough
+        of them, otherwise the blocks are.
+        """
+        runs = self.run_of_block
+        has_enough_runs = runs.max() + 1 >= FEWEST_BLOCKS
+        return runs if has_enough_runs else np.arange(len(self.score))
+
     @property
     def covariance(self) -> Array:
-        """Covariance (f, f) of the free parameters: CR3 over blocks, plus the priors' share; NaN
-        for too few blocks.
+        """Covariance (f, f) of the free parameters: CR3 over runs or blocks, plus the priors'
+        share; NaN for too few blocks.
         """
-        apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
-        return cr3(apart) + self.inverse @ (self.prior[:, None] * self.inverse)
+        by_prior = self.inverse @ (self.prior[:, None] * self.inverse)
+        return cr3(self._apart_without_each(self._cluster_of_block)) + by_prior
 
     @property
     def quantile(self) -> Array:
         """Half-widths (f,) of 95 % intervals, in standard errors."""
-        return student(self.blocks, self._normal)
+        cluster = self._cluster_of_block
+        normal = np.zeros((cluster.max() + 1, *self.bend.shape))
+        np.add.at(normal, cluster, self.blocks)
+        return student(normal, self._normal)
+
+    @property
+    def differs_between_runs(self) -> np.ndarray:
+        """(f,) bool: true for parameters that scatter more between runs than between blocks, beyond
+        chance (5 %, by an F-test); false where there are too few blocks, or runs enough for the
+        covariance.
+        """
+        runs = self.run_of_block
+        run_count = int(runs.max()) + 1
+        block_count = len(self.score)
+        if not 2 <= run_count < min(FEWEST_BLOCKS, block_count):
+            return np.zeros(len(self.free), bool)
+        apart = self._apart_without_each(runs)
+        between_runs = (1 - 1 / run_count) * np.sum(apart**2, axis=0)
+        between_blocks = np.diag(cr3(self.apart))
+        by_chance = fdtri(run_count - 1, block_count - run_count, 0.95)
+        return np.asarray(between_runs > by_chance * between_blocks)
 
     @property
     def _normal(self) -> Array:
@@ -275,9 +431,11 @@ def _inverse(bend: Array, normal: Array) -> Array:
     normal equations.
     """
     scale = np.sqrt(np.diag(normal))
-    normal, bend = (matrix / np.outer(scale, scale) for matrix in (normal, bend))
-    values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
-    return np.asarray((axes / np.maximum(values, _BENDS)) @ axes.T / np.outer(scale, scale))
+    scaling = np.outer(scale, scale)
+    regular = normal / scaling + 1e-12 * np.eye(len(scale))
+    values, axes = eigh(bend / scaling, regular)
+    inverse = (axes / np.maximum(values, _LEAST_BEND)) @ axes.T
+    return np.asarray(inverse / scaling)
 
 
 def fit_windows(
@@ -287,61 +445,102 @@ def fit_windows(
     values: Array,
     held: Collection[str],
     mean: Array,
+    block_length: float | None = None,
 ) -> WindowFit:
     """Fit all parameters except `held` in windows of `length` [s], from start `values` (p,), with
     prior `mean` (p,).
+
+    Blocks of driving last at least `block_length` [s], by default two windows.
+    """
+    free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
+    prior = 1 / model.prior[free] ** 2
+
+    # the least loss
+    windows = Windows.cut(drives, length)
+    values, rest = _least_loss(model, drives, windows, values, free, mean)
+    spread = rest.spread
+    weight, curvature = rest.weights(spread)
+
+    # the share of each block of driving, long enough that few windows overlap two blocks
+    block = drives.blocks(2 * length if block_length is None else block_length)
+    blocks, score = _block_sums(rest, weight, windows, block)
+    return WindowFit(
+        model=model,
+        drives=drives,
+        length=length,
+        values=values,
+        free=free,
+        spread=spread,
+        block=block,
+        blocks=blocks,
+        bend=rest.normal(curvature),
+        score=score,
+        prior=prior,
+        loss=rest.loss(spread),
+    )
+
+
+def _least_loss(
+    model: DriveModel,
+    drives: Drives,
+    windows: Windows,
+    start: Array,
+    free: np.ndarray,
+    mean: Array,
+) -> tuple[Array, Residuals]:
+    """Values (p,) of least loss near `start` (p,), of which those in `free` (f,) change, and the
+    residuals there.
 
     The first steps are by reweighted least squares, the last by Newton's method. The fit has
     converged when no parameter changes by more than a tenth of its standard error (for independent
     residuals, given all other parameters). Derivatives are recomputed after changes of more than
     three standard errors.
     """
-    windows, values = Windows.cut(drives, length), values.copy()
-    free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
+    values = start.copy()
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
     known = drives.known[:, windows.pose].astype(float)
-    rest = residuals(model, drives, windows, values, free, known)
+    rest = residuals(model, drives, windows, values, free, known / _FIRST_SPREAD**2)
     change = np.inf
-    for _ in range(50):
+    for _ in range(_ITERATIONS):
         spread = rest.spread
-        pull, curved = rest.weights(spread)
-        normal = rest.normal(pull) + np.diag(prior)
-        gradient = rest.score(pull) + prior * (values - mean)[free]
+        weight, curvature = rest.weights(spread)
+        normal = rest.normal(weight) + np.diag(prior)
+        gradient = rest.score(weight) + prior * (values - mean)[free]
         if change < _NEAR:
-            step = _inverse(rest.normal(curved) + np.diag(prior), normal) @ gradient
+            step = _inverse(rest.normal(curvature) + np.diag(prior), normal) @ gradient
         else:
-            step = _RELAXED * np.linalg.solve(normal, gradient)
+            step = _RELAXATION * np.linalg.solve(normal, gradient)
         moved = np.clip(values[free] - step, low, high)
         change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(normal)), initial=0.0)
         values[free] = moved
-        if change < 0.1:
+        if change < _CONVERGED:
             break
-        slopes = free if change > 3.0 else free[:0]
+
+        # near the minimum, derivatives hardly change
+        slopes = free if change > _FAR else free[:0]
         later = residuals(model, drives, windows, values, slopes, known / spread[:2, None] ** 2)
         rest = later if len(slopes) else replace(later, slope=rest.slope)
-    rest = residuals(model, drives, windows, values, free, rest.alignment(rest.spread))
-    spread = rest.spread
-    pull, curved = rest.weights(spread)
-    block = drives.blocks(2 * length)  # long enough that few windows overlap two blocks
-    middle = windows.pose[windows.first + (windows.count - 1) // 2]
-    part = windows.each(np.unique(block[middle], return_inverse=True)[1])
-    blocks = np.zeros((int(part.max()) + 1, len(free), len(free)))
-    score = np.zeros(blocks.shape[:2])
-    ends = np.flatnonzero(np.diff(part, prepend=-1, append=-1)).tolist()
-    for begin, end in pairwise(ends):  # most rows of a block are consecutive
-        blocks[part[begin]] += rest.normal(pull, slice(begin, end))
-        score[part[begin]] += rest.score(pull, slice(begin, end))
-    return WindowFit(
-        model,
-        drives,
-        length,
-        values,
-        free,
-        spread,
-        block,
-        blocks,
-        rest.normal(curved),
-        score,
-        prior,
-    )
+    return values, residuals(model, drives, windows, values, free, rest.alignment(rest.spread))
+
+
+def _block_sums(
+    rest: Residuals, weight: Array, windows: Windows, block: np.ndarray
+) -> tuple[Array, Array]:
+    """Normal equations (G, f, f) and gradients (G, f) of blocks, from the `block` (K,) of each
+    pose.
+
+    A window belongs to the block of its middle. A block without windows, as at the edge of a gap in
+    the driving, has zeros.
+    """
+    block_of_row = windows.each(block[windows.middle])
+    count = int(block.max()) + 1
+    size = rest.slope.shape[1]
+    normal = np.zeros((count, size, size))
+    score = np.zeros((count, size))
+    borders = np.flatnonzero(np.diff(block_of_row, prepend=-1, append=-1)).tolist()
+    for begin, end in pairwise(borders):  # most rows of a block are consecutive
+        rows = slice(begin, end)
+        normal[block_of_row[begin]] += rest.normal(weight, rows)
+        score[block_of_row[begin]] += rest.score(weight, rows)
+    return normal, score

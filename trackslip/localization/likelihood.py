@@ -114,14 +114,14 @@ class PlateBeams:
         )
 
     def thinned(self, most: int) -> PlateBeams:
-        """Keep every n-th return of each scan, so that about `most` or fewer are left, and both
-        edges.
+        """Keep every n-th return of each scan, so that `most` to 2 `most` are left, or all if there
+        are no more, and both edges.
         """
-        interval = np.maximum(1, self.count // most)
-        number_in_scan = np.arange(len(self.range)) - np.repeat(self.first, self.count)
-        is_kept = number_in_scan % np.repeat(interval, self.count) == 0
+        stride = np.maximum(1, self.count // most)  # of each scan
+        number_in_scan = np.arange(len(self.range)) - self.spread(self.first)
+        is_kept = number_in_scan % self.spread(stride) == 0
         kept = np.flatnonzero(is_kept)
-        count = np.ceil(self.count / interval).astype(int)
+        count = np.ceil(self.count / stride).astype(int)
         return PlateBeams(
             u=self.u.take(kept, axis=1),
             u_turned=self.u_turned.take(kept, axis=1),

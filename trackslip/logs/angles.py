@@ -102,6 +102,17 @@ def odometry_angles(pose: Array, geometry: RobotGeometry) -> Array:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
+def odometry_jump(time: Array, pose: Array) -> tuple[int, float] | None:
+    """The row to which poses (n, 3) of odometry at times (n,) jump, as when it is reset, and the
+    distance [m]; None if they don't.
+    """
+    step = np.diff(pose[:, :2], axis=0)
+    distance = np.hypot(step[:, 0], step[:, 1])
+    driven = np.append(0.0, np.cumsum(distance))
+    _, row = continuous(time, 1e3 * driven, ())  # in steps of a millimetre
+    return None if row is None else (row, float(distance[row - 1]))
+
+
 def unwrapped_angle(angle: Array) -> Array:
     """Continuous angles (n,) [rad]: angles within -π to π or 0 to 2π are unwrapped."""
     low = angle.min()

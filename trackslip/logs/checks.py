@@ -42,7 +42,7 @@ def gaps(time: Array, run: str) -> np.ndarray:
     return np.flatnonzero(step > LONGEST_STEP) + 1
 
 
-def unwrapped(heading: Array) -> Array:
+def unwrapped_headings(heading: Array) -> Array:
     """Headings (n,) without jumps by whole turns; unchanged if range and steps show that they are
     not in radians.
     """
@@ -50,8 +50,10 @@ def unwrapped(heading: Array) -> Array:
     turns = step[step > np.pi]
     if not len(turns) or np.ptp(heading) < 2 * np.pi + 0.1:
         return np.unwrap(heading)
-    whole = np.median(np.abs(turns - 2 * np.pi)) < 1.0 and len(turns) < 0.1 * len(step)
-    return np.unwrap(heading) if whole else heading
+    # jumps by a whole turn, at few of the rows
+    are_circles = np.median(np.abs(turns - 2 * np.pi)) < 1.0
+    is_wrapped = are_circles and len(turns) < 0.1 * len(step)
+    return np.unwrap(heading) if is_wrapped else heading
 
 
 def in_order(time: Array) -> np.ndarray:

@@ -43,8 +43,9 @@ _UNITS: Final = {
     "mm": r"(^|[^a-z])mm\W*$",
     "cm": r"(^|[^a-z])cm\W*$",
 }
-# largest values [ours] of a time since 1970 by its unit, from which the unit is known
-_SINCE_1970: Final = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
+# factors from units of time to seconds
+_TIMES: Final = (("", 1.0), (":ms", 1e-3), (":us", 1e-6), (":ns", 1e-9))
+_LONGEST_STEP: Final = 5.0  # a usual step of a log's times that is longer is in another unit [s]
 _MOST_RADIANS: Final = 6.6  # headings above this number, within a turn, are degrees
 _ALLOWED: Final = {
     "t": ("ms", "us", "ns"),
@@ -64,7 +65,7 @@ def suggested_columns(names: Sequence[str], values: Callable[[str], Array]) -> s
     `--columns t=stamp:ms,omega_l=left_rpm:rpm`; empty unless time, encoders
     and poses are recognised.
 
-    `values` returns the numbers in a column, from which units of times and headings are told.
+    `values` returns the numbers in a column; the units of times and headings follow from them.
     """
     chosen = dict[str, str]()
     for name, column in _recognised(names).items():
@@ -149,7 +150,11 @@ def _unit(name: str, column: str, values: Callable[[str], Array]) -> str:
     if name not in ("t", "phi"):
         return ""
     numbers = values(column)
-    largest = float(np.max(np.abs(numbers[np.isfinite(numbers)]), initial=0.0))
-    if name == "t":
-        return next((f":{unit}" for unit, least in _SINCE_1970 if largest > least), "")
-    return ":deg" if _MOST_RADIANS < largest <= 360.5 else ""
+    numbers = numbers[np.isfinite(numbers)]
+    if name == "phi":
+        largest = float(np.max(np.abs(numbers), initial=0.0))
+        return ":deg" if _MOST_RADIANS < largest <= 360.5 else ""
+    if len(numbers) < 2:
+        return ""
+    step = float(np.median(np.abs(np.diff(numbers))))
+    return next((unit for unit, factor in _TIMES if step * factor <= _LONGEST_STEP), "")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped
+from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped_headings
 
 MALFORMED: Final = (
     TrackslipError,
@@ -176,7 +176,7 @@ class RunLog:
         pose[:, : len(columns)] = np.stack(columns, axis=-1)
         measured = np.isfinite(pose).any(axis=1)
         headed = np.isfinite(pose[:, 2])
-        pose[headed, 2] = unwrapped(pose[headed, 2])
+        pose[headed, 2] = unwrapped_headings(pose[headed, 2])
 
         # a row for each reading of the encoders and each pose between them
         within = measured & (posed >= time[0]) & (posed <= time[-1])
@@ -197,6 +197,7 @@ class RunLog:
             omega=np.stack(omega, axis=-1)[next_reading],
             pose=pose_of_row,
             valid=None if valid.all() else valid,
+            read=None if len(rows) == len(time) else np.isin(rows, time),
             gyro=rate,
             beyond=beyond if len(beyond) else None,
             metadata={} if geometry is None else {"geometry": asdict(geometry)},

@@ -35,7 +35,7 @@ _ALL: Final = (
     Column("run", NO_UNIT, "name of the run, the same in all its rows"),
     Column("t", "s", "time of the scan since the start of the run, ascending"),
     *_tracks(
-        "omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous row"
+        "omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous reading"
     ),
     Column("x", "m", "estimated position in the field"),
     Column("y", "m", "estimated position in the field"),

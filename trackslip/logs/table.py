@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -23,13 +23,13 @@ from trackslip.logs.columns import Columns, Lists
 from trackslip.logs.runlog import MALFORMED, RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
-REQUIRED = ("t", "omega_l", "omega_r")
+REQUIRED: Final = ("t", "omega_l", "omega_r")
 """Required columns of a robot log, besides x and y, phi or all three. A log without the column
 `run` is one run.
 """
-SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
-LATERAL = "lateral"  # optional column of steady samples: speed to the left [m/s]
-BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog
+SAMPLE_COLUMNS: Final = ("omega_l", "omega_r", "v", "w")
+LATERAL: Final = "lateral"  # optional column of steady samples: speed to the left [m/s]
+BLOCKS: Final[dict[str, tuple[str, ...]]] = {  # columns for each field of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
     "twist_command": ("v_cmd", "w_cmd"),
     "icr": ("icr_offset", "icr_radius_error"),
@@ -38,7 +38,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {  # columns for each field of a RunLog
     "omega": ("omega_l", "omega_r"),
     "pose": ("x", "y", "phi"),
 }
-TRUTH: dict[str, tuple[str, ...]] = {  # columns for each field of a Truth
+TRUTH: Final[dict[str, tuple[str, ...]]] = {  # columns for each field of a Truth
     "pose": ("true_x", "true_y", "true_phi"),
     "twist": ("true_v", "true_lateral", "true_w"),
     "traction": ("traction_l", "traction_r"),
@@ -47,16 +47,17 @@ TRUTH: dict[str, tuple[str, ...]] = {  # columns for each field of a Truth
     "saturated": ("saturated_l", "saturated_r"),
     "lean": ("true_lean",),
 }
-COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
-SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+COVARIANCE: Final = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
+SYMMETRIC: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """For each element (3, 3) of a covariance, its index in COVARIANCE."""
-CONTACT = "contact"
-SHEAR = "shear"
-SCANNED = "scanned"  # key of the scanner in a run's metadata
-_RANGES, _ALL_RANGES = "ranges", "all_ranges"
-_OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
-_MOST_BEAMS = 1_000_000  # most beams of a scanner, a hundred times those of known ones
-_METADATA_KEY = b"trackslip"  # key of the run descriptions in a file's metadata
+CONTACT: Final = "contact"
+SHEAR: Final = "shear"
+SCANNED: Final = "scanned"  # key of the scanner in a run's metadata
+_RANGES: Final = "ranges"
+_ALL_RANGES: Final = "all_ranges"
+_OF_SCANS: Final = ("first_beam", "lost", "hidden_first", "hidden_last")
+_MOST_BEAMS: Final = 1_000_000  # most beams of a scanner, a hundred times those of known ones
+_METADATA_KEY: Final = b"trackslip"  # key of the run descriptions in a file's metadata
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:

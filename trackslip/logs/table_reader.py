@@ -20,10 +20,11 @@ from trackslip.logs.angles import (
     encoder_kind,
     mean_speeds,
     odometry_angles,
+    odometry_jump,
     odometry_speeds,
     unwrapped_angle,
 )
-from trackslip.logs.checks import gaps, in_order, restarts, unwrapped
+from trackslip.logs.checks import gaps, in_order, restarts, unwrapped_headings
 from trackslip.logs.columns import Columns
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
 from trackslip.logs.recognition import suggested_columns
@@ -315,7 +316,7 @@ class _Reader:
         rows = covered
         pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
-        pose[headed, 2] = unwrapped(pose[headed, 2])
+        pose[headed, 2] = unwrapped_headings(pose[headed, 2])
         all_valid = valid.all() and "valid" not in self._table.column_names
         return RunLog(
             run=name,
@@ -460,7 +461,13 @@ class _Reader:
             read = np.flatnonzero(np.isfinite(readings).all(axis=1))
             if len(read) < 2:
                 raise self._no_row_has_both()
-            self._refuse_jump(rows[read], time[read], readings[read])
+            jump = odometry_jump(time[read], readings[read])
+            if jump is not None:
+                row, distance = jump
+                raise LogError(
+                    f"row {self._place(rows[read[row]])}, columns odom_x, odom_y: jump by "
+                    f"{distance:.3g} m: was the odometry reset? Cut the log there"
+                )
             geometry = known_odometry(self._layout, f"columns {', '.join(self._kind.value)}")
             return read, mean_speeds(time[read], odometry_angles(readings[read], geometry))
 
@@ -502,18 +509,6 @@ class _Reader:
             )
         return angle
 
-    def _refuse_jump(self, rows: np.ndarray, time: Array, pose: Array) -> None:
-        """Raise LogError if poses (n, 3) of odometry jump, as when the odometry is reset."""
-        step = np.diff(pose[:, :2], axis=0)
-        distance = np.append(0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1])))
-        _, restart = continuous(time, 1e3 * distance, ())
-        if restart is not None:
-            jump = distance[restart] - distance[restart - 1]
-            raise LogError(
-                f"row {self._place(rows[restart])}, columns odom_x, odom_y: jump by {jump:.3g} m: "
-                "was the odometry reset? Cut the log there"
-            )
-
     def _no_row_has_both(self) -> LogError:
         """The error for a run without a reading of all columns of the encoders."""
         names = self._kind.value
@@ -528,7 +523,7 @@ class _Reader:
         poses = self._values[rows[:, None], [_TIME, *_POSE]]
         poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
-        poses[headed, 3] = unwrapped(poses[headed, 3])
+        poses[headed, 3] = unwrapped_headings(poses[headed, 3])
         return poses if len(poses) else None
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:

@@ -60,11 +60,13 @@ def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     require_poses(rows, MIN_ARC_POSES, log, window)
     time = log.time[rows] - log.time[rows].mean()
     parameters, hessian, scores, count = fit_arc(time, log.pose[rows])
-    _require_no_jump(log.run, log.time[rows], log.pose[rows], poses_on_arc(parameters, time)[0])
+    on_arc, _ = poses_on_arc(parameters, time)
+    _require_no_jump(log.run, log.time[rows], log.pose[rows], on_arc)
     if not np.isfinite(np.sum(scores**2)):
         raise np.linalg.LinAlgError
     inverse = np.linalg.inv(hessian)
-    covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
+    of_scores = len(time) * long_run_covariance(scores)
+    covariance = inverse @ of_scores @ inverse
     correction = count / (count - len(parameters))
     return SteadyTwist.of_arc(parameters, covariance * correction)
 
@@ -74,21 +76,30 @@ def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
     there.
     """
     # repeated poses lag behind and then catch up
-    fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))
-    count = fresh.sum() // _OF_MEDIAN
+    is_fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))
+    count = is_fresh.sum() // _OF_MEDIAN
     if count < 2:  # too few poses for two medians
         return
-    time, on_arc, off = time[fresh], on_arc[fresh], (pose - on_arc)[fresh]
+    time = time[is_fresh]
+    on_arc = on_arc[is_fresh]
+    off = pose[is_fresh] - on_arc
     off[:, 2] = wrap_angle(off[:, 2])
-    noise = _TO_DEVIATION / np.sqrt(2) * np.median(_sizes(np.diff(off, axis=0)), axis=1)
-    off, on_arc = (
-        np.median(np.split(part[: count * _OF_MEDIAN], count), axis=1) for part in (off, on_arc)
-    )
 
-    step, motion = _sizes(np.diff(off, axis=0)), _sizes(np.diff(on_arc, axis=0))
-    excess = (
-        step / np.maximum(np.maximum(_LEAST_JUMP, _JUMP * noise)[:, None], _UNEVEN * motion)
-    ).max(axis=0)
+    # noise of a pose, from differences of two poses in succession
+    differences = _sizes(np.diff(off, axis=0))
+    noise = _TO_DEVIATION / np.sqrt(2) * np.median(differences, axis=1)
+
+    def medians(values: Array) -> Array:
+        """Medians (count, 3) of successive values (T, 3)."""
+        parts = np.split(values[: count * _OF_MEDIAN], count)
+        return np.asarray(np.median(parts, axis=1))
+
+    # steps between medians, relative to what noise and uneven slip explain
+    step = _sizes(np.diff(medians(off), axis=0))
+    motion = _sizes(np.diff(medians(on_arc), axis=0))
+    by_noise = np.maximum(_LEAST_JUMP, _JUMP * noise)[:, None]
+    by_slip = _UNEVEN * motion
+    excess = (step / np.maximum(by_noise, by_slip)).max(axis=0)
     if excess.max() > 1:
         k = int(excess.argmax())
         raise LogError(
@@ -115,16 +126,22 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
         predicted, jacobian = poses_on_arc(parameters, time)
         missed = predicted - pose
         missed[:, 2] = wrap_angle(missed[:, 2])
-        residual, jacobian = missed / _SCALE, jacobian / _SCALE[:, None]
-        spread = np.maximum(1.0, 1.4826 * np.median(np.abs(residual), axis=0))
-        weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(residual), 1e-300))
+        residual = missed / _SCALE
+        jacobian = jacobian / _SCALE[:, None]
+
+        # Huber's loss is linear for residuals above some times their spread
+        size = np.abs(residual)
+        spread = np.maximum(1.0, 1.4826 * np.median(size, axis=0))
+        weight = np.minimum(1.0, _HUBER * spread / np.maximum(size, 1e-300))
         weighted = jacobian * weight[..., None]
         hessian = np.einsum("tki,tkj->ij", weighted, jacobian)
-        step = np.linalg.solve(hessian, -np.einsum("tki,tk->i", weighted, residual))
+        gradient = np.einsum("tki,tk->i", weighted, residual)
+        step = np.linalg.solve(hessian, -gradient)
         parameters = parameters + step
         if np.abs(step * np.sqrt(np.diag(hessian))).max() < _CONVERGED:
             break
-    return parameters, hessian, np.einsum("tki,tk->ti", weighted, residual), residual.size
+    scores = np.einsum("tki,tk->ti", weighted, residual)
+    return parameters, hessian, scores, residual.size
 
 
 def _start(time: Array, pose: Array) -> Array:
@@ -135,11 +152,16 @@ def _start(time: Array, pose: Array) -> Array:
     all later headings.
     """
     stride = max(1, len(time) // 30)
-    coarse, elapsed = pose[::stride], np.diff(time[::stride])
-    v = np.median(se2.log(se2.steps(coarse))[:, 0] / elapsed)
+    coarse = pose[::stride]
+    elapsed = np.diff(time[::stride])
+    chords = se2.log(se2.steps(coarse))
+    v = np.median(chords[:, 0] / elapsed)
     w = np.median(np.diff(coarse[:, 2]) / elapsed)
-    start = np.array([0.0, 0.0, np.median(pose[:, 2] - w * time), v, 0.0, w])
-    start[:2] = np.median(pose[:, :2] - poses_on_arc(start, time)[0][:, :2], axis=0)
+    phi = np.median(pose[:, 2] - w * time)
+
+    start = np.array([0.0, 0.0, phi, v, 0.0, w])
+    on_arc, _ = poses_on_arc(start, time)
+    start[:2] = np.median(pose[:, :2] - on_arc[:, :2], axis=0)
     return start
 
 

@@ -157,18 +157,24 @@ def require_steady_motion(part: SteadyPart) -> None:
     begin, end = part.window
     arc(part.log, part.window)  # raises LogError for jumps
     middle = (begin + end) / 2
-    halves = (
-        part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True)
-    )
-    if min(half.sum() for half in halves) < _MIN_HALF:
+    valid = part.rows & part.log.is_valid
+    is_late = part.log.time > middle
+    if min((valid & ~is_late).sum(), (valid & is_late).sum()) < _MIN_HALF:
         return  # too few poses to compare
-    first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
+    first = arc(part.log, (begin, middle))
+    second = arc(part.log, (middle, end))
     change = second.twist - first.twist
-    error = np.sqrt(np.maximum(np.diag(first.covariance + second.covariance), 0.0))
-    significant = np.abs(change) > _SIGNIFICANT * error
+
+    # beyond chance
+    variance = np.diag(first.covariance + second.covariance)
+    error = np.sqrt(np.maximum(variance, 0.0))
+    is_significant = np.abs(change) > _SIGNIFICANT * error
+
+    # and relative to the motion
     v, w = np.abs(np.stack([first.twist, second.twist])).max(axis=0)
     size = np.array([v + _TURNING * w, w + _TURNING * v])
-    if (significant & (np.abs(change) > _CHANGE * size)).any():
+    is_relevant = np.abs(change) > _CHANGE * size
+    if (is_significant & is_relevant).any():
         raise LogError(
             f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} "
             "s, but its motion is "
@@ -194,8 +200,10 @@ def _turns(omega: Array, first: int, last: int) -> bool:
     explains.
     """
     of_stretch = omega[first : last + 1]
-    rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
-    return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
+    fastest = float(np.abs(omega).max())
+    noise = float(of_stretch.std(axis=0).max())
+    speed = float(np.abs(of_stretch.mean(axis=0)).max())
+    return speed > max(STANDING, _RESTING * fastest, noise)
 
 
 def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
@@ -210,10 +218,14 @@ def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
     load = part.log.load[part.rows]
     load = load[np.isfinite(load).all(axis=1)]
     begin, end = part.window
-    changed = float(np.hypot(*np.diff(load, axis=0).T).sum()) if len(load) > 1 else 0.0
+
+    # as many pieces as the change of load needs and the poses allow
+    change = np.diff(load, axis=0)
+    changed = float(np.hypot(change[:, 0], change[:, 1]).sum()) if len(load) > 1 else 0.0
+    wanted = int(np.ceil(changed / _LOAD_CHANGE))
     poses = int((part.rows & part.log.has_heading).sum())
     most = min(int((end - begin) / _SHORTEST_PIECE), poses // (MIN_ARC_POSES + 1))
-    count = max(1, min(int(np.ceil(changed / _LOAD_CHANGE)), most))
+    count = max(1, min(wanted, most))
     if count == 1:
         return (part,)
     edges = np.linspace(begin, end, count + 1).tolist()
@@ -233,17 +245,26 @@ def constant_stretches(
     In each section the longest stretch is chosen first, then the longest in the remaining rows, and
     so on.
     """
-    size = max(1, round(min(_BLOCK / float(np.median(np.diff(time))), len(time))))
-    jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
+    # means of sprocket speeds over blocks of each section
+    step = float(np.median(np.diff(time)))
+    size = max(1, round(min(_BLOCK / step, len(time))))  # rows of a block
     edges = np.concatenate([[0], breaks + 1, [len(time)]]).tolist()
-    means = [_block_means(omega[first:end], size) for first, end in itertools.pairwise(edges)]
+    sections = list(itertools.pairwise(edges))
+    means = [_block_means(omega[first:end], size) for first, end in sections]
+
+    # variation of the means that is allowed
     fastest = max(float(np.abs(mean).max()) for mean in means)
-    floor = _DRIFT * _SLOW * fastest, _NOISE * jitter / np.sqrt(size)
-    stretches, longest = list[tuple[int, int]](), (0, 0)
-    for (first, end), mean in zip(itertools.pairwise(edges), means, strict=True):
+    floor = _DRIFT * _SLOW * fastest
+    jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
+    noise = _NOISE * jitter / np.sqrt(size)
+
+    stretches = list[tuple[int, int]]()
+    longest = (0, 0)
+    for (first, end), mean in zip(sections, means, strict=True):
         begin = first + size * np.arange(len(mean))  # first and last rows of the blocks
-        last, furthest = np.append(begin[1:], end) - 1, _furthest(mean, *floor)
-        left = [(0, len(mean) - 1)]
+        last = np.append(begin[1:], end) - 1
+        furthest = _furthest(mean, floor, noise)
+        left = [(0, len(mean) - 1)]  # first and last blocks of what remains
         while left:
             low, high = left.pop()
             to = np.minimum(furthest[low : high + 1], high)
@@ -252,10 +273,12 @@ def constant_stretches(
             stretch = int(begin[low + k]), int(last[to[k]])
             if duration[k] > time[longest[1]] - time[longest[0]]:
                 longest = stretch
-            if duration[k] >= least:
-                stretches.append(stretch)
-                parts = (low, low + k - 1), (int(to[k]) + 1, high)
-                left += [part for part in parts if part[0] <= part[1]]
+            if duration[k] < least:
+                continue
+            stretches.append(stretch)
+            before = (low, low + k - 1)
+            after = (int(to[k]) + 1, high)
+            left += [part for part in (before, after) if part[0] <= part[1]]
     return sorted(stretches), longest
 
 
@@ -277,12 +300,15 @@ def _furthest(mean: Array, floor: float, noise: float) -> np.ndarray:
     `noise`. It grows more slowly than the variation, so a later first block never has an earlier
     last block.
     """
-    furthest, end = np.empty(len(mean), int), 0
+    furthest = np.empty(len(mean), int)
+    end = 0
     for first in range(len(mean)):
         end = max(first, end)
-        low, high = mean[first : end + 1].min(axis=0), mean[first : end + 1].max(axis=0)
+        low = mean[first : end + 1].min(axis=0)
+        high = mean[first : end + 1].max(axis=0)
         for block in mean[end + 1 :]:
-            low, high = np.minimum(low, block), np.maximum(high, block)
+            low = np.minimum(low, block)
+            high = np.maximum(high, block)
             speed = max(np.abs(low).max(), np.abs(high).max())
             if (high - low).max() > max(_DRIFT * speed, floor) + noise:
                 break

@@ -20,6 +20,7 @@ _MOST: Final = 0.5  # share of valid poses above which a lack of poses is due to
 # indices of v and w, and of u, among the parameters x, y, phi, v, u, w
 _TWIST: Final = np.array([3, 5])
 _LATERAL: Final = 4
+_MAX_CORRELATION: Final = 0.97  # of successive values, above which the number of lags explodes [-]
 _MIN_STEPS: Final = 20  # minimum number of steps for a mean twist
 # width of the lag window for the error of a mean twist, relative to the number of rows [-]
 _LAGS: Final = 0.5
@@ -64,7 +65,8 @@ def within(time: Array, window: tuple[float, float]) -> np.ndarray:
 
 def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[float, float]) -> None:
     """Raise LogError, with the reason, if fewer than `least` rows are `usable` (T,)."""
-    count, rows = int(usable.sum()), int(within(log.time, window).sum())
+    count = int(usable.sum())
+    rows = int(within(log.time, window).sum())
     if count >= least:
         return
     between = f"between {window[0]:.12g} s and {window[1]:.12g} s"
@@ -89,20 +91,27 @@ def long_run_covariance(series: Array, share: float | None = None) -> Array:
     decides, up to a quarter of the length.
     """
     rows, width = series.shape
-    if share is None:
-        power = np.sum(series**2, axis=0)
-        memory = np.clip(
-            np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0), -0.97, 0.97
-        )
-        spread = (2 * memory / (1 - memory**2)) ** 2
-        lags = int(min(1.1447 * (spread.max() * rows) ** (1 / 3), rows / 4))
-    else:
-        lags = int(share * rows)
+    lags = _lags(series) if share is None else int(share * rows)
+
+    # sums over L + 1 successive values of the padded series, from cumulative sums
     total = np.zeros((rows + 2 * lags + 1, width))
     np.cumsum(series, axis=0, out=total[lags + 1 : lags + 1 + rows])
     total[lags + 1 + rows :] = total[lags + rows]
     sums = total[lags + 1 :] - total[: -lags - 1]
     return np.asarray(sums.T @ sums / ((lags + 1) * rows))
+
+
+def _lags(series: Array) -> int:
+    """The number L of lags for a series (T, K), after Andrews (1991): 1.1447 (a T)^(1/3) with
+    a = (2 r / (1 - r²))² and the correlation r of successive values.
+    """
+    rows = len(series)
+    power = np.sum(series**2, axis=0)
+    products = np.sum(series[:-1] * series[1:], axis=0)
+    correlation = products / np.where(power > 0, power, 1.0)
+    correlation = np.clip(correlation, -_MAX_CORRELATION, _MAX_CORRELATION)
+    memory = (2 * correlation / (1 - correlation**2)) ** 2
+    return int(min(1.1447 * (memory.max() * rows) ** (1 / 3), rows / 4))
 
 
 def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
@@ -117,13 +126,21 @@ def paper(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """
     time, pose = even_poses(log)
     smooth = low_pass(pose)
+
+    # displacements, negative where the robot drives backwards, and turns
     dx, dy, turn = np.diff(smooth, axis=0).T
-    forwards = np.copysign(np.hypot(dx, dy), se2.log(se2.steps(smooth))[:, 0])
-    rows = within((time[1:] + time[:-1]) / 2, window)
+    along = se2.log(se2.steps(smooth))[:, 0]
+    forwards = np.copysign(np.hypot(dx, dy), along)
+    twist = np.stack([forwards, turn], axis=-1) / np.diff(time)[:, None]
+
+    # their mean in the window
+    middle = (time[1:] + time[:-1]) / 2
+    rows = within(middle, window)
     require_poses(rows, _MIN_STEPS, log, window)
-    twist = (np.stack([forwards, turn], axis=-1) / np.diff(time)[:, None])[rows]
-    mean = twist.mean(axis=0)
-    return SteadyTwist(mean, long_run_covariance(twist - mean, _LAGS) / rows.sum())
+    in_window = twist[rows]
+    mean = in_window.mean(axis=0)
+    covariance = long_run_covariance(in_window - mean, _LAGS) / rows.sum()
+    return SteadyTwist(mean, covariance)
 
 
 def low_pass(values: Array) -> Array:
@@ -133,7 +150,8 @@ def low_pass(values: Array) -> Array:
     """
     sections = scipy.signal.butter(2, 0.5, output="sos")
     settled = scipy.signal.sosfilt_zi(sections)[..., None] * values[0]
-    return np.asarray(scipy.signal.sosfilt(sections, values, axis=0, zi=settled)[0])
+    filtered, _ = scipy.signal.sosfilt(sections, values, axis=0, zi=settled)
+    return np.asarray(filtered)
 
 
 def even_poses(log: RunLog) -> tuple[Array, Array]:
@@ -145,7 +163,10 @@ def even_poses(log: RunLog) -> tuple[Array, Array]:
         raise LogError(
             f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_STEPS}"
         )
-    time, pose = log.time[valid], log.pose[valid]
+    time = log.time[valid]
+    pose = log.pose[valid]
+
+    # an arc bridges a gap, and the filter flattens a circle, only if the robot turns little there
     turn = np.abs(np.diff(pose[:, 2]))
     if turn.max() > _MAX_GAP_TURN:
         k = int(np.argmax(turn))
@@ -161,6 +182,8 @@ def even_poses(log: RunLog) -> tuple[Array, Array]:
             "would flatten: "
             f"at most {_MAX_TURN_PER_ROW:g} rad, log it more often"
         )
+
+    # even times
     step = float(np.median(np.diff(log.time)))
     count = int((time[-1] - time[0]) / step + 1e-6) + 1
     if count > _MAX_RESAMPLING * len(log.time):
@@ -169,6 +192,10 @@ def even_poses(log: RunLog) -> tuple[Array, Array]:
             f"need {count:,} of them"
         )
     even = time[0] + step * np.arange(count)
-    k = np.clip(np.searchsorted(time, even, side="right") - 1, 0, len(time) - 2)
-    share = (even - time[k]) / (time[k + 1] - time[k])
-    return even, se2.compose(pose[k], se2.exp(share[:, None] * se2.log(se2.steps(pose))[k]))
+
+    # the pose on the arc between the measured poses before and after each of them
+    before = np.searchsorted(time, even, side="right") - 1
+    before = np.clip(before, 0, len(time) - 2)
+    share = (even - time[before]) / (time[before + 1] - time[before])
+    arcs = se2.log(se2.steps(pose))[before]
+    return even, se2.compose(pose[before], se2.exp(share[:, None] * arcs))

@@ -296,7 +296,7 @@ def trajectory_of(
     fewer than two.
     """
 
-    encoders = encoders_of(log)
+    encoders = encoders_of(log).smooth()
 
     def by_odometry(at: Array) -> Array:
         # rows at the times of readings and of poses; a reading is a mean since the row before it
@@ -346,7 +346,7 @@ def estimated_trajectory(
         heading = trailing_heading(encoder_time, place, estimated_place, estimated[:, 2])
 
     # the middle of tracks without slip
-    encoders = encoders_of(log)
+    encoders = encoders_of(log).smooth()
     speed = np.abs(body_twist(encoders.omega, 0.0, geometry)[:, 0])
     sums = np.append(0.0, np.cumsum(speed * np.diff(encoders.edges)))
     return Trajectory(

@@ -9,7 +9,10 @@ have the constants D and epsilon, the robot drives an arc:
 
 with belt speeds s = r omega. The turning centre is not always beside the robot's centre: with the
 centre of mass ahead, or when a fast robot skids on slippery ground, it is ahead by c, and the
-robot's centre drifts sideways at -c w. A scan measures the pose. The state is (x, y, phi, g,
+robot's centre drifts sideways at -c w. Identification from whole drives tells both causes apart:
+there, the place of the turning centre is part of `sensor_x`, and a `drift` d [s] adds d v to c. The
+filter's c is their sum at the present speed, so it has to learn anew when a robot that drifts
+reverses. A scan measures the pose. The state is (x, y, phi, g,
 epsilon, c). The rates are linear in the yaw gain g, whereas a filter linearised in D diverges if
 the initial D is very wrong. The process noise of the constants grows with the distance and turn
 driven, not with time, so a constant that a motion does not excite (D on a straight path, or all at

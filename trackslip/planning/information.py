@@ -159,7 +159,7 @@ def _covariance(
     """
     windows = Windows.cut(data, length)
     rows = windows.pose
-    distance = data.way(model.geometry.sprocket_radius)
+    distance = data.belt_distance(model.geometry.sprocket_radius)
     last = np.append(windows.first[1:], len(rows)) - 1
     typical = np.median(distance[rows[last]] - distance[rows[windows.first]])
 

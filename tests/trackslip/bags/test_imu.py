@@ -117,7 +117,7 @@ def test_an_imu_in_degrees_is_refused_as_in_a_table(tmp_path):
     degrees = np.degrees(RATE)[:, None] * [0.0, 0.0, 1.0]
     messages = [imu(stamp(t), w) for t, w in zip(TIME, degrees.tolist(), strict=True)]
     (log,) = read(tmp_path, messages).runs
-    with pytest.raises(LogError, match=r"gyro: it turns 57.* times as far as the headings"):
+    with pytest.raises(LogError, match=r"gyro: it turns 5[78].* times as far as the headings"):
         drive_of(log)
 
 

@@ -208,8 +208,8 @@ def refused(match, **log):
             lambda pose: [0, 0, 90] + pose * [1, 1, -180 / np.pi],
             r"in degrees, clockwise .*: give pi/2 - phi pi/180",
         ),
-        (lambda pose: pose[:, [1, 0, 2]], "phi runs clockwise .*, exchange x and y"),
-        (lambda pose: pose * [1, -1, 1], "phi runs clockwise .* or change the sign of y"),
+        (lambda pose: pose[:, [1, 0, 2]], "x and y are mirrored .*: exchange x and y"),
+        (lambda pose: pose * [1, -1, 1], "x and y are mirrored .*: change the sign of y"),
         (
             lambda pose: pose * [1, 1, 0] + np.sin(pose / 2) * [0, 0, 1],
             r"looks like the z of a quaternion: give phi =",

@@ -93,7 +93,7 @@ def require_same(one, other):
 
 @given(logs())
 def test_a_sprocket_turns_by_the_angle_in_its_log(log):
-    encoders = encoders_of(log)
+    encoders = encoders_of(log).smooth()
     assert encoders.edges[0] == log.time[0]
     assert encoders.edges[-1] == log.time[-1]
     size = np.abs(log.omega[1:] * np.diff(log.time)[:, None]).sum(axis=0)
@@ -103,14 +103,14 @@ def test_a_sprocket_turns_by_the_angle_in_its_log(log):
 @given(logs(kinds=("smooth", "random")))
 def test_a_sprocket_has_the_angle_read_at_each_reading(log):
     read = log.is_read
-    found = angles_of(encoders_of(log), log.time[read])
+    found = angles_of(encoders_of(log).smooth(), log.time[read])
     np.testing.assert_allclose(found, angles(log)[read], atol=1e-9)
 
 
 @given(logs())
 def test_a_sprocket_turns_forwards_where_its_log_does(log):
     forwards = replace(log, omega=np.abs(log.omega))
-    assert (encoders_of(forwards).omega >= -1e-9).all()
+    assert (encoders_of(forwards).smooth().omega >= -1e-9).all()
 
 
 def started_at(seconds, log):
@@ -125,7 +125,7 @@ def started_at(seconds, log):
 @given(logs(kinds=("smooth", "random", "held")))
 def test_a_sprocket_stands_until_it_starts_in_its_log(log):
     late, start = started_at(7.0, log)
-    encoders = encoders_of(late)
+    encoders = encoders_of(late).smooth()
     before = encoders.edges[1:] <= start
     assert (np.abs(encoders.omega[before]) < 1e-9).all()
 
@@ -138,28 +138,34 @@ def test_a_standing_sprocket_turns_by_half_a_tick_at_most(log):
     assert (np.abs(angles_of(encoders_of(late), start)) <= tick / 2 + 1e-9).all()
 
 
-@given(logs(kinds=("smooth", "random"), fastest_poses=33), st.floats(2, 5), st.floats(8, 11))
-def test_a_cut_log_is_a_cut_drive_away_from_the_cut(log, begin, end):
+def cut_both_ways(log, begin, end):
+    """The clean drive of a part of a log, and the part of the clean drive of the log."""
     first, last = np.searchsorted(log.time, [begin, end])
     part = log.between(first, last + 1)
-    cut = drive_of(part)
-    whole = drive_of(log).cut(part.time[0], part.time[-1])
+    return drive_of(part), drive_of(log).cut(part.time[0], part.time[-1])
 
-    np.testing.assert_array_equal(cut.time, whole.time)
-    np.testing.assert_allclose(cut.pose, whole.pose, atol=1e-9)
+
+CUTS = st.floats(2, 5), st.floats(8, 11)
+
+
+@given(logs(kinds=("smooth", "random", "held"), fastest_poses=33), *CUTS)
+def test_a_cut_log_is_a_cut_drive(log, begin, end):
+    of_part, of_whole = cut_both_ways(log, begin, end)
+    np.testing.assert_array_equal(of_part.time, of_whole.time)
+    np.testing.assert_array_equal(of_part.edges, of_whole.edges)
+    for name in ("omega", "pose"):
+        np.testing.assert_allclose(getattr(of_part, name), getattr(of_whole, name), atol=1e-9)
+    np.testing.assert_array_equal(of_part.gyro[:, 0], of_whole.gyro[:, 0])
+    turned = np.diff(of_part.gyro, axis=0)
+    np.testing.assert_allclose(turned, np.diff(of_whole.gyro, axis=0), atol=1e-9)
+
+
+@given(logs(kinds=("smooth", "random"), fastest_poses=33), *CUTS)
+def test_away_from_the_cut_a_smooth_log_is_a_smooth_drive(log, begin, end):
+    of_part, of_whole = cut_both_ways(log, begin, end)
     away = np.linspace(begin + 0.8, end - 0.8, 50)  # by two readings, beyond which nothing bends
-    turned = np.diff(cut.angles(away))
-    np.testing.assert_allclose(turned, np.diff(whole.angles(away)), atol=1e-9)
-
-
-@given(logs(fastest_poses=33), st.floats(2, 5), st.floats(8, 11))
-def test_a_cut_log_has_the_gyro_of_a_cut_drive(log, begin, end):
-    first, last = np.searchsorted(log.time, [begin, end])
-    part = log.between(first, last + 1)
-    cut = drive_of(part).gyro
-    whole = drive_of(log).cut(part.time[0], part.time[-1]).gyro
-    np.testing.assert_array_equal(cut[:, 0], whole[:, 0])
-    np.testing.assert_allclose(np.diff(cut, axis=0), np.diff(whole, axis=0), atol=1e-9)
+    turned = np.diff(of_part.smooth().angles(away))
+    np.testing.assert_allclose(turned, np.diff(of_whole.smooth().angles(away)), atol=1e-9)
 
 
 @given(logs())
@@ -168,6 +174,16 @@ def test_rows_per_sensor_or_joined_give_the_same_drive(log):
     encoders, poses = joined * [True, False], joined * [False, True]
     split = np.concatenate([encoders, poses])
     require_same(drive_in(table(log, split)), drive_in(table(log, joined)))
+
+
+@given(logs())
+def test_arrays_of_each_sensor_give_the_same_drive(log):
+    log = log.between(np.argmax(log.is_read), len(log.time))  # poses before are beyond the readings
+    read, seen = log.is_read, log.is_valid
+    encoders = log.time[read], *log.omega[read].T
+    poses = log.time[seen], *log.pose[seen].T
+    of_arrays = drive_of(RunLog.from_arrays(encoders, poses))
+    require_same(of_arrays, drive_in(table(log, np.column_stack([read, seen]))))
 
 
 @given(logs(kinds=("smooth", "random")))

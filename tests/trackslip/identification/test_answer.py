@@ -124,3 +124,19 @@ def test_one_arc_tells_a_separation_and_a_radius():
     found = answered(by_hand(ARCS[:1] * 4))
     values = [gain.value for gain in multipliers(found)]
     np.testing.assert_allclose(values, [1.26, 0.98, 0.98], atol=0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_turns_in_place_leave_the_separation_as_open_as_the_radius(seed):
+    found = answered(by_hand(SPOT, seed=seed))
+    separation, left, _ = multipliers(found)
+    assert separation.low < 1.26 < separation.high
+    assert 0.03 < separation.error < 0.08
+    assert np.isnan(left.value)
+    assert "drive straight" in found.undetermined["left_wheel_radius_multiplier"]
+
+
+def test_speeds_by_hand_that_scatter_are_no_other_curvatures():
+    scattered = np.array(STRAIGHT + SPOT) + np.random.default_rng(0).normal(0.0, 0.05, (8, 2))
+    found = answered(by_hand(scattered))
+    assert "the samples have 2 of the 4 different curvatures" in found.main.reason

@@ -8,7 +8,7 @@ from law_motion import WHITE
 from trackslip.drives.conditioning import drive_of, drives_of
 from trackslip.drives.drive import Drives
 from trackslip.drives.first_look import first_look
-from trackslip.identification.comparison import FittedLaw, ranked
+from trackslip.identification.comparison import FittedLaw, choose, ranked
 from trackslip.identification.drive_comparison import compare_drives
 from trackslip.identification.prediction import HORIZONS, Pairs
 from trackslip.laws.base import NoSlip
@@ -97,7 +97,7 @@ def test_the_best_law_has_the_smallest_errors_at_most_horizons():
     found = best_of(
         icr_radius=missed((1.0, 1.0, 1.0, 2.0)), turn_loss=missed((0.9, 0.9, 0.9, 9.0), 1)
     )
-    assert found.reason == "turn_loss has the smallest errors at 3 of 4 times ahead"
+    assert found.reason == "smallest errors of all laws at 3 of 4 horizons"
     assert found.best == "turn_loss"
     assert found.score["icr_radius"] < found.score["turn_loss"]  # 10 s would decide a mean
 
@@ -142,3 +142,26 @@ def test_what_the_robot_has_today_knows_no_delay_and_no_gains():
     assert list(found.errors)[:2] == ["today", "two_gains"]
     assert best.position.rms < 1e-3 < none.position.rms < today.position.rms
     assert best.heading.rms < gains.heading.rms < none.heading.rms
+
+
+@pytest.mark.parametrize("ends", [{}, {"turn_loss": (np.nan, np.nan)}])
+def test_a_parameter_without_an_interval_may_be_0(ends):
+    laws = {name: law(name) for name in ("icr_radius", "turn_loss")}
+    laws["turn_loss"] = replace(laws["turn_loss"], interval95=ends)
+    errors = {"icr_radius": missed((1.0,) * 4), "turn_loss": missed((0.8,) * 4, 1)}
+
+    def rank(some):
+        return ranked(some, paired().criteria({name: errors[name] for name in some}))
+
+    assert rank(laws).best == "turn_loss"
+    assert choose(laws, rank).best == "icr_radius"
+
+
+def test_errors_after_10_m_of_driving():
+    found = compared(drive_log(1, 120, EXACT, STILL), names=("none", "icr_radius"))
+    today, none, best = (found.far_errors[name] for name in ("today", "none", "icr_radius"))
+    assert best.way == pytest.approx(10.0, rel=0.1)
+    assert best.position.median < 1e-3 < none.position.median
+    assert today.heading.median > 10 * best.heading.median
+    short = compared(drive_log(1, 20, EXACT, STILL), names=("none", "icr_radius"))
+    assert short.far_errors == {}

@@ -9,7 +9,7 @@ from slip_data import ERRORS, GEOMETRY, RADII, grid
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.identification.source import ReadOptions, read_source
-from trackslip.identification.steady import compare_laws, fit_law, folds
+from trackslip.identification.steady import _ranked, compare_laws, fit_law, folds
 from trackslip.kinematics import RobotGeometry, advance, track_slip
 from trackslip.laws.exponential import PUBLISHED, ExponentialSpeed
 from trackslip.laws.icr import ConstantIcr, IcrSides
@@ -275,3 +275,17 @@ def test_a_real_robot_turns_at_left_out_radii_as_plain_least_squares_predicts_or
     # the same two numbers, otherwise weighted
     assert found.validation["icr_radius"].yaw_rate <= plain
     assert plain < found.validation["none"].yaw_rate / 2
+
+
+def test_repeats_of_a_command_are_no_independent_evidence():
+    """Of eight commands, each driven eight times, one says that a law is better, one that it is
+    worse.
+    """
+    samples = samples_of(ICR, np.repeat(0.3 * np.arange(1, 9), 8), noise=1e-4)
+    laws = {name: fit_law(name, samples, GEOMETRY) for name in ("icr_radius", "turn_loss")}
+    wrong = np.full((len(samples), 2), 0.01)
+    better = wrong.copy()
+    better[:8] = 0.0
+    better[8:16] *= 1.2
+    predicted = {"icr_radius": samples.twist + wrong, "turn_loss": samples.twist + better}
+    assert _ranked(laws, predicted).best == "icr_radius"

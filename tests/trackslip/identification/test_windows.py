@@ -3,7 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log, fitted, model
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log, fitted, model, without_poses
+from plain_drives import HUSKY, log_of, measured
+from plain_drives import drive_of as plain_drive
 
 from trackslip.bags.drives import load
 from trackslip.drives.conditioning import drive_of, drives_of
@@ -89,7 +91,7 @@ def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
     data = Drives.of([replace(drive, pose=moved)])
     windows, driven = Windows.cut(data, length), model()
     values = np.array([ICR.offset, ICR.radius_error, *np.zeros(6)])
-    found = residuals(driven, data, windows, values, NONE, data.known[:, windows.pose] * 1.0)
+    found = residuals(driven, data, windows, values, NONE, data.known[:, windows.pose] * 1e4)
     assert np.abs(found.value[found.known]).max() < 2e-5
     np.testing.assert_array_equal(
         found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"]
@@ -152,4 +154,34 @@ def test_leaving_out_blocks_by_one_step_is_a_refit_to_first_order():
             for values in (fit.without(np.arange(10)[None] == k)[0], again.values)
         )
         np.testing.assert_allclose(step[:2] / error, refit[:2] / error, atol=0.2)
-    assert np.isnan(fitted("icr_radius", *logs[:5]).stderr["offset"])
+    assert fitted("icr_radius", *logs[:5]).stderr == {}
+
+
+@pytest.mark.parametrize(("kind", "used"), [("positions", False), ("poses", True)])
+def test_windows_of_a_standstill_need_headings(kind, used):
+    """Positions alone don't tell how such a window is turned: its slopes were of any size."""
+    speed = np.repeat([0.4, 0.0, 0.4], [5, 5, 5])
+    drive = plain_drive(commands=(speed, speed), hold=4.0, duration=60.0)
+    time, pose = measured(drive, pose_step=0.2)
+    if kind == "positions":
+        pose[:, 2] = np.nan
+    (prepared,) = drives_of([log_of(drive, time, pose)])[0]
+    data = Drives.of([prepared])
+    windows = Windows.cut(data, 5.0)
+    driven = DriveModel(FAMILIES["icr_radius"], HUSKY.geometry)
+    values = np.array([HUSKY.offset, HUSKY.radius_error, *np.zeros(6)])
+    weight = data.known[:, windows.pose] / 0.005**2
+    found = residuals(driven, data, windows, values, NONE, weight)
+    is_resting = windows.each(np.abs(data.time[windows.middle] - 31.0) < 5.0)
+    assert found.known[0, is_resting].any() == used
+    is_moving = windows.each(data.time[windows.middle] < 16.0)
+    assert found.known[0, is_moving].all()
+
+
+def test_blocks_are_numbered_without_gaps():
+    """No pair is predicted by a fit that contains its block, though poses are missing for 42 s."""
+    log = drive_log(1, 150.0)
+    log = without_poses(log, (log.time > 60.0) & (log.time < 102.0))
+    fit = fitted("icr_radius", log).fit
+    assert len(fit.score) == fit.block.max() + 1
+    assert set(fit.block) == set(range(len(fit.score)))

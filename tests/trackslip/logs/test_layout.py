@@ -109,10 +109,12 @@ def test_a_header_that_is_not_recognised_is_just_refused(tmp_path):
         read_log(file)
 
 
-def test_times_since_1970_are_recognised_by_their_size(tmp_path):
+@pytest.mark.parametrize(("unit", "step"), [("ms", 20), ("us", 20_000), ("ns", 20_000_000)])
+def test_units_of_times_are_recognised_by_their_steps(tmp_path, unit, step):
     file = tmp_path / "log.csv"
-    file.write_text("stamp,omega_l,omega_r,x,y\n1700000000000000000,1,1,0,0\n")
-    with pytest.raises(LogError, match=r"--columns t=stamp:ns reads it"):
+    rows = [f"{1_700_000_000 * 50 * step + k * step},1,1,0,0" for k in range(5)]
+    file.write_text("\n".join(["stamp,omega_l,omega_r,x,y", *rows]))
+    with pytest.raises(LogError, match=f"--columns t=stamp:{unit} reads it"):
         read_log(file)
 
 

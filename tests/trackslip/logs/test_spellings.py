@@ -3,7 +3,7 @@ import pyarrow as pa
 import pytest
 
 from trackslip.errors import LogError
-from trackslip.logs.checks import unwrapped
+from trackslip.logs.checks import unwrapped_headings
 from trackslip.logs.logfile import read_log
 from trackslip.logs.table_reader import runs_from_table
 
@@ -113,9 +113,11 @@ def test_headings_without_positions_are_poses(tmp_path, names):
 
 def test_headings_are_unwrapped_but_degrees_are_not():
     heading = np.linspace(0.0, 20.0, 100)
-    np.testing.assert_allclose(unwrapped((heading + np.pi) % (2 * np.pi) - np.pi), heading)
-    np.testing.assert_array_equal(unwrapped(heading), heading)
-    np.testing.assert_array_equal(unwrapped(np.degrees(heading) % 360), np.degrees(heading) % 360)
+    np.testing.assert_allclose(unwrapped_headings((heading + np.pi) % (2 * np.pi) - np.pi), heading)
+    np.testing.assert_array_equal(unwrapped_headings(heading), heading)
+    np.testing.assert_array_equal(
+        unwrapped_headings(np.degrees(heading) % 360), np.degrees(heading) % 360
+    )
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])

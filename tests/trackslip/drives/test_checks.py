@@ -1,0 +1,222 @@
+"""Checks of logs whose poses are seconds or minutes apart, and checks without evidence."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from plain_drives import (
+    DRIVE,
+    ENCODER_STEP,
+    HUSKY,
+    POSE,
+    TIME,
+    Robot,
+    drive_of,
+    log_of,
+    look,
+    look_at,
+    measured,
+    without,
+)
+
+from trackslip.drives.checks import Check, Verdict, unknown_lines
+from trackslip.drives.first_look import Look
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
+
+CARRIER = Robot(half_gauge=0.31, radius=0.185, offset=0.0016, radius_error=0.004, unequal=-0.004)
+
+
+def around_blocks(
+    change_omega=lambda omega: omega, change_pose=lambda pose: pose, sides=(3, 4)
+) -> list[RunLog]:
+    """Drives along three or four sides of a block, with a pose at both ends."""
+    logs = []
+    for k in range(12):
+        count = sides[k % 4 // 2]
+        turn = np.pi / 8 * (1 if k % 2 else -1)
+        stretch = 0.4 + 0.03 * k
+        v = np.array([stretch, stretch, 0.0] * count + [0.0])
+        v[0] *= 2  # so that three sides end ahead of their start, not only beside it
+        w = np.array([0.0, 0.0, turn] * count + [0.0])
+        drive = drive_of(CARRIER, duration=4.0 * len(v), commands=(v, w))
+        ends = drive.pose[[0, -1]] + np.random.default_rng(k).normal(size=(2, 3)) * 0.002
+        drive = drive.with_wheels(change_omega(drive.omega))
+        logs.append(log_of(drive, drive.time[[0, -1]], change_pose(ends), f"drive {k}"))
+    return logs
+
+
+def verdicts(found: Look) -> dict[str, Verdict]:
+    return {check.subject: check.verdict for check in found.checks}
+
+
+def test_start_and_end_poses_that_are_right_hold():
+    found = look(*around_blocks(), robot=CARRIER)
+    unknown = {name for name, verdict in verdicts(found).items() if verdict is not Verdict.HOLDS}
+    assert unknown == {"clocks"}
+    assert "clocks can't be checked: 24 poses, 46 s apart" in found.notes
+    assert found.alarms == ()
+
+
+@dataclass(frozen=True)
+class Misread:
+    line: str  # what the refusal says
+    omega: float = 1.0  # factor on the speeds
+    pose: tuple[float, float, float] = (1.0, 1.0, 1.0)  # factors on x, y and phi
+    sides: tuple[int, int] = (0, 1)  # columns of the speeds of the left and right sides
+
+
+MISREAD = {
+    "clockwise": Misread("column phi runs clockwise .*: change its sign", pose=(1, 1, -1)),
+    "mirrored": Misread("columns x and y are mirrored .*: change the sign of y", pose=(1, -1, 1)),
+    "mm": Misread("x and y look like mm: divide them by 1000", pose=(1e3, 1e3, 1)),
+    "cm": Misread("x and y look like cm: divide them by 100", pose=(1e2, 1e2, 1)),
+    "degrees": Misread("column phi is in degrees", pose=(1, 1, 180 / np.pi)),
+    "swapped": Misread("tracks are swapped .*: exchange omega_l and omega_r", sides=(1, 0)),
+    "rpm": Misread("omega_l and omega_r look like rpm", omega=30 / np.pi),
+    "turns": Misread("look like turns per second", omega=0.5 / np.pi),
+}
+
+
+@pytest.mark.parametrize("kind", MISREAD)
+def test_start_and_end_poses_that_are_misread_are_refused(kind):
+    misread = MISREAD[kind]
+    logs = around_blocks(
+        lambda omega: misread.omega * omega[:, misread.sides], lambda pose: pose * misread.pose
+    )
+    with pytest.raises(LogError, match=misread.line):
+        look(*logs, robot=CARRIER)
+
+
+def test_closed_squares_do_not_tell_the_sides():
+    found = look(*around_blocks(sides=(4, 4)), robot=CARRIER)
+    (line,) = [note for note in found.notes if "can't be checked" in note]
+    assert "sides of the tracks" in line
+    assert line.endswith("can't be checked: 24 poses, 52 s apart")
+
+
+def rare(every: float, kind: str = "poses", late: float = 0.0) -> tuple[Array, Array]:
+    """Poses of a drive of five minutes, each some seconds after the one before."""
+    time, pose = measured(LONG, pose_step=every, position_noise=0.01)
+    return time + late, without(pose, kind)
+
+
+LONG = drive_of(duration=300.0, seed=4, slip=0.03)
+
+
+@pytest.mark.parametrize("every", [5.0, 12.0])
+@pytest.mark.parametrize("kind", ["poses", "positions"])
+def test_rare_poses_that_are_right_hold(every, kind):
+    time, pose = rare(every, kind)
+    found = look_at(LONG, time, pose)
+    assert verdicts(found)["sides of the tracks"] is Verdict.HOLDS
+    assert verdicts(found)["units"] is Verdict.HOLDS
+    assert found.alarms == ()
+
+
+@pytest.mark.parametrize("kind", ["poses", "positions", "headings"])
+def test_swapped_sides_are_found_by_rare_poses_of_any_kind(kind):
+    time, pose = rare(5.0, kind)
+    with pytest.raises(LogError, match="exchange omega_l and omega_r"):
+        look_at(LONG.with_wheels(LONG.omega[:, ::-1]), time, pose)
+
+
+def test_degrees_that_wrap_are_found_by_rare_poses():
+    time, pose = rare(8.0)
+    pose[:, 2] = (np.degrees(pose[:, 2]) + 180) % 360 - 180
+    with pytest.raises(LogError, match="column phi is in degrees"):
+        look_at(LONG, time, pose)
+
+
+TURNING = np.random.default_rng(0).random(134) < 0.3
+SIDE = np.random.default_rng(1).choice([-0.5, 0.5], 134)
+CORRIDOR = drive_of(
+    duration=400.0,
+    commands=(np.where(TURNING, 0.0, 0.5), np.where(TURNING, SIDE, 0.0)),
+    hold=3.0,
+)
+
+
+@pytest.mark.parametrize("every", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("late", [3.0, -7.0, 18.7, 60.0])
+def test_clocks_are_found_over_the_whole_length(every, late):
+    time, pose = measured(CORRIDOR, pose_step=every)
+    with pytest.raises(LogError, match="the clocks differ by") as caught:
+        look_at(CORRIDOR, time + late, pose)
+    differ = float(re.search(r"differ by ([\d.]+) s", str(caught.value)).group(1))
+    assert differ == pytest.approx(abs(late), abs=0.15)
+
+
+@pytest.mark.parametrize("every", [2.0, 4.0, 8.0, 12.0])
+def test_clocks_of_rare_poses_that_are_right_hold(every):
+    found = look_at(CORRIDOR, *measured(CORRIDOR, pose_step=every))
+    assert verdicts(found)["clocks"] is Verdict.HOLDS
+    assert abs(found.clock) < 0.2
+
+
+def test_rare_poses_of_few_minutes_do_not_tell_clocks():
+    time, pose = measured(DRIVE, pose_step=20.0)
+    assert verdicts(look_at(DRIVE, time, pose))["clocks"] is Verdict.UNKNOWN
+
+
+def test_checks_on_a_straight_are_not_passed_in_silence():
+    drive = drive_of(commands=(np.tile([0.6, 0.2], 20), np.zeros(40)), hold=3.0)
+    found = look_at(drive, *measured(drive))
+    line = "sides of the tracks, direction of headings and axes of positions can't be checked"
+    assert f"{line}: the robot hardly turns" in found.notes
+
+
+def test_unknown_checks_with_one_reason_are_one_line():
+    checks = [
+        Check("headings", Verdict.UNKNOWN, "10 poses, 33 s apart"),
+        Check("units", Verdict.HOLDS),
+        Check("sides", Verdict.UNKNOWN, "10 poses, 33 s apart"),
+    ]
+    assert unknown_lines(checks) == ["headings and sides can't be checked: 10 poses, 33 s apart"]
+
+
+@pytest.mark.parametrize("gain", [0.05, 1.0, 3.0])
+def test_counts_are_an_alarm_at_any_gain(gain):
+    """Counts since the last reading that happen to be speeds in rad/s times a gain."""
+    angle = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
+    counts = np.diff(np.floor(angle / ENCODER_STEP / gain), axis=0, prepend=0.0)
+    found = look_at(DRIVE.with_wheels(counts))
+    (alarm,) = [alarm for alarm in found.alarms if alarm.kind == "units"]
+    assert alarm.line.startswith("omega_l and omega_r are whole numbers")
+
+
+def test_commands_in_whole_rad_per_second_are_no_counts():
+    commands = np.repeat([[3, 5], [4, 4], [-2, -4], [5, 3], [2, -2]] * 5, 4, axis=0)
+    rows = np.minimum((DRIVE.time / 1.2).astype(int), len(commands) - 1)
+    omega = commands[rows].astype(float)
+    left, right = omega.T * HUSKY.radius
+    step = np.append(0.0, np.diff(DRIVE.time))
+    heading = np.cumsum((right - left) / (2 * HUSKY.half_gauge) * step)
+    place = np.cumsum((left + right) / 2 * step * np.exp(1j * heading))
+    pose = np.column_stack([place.real, place.imag, heading])[::5]
+    found = look_at(DRIVE.with_wheels(omega), DRIVE.time[::5], pose)
+    assert verdicts(found)["counts"] is Verdict.HOLDS
+    assert found.alarms == ()
+
+
+def test_a_wrong_unit_of_positions_and_a_gear_are_told_apart():
+    """By the turns, which depend on the gear, but not on the unit of positions."""
+    with pytest.raises(LogError, match="x and y look like cm"):
+        look_at(pose=POSE * [100, 100, 1])
+    (alarm,) = look_at(DRIVE.with_wheels(DRIVE.omega / 20), TIME, POSE).alarms
+    assert alarm.line.endswith("check the unit of omega, the gear and sprocket_radius")
+
+
+def test_speeds_of_the_world_are_not_called_degrees():
+    """As in an odometry's twist whose frame is that of the world."""
+    v = np.gradient(DRIVE.pose[:, 0], ENCODER_STEP)
+    w = np.gradient(DRIVE.pose[:, 2], ENCODER_STEP)
+    aside = HUSKY.half_gauge * w
+    omega = np.column_stack([v - aside, v + aside]) / HUSKY.radius
+    try:
+        lines = [alarm.line for alarm in look_at(DRIVE.with_wheels(omega)).alarms]
+    except LogError as error:
+        lines = [str(error)]
+    assert not any("degrees" in line for line in lines)
