@@ -28,8 +28,8 @@ from experiments.simulate.options import (
     RADIUS_ERROR,
     RobotSource,
 )
-from sim.drive.drive import MAX_FORCE, Pull
 from sim.ground.ground import MAX_FRICTION, Ground
+from sim.ground.pull import MAX_FORCE, Pull
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError, require

@@ -25,7 +25,7 @@ from experiments.simulate.grid_summary import (
 )
 from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
-from sim.drive.drive import Drive
+from sim.motors.motor import Drive
 from trackslip.bags.open import require_rosbags
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle

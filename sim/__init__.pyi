@@ -1,15 +1,15 @@
 """The public names, and where they are; `__init__.py` imports each when it is first used."""
 
 from .bags.writer import write_bag as write_bag
-from .drive.drive import Drive as Drive
-from .drive.drive import Pull as Pull
 from .fleet import Fleet as Fleet
 from .ground.ground import Ground as Ground
 from .ground.ground import load_ground as load_ground
+from .ground.pull import Pull as Pull
 from .log_replay import replay as replay
 from .loop import Pilot as Pilot
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
+from .motors.motor import Drive as Drive
 from .path_tracking.config import EnvConfig as EnvConfig
 from .path_tracking.config import TrackingReward as TrackingReward
 from .path_tracking.randomization import Randomization as Randomization

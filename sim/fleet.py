@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast, Pull
-from sim.drive.saturation import advance_within_limits
 from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
 from sim.ground.ground import Ground
+from sim.ground.pull import Pull
 from sim.ground.shear import Shear
-from sim.robot.parameters import SINK
+from sim.motors.motor import Drive, or_tireless
+from sim.motors.sprockets import Forecast, Sprockets
+from sim.robot.parameters import MAX_RADIUS_ERROR, SINK
 from sim.robot.robot import Robot
 from sim.world import World, steps_in
 from trackslip import se2
@@ -47,7 +49,7 @@ class Fleet(World):
         robot: Robot,
         start: ArrayLike,
         ground: Ground | Sequence[Ground] | None = None,
-        radius_error: ArrayLike = RADIUS_ERROR,
+        radius_error: ArrayLike | None = None,
         drive: Drive | None = None,
         threads: int = 0,
         pull: Pull | None = None,
@@ -56,8 +58,9 @@ class Fleet(World):
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
         `ground` is a ground for all robots, or one per robot; `radius_error`, the sprockets'
-        relative error, is a scalar or (N,) [-]. All sprockets have the same `drive`, by default the
-        robot's, and all robots tow the same `pull`. `threads` is the number of worker threads, 0
+        relative error, is a scalar or (N,), by default the robot's [-]. All sprockets have the same
+        `drive`, by default the robot's; the torque of a robot without one is unlimited. All robots
+        tow the same `pull`. `threads` is the number of worker threads, 0
         for one per processor. If a ground shears, or if `shears` announces that a later one may,
         pads touch the ground at one point each instead of two.
 
@@ -83,9 +86,10 @@ class Fleet(World):
         """Centres (N, 3) of the robots' plates one physics step ago, a view of the batch [m]."""
         self._heading: Array = np.zeros(self.size)  # (N,) unwrapped [rad]
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
-        self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
-        drive = drive or robot.parameters.drive
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
+        error = robot.parameters.radius_error if radius_error is None else radius_error
+        self._radius = self._effective_radius(np.broadcast_to(error, (self.size,)))
+        drive = or_tireless(drive or robot.parameters.drive)
+        self.drive = Sprockets(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
         self._substeps = steps_in(
             "drive.period", drive.period, "the physics step", robot.model.opt.timestep
@@ -126,16 +130,15 @@ class Fleet(World):
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis, with unwrapped headings [m, m, rad]."""
         pose = np.empty((self.size, 3))
-        pose[:, :2], pose[:, 2] = self.state.qpos[:, :2], self._heading
+        pose[:, :2] = self.state.qpos[:, :2]
+        pose[:, 2] = self._heading
         return pose
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
         twist = np.empty((self.size, 3))
-        twist[:, :2], twist[:, 2] = (
-            se2.rotate(-self._heading, self.state.qvel[:, :2]),
-            self.state.qvel[:, 5],
-        )
+        twist[:, :2] = se2.rotate(-self._heading, self.state.qvel[:, :2])
+        twist[:, 2] = self.state.qvel[:, 5]
         return twist
 
     def load(self) -> Array:
@@ -166,12 +169,14 @@ class Fleet(World):
             return
         start = np.array([s.start for s in setting], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
-        self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
-        self.drive.restart(
-            rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting]
-        )
+        own_error = self.robot.parameters.radius_error
+        errors = [own_error if s.radius_error is None else s.radius_error for s in setting]
+        self._radius[rows] = self._effective_radius(np.array(errors))
+        own_lag = self.drive.drive.lag
+        self.drive.restart(rows, [own_lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
-        mass, com = np.array([s.mass for s in setting]), np.array([s.weight for s in setting])
+        mass = np.array([s.mass for s in setting])
+        com = np.array([s.weight for s in setting])
         self._drive(rows, 1.0)
         self._load(rows, self._chassis, mass, com)
         self._drive(rows, 0.0)
@@ -218,12 +223,16 @@ class Fleet(World):
             )
         if periods == 0:
             return
-        before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
-        torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
+        before = self._snapshot(EVERYONE)
+        forecast = self.drive.forecast(periods)
+        traction = self._run(EVERYONE, forecast.mean)
+        torque = self.drive.torque_for(forecast, traction)
         weak = self.drive.too_weak(forecast, torque)
         if not weak.size:
             self.drive.accept(forecast, torque)
             return
+
+        # the robots whose motors are too weak for the forecast go back and drive within limits
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
@@ -238,81 +247,102 @@ class Fleet(World):
         """
         twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
         require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
-        self.state.qvel[:, :2], self.state.qvel[:, 5] = (
-            se2.rotate(self._heading, twist[:, :2]),
-            twist[:, 2],
-        )
+        self.state.qvel[:, :2] = se2.rotate(self._heading, twist[:, :2])
+        self.state.qvel[:, 5] = twist[:, 2]
 
     def follow(self, omega: Array) -> None:
         """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, with unlimited
         torque [rad/s].
         """
-        forecast = Forecast(
-            np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point
-        )
-        self.drive.accept(forecast, self.drive.torque_for(forecast, self._run(EVERYONE, omega)))
+        speeds = np.concatenate([self.drive.omega[None], omega])
+        forecast = Forecast(speeds, omega, omega[-1] - self.drive.set_point)
+        traction = self._run(EVERYONE, omega)
+        self.drive.accept(forecast, self.drive.torque_for(forecast, traction))
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; return mean tractions
         (P, R, 2) [N].
         """
-        belts, ids, parts = (
-            self.robot.pad_speeds(self._radius[rows] * mean),
-            None if rows is EVERYONE else rows,
-            [],
-        )
-        varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
-        changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
-        periods = 1 if changing else len(mean)  # the engine is faster without interruptions
+        belts = self.robot.pad_speeds(self._radius[rows] * mean)
+        varies = self._ground.varies
+        is_towed = self.pull.force > 0
+        is_steady = not (mean != mean[0]).any()
+        # the engine is faster without interruptions
+        is_whole = is_steady and not varies and not is_towed and self.shear is None
+        periods = len(mean) if is_whole else 1
+
+        parts = []
+        before = None if self.shear is None else self._placed(rows)
         for k in range(0, len(mean), periods):
             if varies:
                 self._lay_friction(rows)
-            if self.pull.force > 0:
+            if is_towed:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            recorded = self.batch.rollout(
-                periods * self._substeps, record=("sensordata", "xmat"), ids=ids
-            )
-            ahead = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
-            parts.append((recorded["sensordata"], ahead))
-            self._periods += periods
+            parts.append(self._roll(rows, periods))
             if before is not None:
                 after = self._placed(rows)
                 self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
-        sensed, forward = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-        sensed = np.add.reduce(
-            sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2
-        ).swapaxes(0, 1)
-        forward = forward.swapaxes(0, 1)
+
+        # one entry for each servo period: sensor data, and the chassis' x axis at its end
+        sensed = np.concatenate([data for data, _ in parts], axis=1)
+        sensed = sensed.reshape(len(sensed), len(mean), self._substeps, -1)
+        forward = np.concatenate([ahead for _, ahead in parts], axis=1).swapaxes(0, 1)
         self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
-        sensed /= self._substeps
         # grip builds up within a period, so only the mean force is consistent with the impulse
-        traction = _along(sensed[..., :6], forward)
-        self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
+        mean_sensed = np.add.reduce(sensed, axis=2).swapaxes(0, 1) / self._substeps
+        traction = _along(mean_sensed[..., :6], forward)
+        self.sensed[rows] = mean_sensed.mean(axis=0)
+        self.mean_traction[rows] = traction.mean(axis=0)
         return traction
 
-    def _advance_within_limits(self, rows: np.ndarray, drive: DriveState, periods: int) -> None:
+    def _roll(self, rows: Rows, periods: int) -> tuple[Array, Array]:
+        """Let the engine step the robots `rows` (R,) for P servo periods; return sensor data (R, S,
+        n) of all S steps, and the chassis' x axes (R, P, 2) at the end of the periods.
+        """
+        ids = None if rows is EVERYONE else rows
+        steps = periods * self._substeps
+        recorded = self.batch.rollout(steps, record=("sensordata", "xmat"), ids=ids)
+        self._periods += periods
+        at_ends = slice(self._substeps - 1, None, self._substeps)
+        forward = recorded["xmat"][:, at_ends, self._chassis, 0:4:3]
+        return recorded["sensordata"], forward
+
+    def _advance_within_limits(
+        self, rows: NDArray[np.int_], drive: Sprockets, periods: int
+    ) -> None:
         """Simulate some periods for the robots `rows` (R,), whose motors may be too weak to follow
         the servos.
 
         The sprocket of a weak motor ends a period at the speed for which its torque is just
         sufficient. The ground's response to a speed is found by trial steps.
         """
-        gravity, sensed = float(np.linalg.norm(self.robot.model.opt.gravity)), []
+        gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
+        sensed = np.zeros_like(self.sensed[rows])
+        traction = np.zeros_like(self.mean_traction[rows])
         for _ in range(periods):
-            before, began = self._snapshot(rows), self._periods
+            trial = functools.partial(self._repeat, rows, self._snapshot(rows), self._periods)
+            drive.advance_within_limits(self.robot.mass, gravity, trial)
+            sensed += self.sensed[rows]
+            traction += self.mean_traction[rows]
+        self.sensed[rows] = sensed / periods
+        self.mean_traction[rows] = traction / periods
 
-            def run(which: np.ndarray, omega: Array) -> Array:
-                self._restore(rows[which], tuple(part[which] for part in before))  # noqa: B023
-                self._periods = began  # noqa: B023
-                return self._run(rows[which], omega[None])[0]
-
-            advance_within_limits(drive, self.robot.mass, gravity, run)
-            sensed.append((self.sensed[rows], self.mean_traction[rows]))
-        self.sensed[rows], self.mean_traction[rows] = (
-            np.mean(each, axis=0) for each in zip(*sensed, strict=True)
-        )
+    def _repeat(
+        self,
+        rows: NDArray[np.int_],
+        before: tuple[Array, ...],
+        began: int,
+        which: NDArray[np.int_],
+        omega: Array,
+    ) -> Array:
+        """Run the period that began in the state `before` of the robots `rows` (R,) again, with
+        those at `which` (A,), at mean speeds (A, 2) [rad/s]; return mean tractions (A, 2) [N].
+        """
+        self._restore(rows[which], tuple(part[which] for part in before))
+        self._periods = began
+        return self._run(rows[which], omega[None])[0]
 
     def friction(self) -> Array:
         """Mean friction coefficients (N, 2) over the pads, along and across the tracks [-]."""
@@ -333,11 +363,17 @@ class Fleet(World):
         period.
         """
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
-        centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
-        cos, sin = np.cos(heading), np.sin(heading)
-        pitch, yaw = force * (centre[..., 2] - self.pull.height), -force * centre[..., 1]
-        wrench = -force * cos, -force * sin, np.zeros_like(force), -pitch * sin, pitch * cos, yaw
-        self._wrench[rows] = np.stack(wrench, axis=-1)
+        cos = np.cos(heading)
+        sin = np.sin(heading)
+        force = self._pulled(rows)
+        pull = [-force * cos, -force * sin, np.zeros_like(force)]
+
+        # moments of the pull at the hitch about the centre of mass
+        centre = self._ground.centre_of_mass(rows)
+        pitch = force * (centre[..., 2] - self.pull.height)
+        yaw = -force * centre[..., 1]
+        moment = [-pitch * sin, pitch * cos, yaw]
+        self._wrench[rows] = np.stack(pull + moment, axis=-1)
 
     def _pulled(self, rows: Rows) -> Array:
         """Pull (R,) on the robots `rows` (R,) at present [N]."""
@@ -389,13 +425,12 @@ class Fleet(World):
             self.shear.forget(rows)
         self._lay_friction(rows)
         self._ground.tilt(rows)
-        grounds, heading = [self.ground[k] for k in rows], start[:, 2]
+        grounds = [self.ground[k] for k in rows]
+        heading = start[:, 2]
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
-        speed, lean = (
-            np.hypot(*self.state.qvel[rows, :2].T),
-            np.abs(self.attitude()[rows, 1:]).max(axis=1),
-        )
+        speed = np.hypot(*self.state.qvel[rows, :2].T)
+        lean = np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
         self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
@@ -406,21 +441,25 @@ class Fleet(World):
         """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows`
         (R,) settled.
         """
-        qpos, half_turn = self.state.qpos, (start[:, 2] - self.state.heading[rows]) / 2
+        qpos = self.state.qpos
         qpos[rows, :2] = start[:, :2]
-        cos, sin = np.cos(half_turn), np.sin(half_turn)
+
+        # the quaternion of a rotation about z, times that of the robot
+        half_turn = (start[:, 2] - self.state.heading[rows]) / 2
+        cos = np.cos(half_turn)
+        sin = np.sin(half_turn)
         w, x, y, z = qpos[rows, 3:7].T
-        qpos[rows, 3:7] = np.column_stack(
-            [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
-        )
-        self.state.qvel[rows], self.batch.time[rows], self._heading[rows] = 0.0, 0.0, start[:, 2]
+        turned = [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
+        qpos[rows, 3:7] = np.column_stack(turned)
+
+        self.state.qvel[rows] = 0.0
+        self.batch.time[rows] = 0.0
+        self._heading[rows] = start[:, 2]
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) on the robots `rows` (R,) relative to their normal force [-]."""
-        masses, gravity = (
-            self.batch.expanded("body_mass"),
-            float(np.linalg.norm(self.robot.model.opt.gravity)),
-        )
+        masses = self.batch.expanded("body_mass")
+        gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
         mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
         return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
 
@@ -428,7 +467,8 @@ class Fleet(World):
         """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots'
         velocity constant [-].
         """
-        direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
+        direction = self._ground.uphill - self.pose()[:, 2]
+        steepness = np.tan(self._ground.slope)
         along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
@@ -447,8 +487,8 @@ class Setting:
 
     start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
     ground: Ground = field(default_factory=Ground)  # ground under the robot
-    # relative error of the effective sprocket radius, real / nominal - 1 [-]
-    radius_error: float = RADIUS_ERROR
+    # relative error of the effective sprocket radius, real / nominal - 1; None for the robot's [-]
+    radius_error: float | None = None
     lag: float | None = None  # time constant of the servos; None for the drive's own [s]
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forwards and to the left [m]."""

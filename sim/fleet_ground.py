@@ -9,8 +9,8 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike
 
-from sim.drive.drive import Pull
 from sim.ground.ground import Ground
+from sim.ground.pull import Pull
 from sim.ground.shear import Shear
 from sim.robot.robot import Robot
 from sim.settings import converted

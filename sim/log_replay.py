@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
+from sim.motors.motor import Drive, or_tireless, tireless
 from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
@@ -183,7 +183,7 @@ class Replayer:
             raise LogError(
                 f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s"
             )
-        drive = parameters.drive
+        drive = or_tireless(parameters.drive)
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
         fleet = Fleet(

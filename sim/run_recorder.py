@@ -21,6 +21,9 @@ from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 FAILURE = "failure"
 """Key in a log's metadata for the reason if the run ended early."""
+SATURATION = "saturation"
+"""Key in a log's metadata for its `Saturation`, if a motor was at its limit."""
+_SIDES = ("left", "right")
 _UPRIGHT = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
 
 
@@ -81,6 +84,34 @@ class Description:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Saturation:
+    """The motor of a run that was at its limit for longer, and by how much it was too weak."""
+
+    motor: str
+    """Side of the motor, left or right."""
+    share: float
+    """Share of the time at the limit [-]."""
+    torque: float
+    """Torque at hand when most was needed [N m]."""
+    needed: float
+    """Largest torque that its set points took [N m]."""
+
+    @classmethod
+    def of(cls, saturated: Array, torque: Array, needed: Array) -> Saturation | None:
+        """Find it from shares of the time (T, 2), torques and needed torques (T, 2) [N m]; None if
+        no motor reached its limit.
+        """
+        share = saturated.mean(axis=0)
+        if not share.any():
+            return None
+        side = int(share.argmax())
+        at_limit = np.where(saturated[:, side] > 0, np.abs(needed[:, side]), 0.0)
+        worst = int(at_limit.argmax())
+        at_hand = abs(float(torque[worst, side]))
+        return cls(_SIDES[side], float(share[side]), at_hand, float(at_limit[worst]))
+
+
 class RunRecorder:
     """Recording of N runs, row by row.
 
@@ -132,7 +163,7 @@ class RunRecorder:
             self.load[k] = fleet.needed_traction()
         # for twists and lean
         row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}
-        row |= {"traction": fleet.mean_traction, "torque": drive.torque}
+        row |= {"traction": fleet.mean_traction, "torque": drive.torque, "needed": drive.needed}
         row |= {"energy": drive.energy, "saturated_time": drive.saturated_time}
         if self._in_detail:
             row["contact"] = pad_forces(fleet).astype(np.float32)
@@ -215,17 +246,33 @@ class RunRecorder:
         for mean, total in (("power", "energy"), ("saturated", "saturated_time")):
             sums = truth.pop(total)
             truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period
+        needed = truth.pop("needed")
+        saturations = [
+            Saturation.of(truth["saturated"][:, i], truth["torque"][:, i], needed[:, i])
+            for i in range(self.fleet.size)
+        ]
         truths = [
             Truth(**{name: values[:, i] for name, values in truth.items()})
             for i in range(self.fleet.size)
         ]
         scans = scans or [None] * len(truths)
-        return [
-            self._log(i, *own, failure) for i, own in enumerate(zip(truths, scans, strict=True))
-        ]
+        of_runs = zip(truths, scans, saturations, strict=True)
+        return [self._log(i, *own, failure) for i, own in enumerate(of_runs)]
 
-    def _log(self, i: int, truth: Truth, scans: ScanLog | None, failure: str | None) -> RunLog:
+    def _log(
+        self,
+        i: int,
+        truth: Truth,
+        scans: ScanLog | None,
+        saturation: Saturation | None,
+        failure: str | None,
+    ) -> RunLog:
         rows, description = slice(self.complete), self._descriptions[i]
+        metadata = dict(description.metadata)
+        if saturation is not None:
+            metadata[SATURATION] = vars(saturation)
+        if failure is not None:
+            metadata[FAILURE] = failure
         twist_command, icr = self._twist_command[rows, i], self._icr[rows, i]
         return RunLog(
             run=description.run,
@@ -240,5 +287,5 @@ class RunRecorder:
             load=self.load[rows, i] if self._yields[i] else None,
             truth=truth,
             scans=scans,
-            metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
+            metadata=metadata,
         )

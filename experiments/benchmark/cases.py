@@ -13,6 +13,7 @@ import numpy as np
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
 from experiments.common.lookup import reference
+from sim.motors.motor import or_tireless
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
@@ -138,7 +139,7 @@ def plant_ranges(robot: RobotParameters) -> Randomization:
     Raises InvalidValueError for a robot so close to its limits that a drawn plant might not stand
     or be simulated.
     """
-    nominal, lag, shift = robot.radius_error, robot.drive.lag, 0.1 * robot.half_gauge
+    nominal, lag, shift = robot.radius_error, or_tireless(robot.drive).lag, 0.1 * robot.half_gauge
     ranges = Randomization(
         friction_ratio=(0.8, 1.25),
         radius_error=(nominal - 0.03, nominal + 0.03),

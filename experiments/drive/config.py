@@ -54,8 +54,8 @@ class Config(ResultsOptions):
     """
     difficulty: Annotated[float, Within(0.0, 1.0)] = 0.5
     """Difficulty of an FTR-Bench course, from the smallest published sizes to the largest [-]."""
-    speed: Annotated[float, Within(-2.0, 2.0, "m/s")] = 0.3
-    """Speed of the belts, negative to drive backwards [m/s]."""
+    speed: Annotated[float, Within(-10.0, 10.0, "m/s")] = 0.3
+    """Speed of the belts, up to the robot's top speed; negative to drive backwards [m/s]."""
     turn: Annotated[float, Within(-5.0, 5.0, "rad/s")] = 0.0
     """Commanded yaw rate, positive to the left; the robot turns more slowly because its tracks slip
     [rad/s].

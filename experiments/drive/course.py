@@ -83,7 +83,7 @@ def drive_course(
     """Drive until there is an outcome or the driver returns None; `progress` is called with newly
     simulated seconds.
     """
-    rows = [_row(world, Command(np.zeros((1, 2)), world.servo.angle))]
+    rows = [_row(world, Command(np.zeros((1, 2)), world.flipper_servo.angle))]
     while world.outcome[0] == Outcome.DRIVING and (command := driver(world)) is not None:
         world.step(command)
         rows.append(_row(world, command))

@@ -10,6 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
+from sim.motors.motor import or_tireless
 from sim.policy import Policy
 from sim.robot.named import load_tracked
 from sim.robot.tracked import TrackedRobot
@@ -29,7 +30,6 @@ from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
 SAMPLE = 0.004  # time between changes of the belts' speeds [s]
-TOP_SPEED = 0.6  # top speed of the belts, unless a higher speed is requested [m/s]
 ACCELERATION = 2.0  # acceleration at both ends of a path [m/s^2]
 # number of periods ahead on the path that are searched for the point beside the robot
 _SEARCH = 200
@@ -48,17 +48,33 @@ def make_world(config: Config) -> Traverse:
     course = Footprint.of(robot).fit(course)
     if config.friction is not None:
         course = replace(course, friction=config.friction)
-    fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
     return Traverse(
         robot,
         [course],
         preset=config.preset,
-        top_speed=max(TOP_SPEED, fastest),
+        top_speed=_top_speed(config, robot),
         limits=Limits(time=config.duration),
         period=PERIOD,
         sample=SAMPLE,
         threads=1,
     )
+
+
+def _top_speed(config: Config, robot: TrackedRobot) -> float:
+    """Top speed of the belts, the robot's own; belts without motors are as fast as they are told to
+    be [m/s].
+    """
+    fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
+    own = or_tireless(robot.drive).top_speed
+    if robot.drive is None:
+        return max(own, fastest)
+    if config.policy is None:
+        allowed = f"for belts of at most the robot's top speed, {own:g} m/s"
+        if config.turn == 0:
+            require(fastest <= own, "speed", config.speed, allowed)
+        else:
+            require(fastest <= own, "speed, turn", (config.speed, config.turn), allowed)
+    return own
 
 
 def _course(config: Config, robot: TrackedRobot, seed: int | None) -> Course:
@@ -108,7 +124,7 @@ class PolicyDriver:
             policy.network.shape,
             f"from {fits[0]} inputs to {fits[1]}",
         )
-        self._rows, self._command = 0, Command(np.zeros((1, 2)), world.servo.angle)
+        self._rows, self._command = 0, Command(np.zeros((1, 2)), world.flipper_servo.angle)
 
     def __call__(self, world: Traverse) -> Command:
         """Set points from the policy, renewed at the policy's period."""
@@ -161,7 +177,7 @@ def about_world(world: Traverse) -> dict[str, Any]:
     return {
         "geometry": {
             "half_gauge": robot.half_gauge,
-            "sprocket_radius": max(r for _, _, r in robot.hull),
+            "sprocket_radius": robot.sprocket_radius,
         },
         "robot": {
             **plain(robot),

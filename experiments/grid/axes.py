@@ -30,7 +30,7 @@ SPECIAL = {
 }
 """Numeric axes that are neither an option nor a robot parameter."""
 _SHORT = {"ground.source": "ground", "ground.slope": "slope", "radii": "radius", "speeds": "speed"}
-_NO_AXES = ("threads", "rrd", "out", "overwrite", "robot", "robot.radius_error")
+_NO_AXES = ("threads", "rrd", "out", "overwrite", "robot", "robot.radius_error", "robot.drive")
 _UNIT = re.compile(r" *\[([^]]+)\]")
 
 
@@ -52,7 +52,7 @@ def known() -> dict[str, tuple[Any, Column]]:
         name: (float, column) for name, column in SPECIAL.items()
     }
     for name, (kind, column) in (_fields(GridConfig) | _fields(RobotParameters, "robot.")).items():
-        if name not in _NO_AXES and not name.startswith("robot.drive."):
+        if name not in _NO_AXES:
             short = _SHORT.get(name, name)
             axes[short] = kind, dataclasses.replace(column, name=short)
     return axes

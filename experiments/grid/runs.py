@@ -11,7 +11,7 @@ import numpy as np
 from experiments.common.sweep import Row
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
-from experiments.simulate.grid_summary import LocalizationErrors, saturated_share
+from experiments.simulate.grid_summary import LocalizationErrors, saturation_of
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
@@ -76,8 +76,22 @@ class GridRuns:
             note = f"run {run.name!r} left out: {str(error).removeprefix(f'run {run.name!r}: ')}"
             row = dict.fromkeys(_SAMPLED) | {"note": note}
         errors = LocalizationErrors.of([log])
-        return (
-            row
-            | {name: getattr(errors, name) for name in _POSES}
-            | {"saturated": saturated_share(log)}
-        )
+        return row | {name: getattr(errors, name) for name in _POSES} | _of_motors(log)
+
+
+def _of_motors(log: RunLog) -> Row:
+    """The columns of the run table on saturated motors."""
+    saturation = saturation_of(log)
+    if saturation is None:
+        return {
+            "saturated": 0.0,
+            "saturated_motor": None,
+            "torque_at_hand": None,
+            "torque_needed": None,
+        }
+    return {
+        "saturated": saturation.share,
+        "saturated_motor": saturation.motor,
+        "torque_at_hand": saturation.torque,
+        "torque_needed": saturation.needed,
+    }

@@ -14,6 +14,7 @@ from experiments.common.sweep import Row
 from experiments.common.table import Table
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_summary import GridSlips, known_mean, saturation_warning
+from sim.run_recorder import Saturation
 from trackslip.errors import counted
 from trackslip.kinematics import Array
 
@@ -143,7 +144,17 @@ def all_failed(rows: Sequence[Row]) -> str:
 def _warnings(rows: Sequence[Row]) -> list[str]:
     """Warnings on saturated motors, and on parts of runs that could not be used."""
     saturated = [
-        saturation_warning(row["run"], row["saturated"]) for row in rows if row.get("saturated")
+        saturation_warning(
+            row["run"],
+            Saturation(
+                row["saturated_motor"],
+                row["saturated"],
+                row["torque_at_hand"],
+                row["torque_needed"],
+            ),
+        )
+        for row in rows
+        if row.get("saturated")
     ]
     return saturated + [row["note"] for row in rows if row.get("note")]
 

@@ -14,7 +14,7 @@ from experiments.simulate.options import (
     Simulation,
     require_speed,
 )
-from sim.drive.drive import Drive
+from sim.motors.motor import Drive
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 

@@ -9,6 +9,7 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
+from sim.run_recorder import SATURATION, Saturation
 from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.exponential import PUBLISHED
@@ -180,19 +181,24 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
     return float(sum(log.time[-1] - log.time[0] for log in logs))
 
 
-def saturated_share(log: RunLog) -> float:
-    """Share of the time with a motor at its limit, for the worse track [-]."""
-    saturated = None if log.truth is None else log.truth.saturated
-    return 0.0 if saturated is None else float(saturated.mean(axis=0).max())
+def saturation_of(log: RunLog) -> Saturation | None:
+    """The motor of a run that was at its limit for longer; None if none was."""
+    known = log.metadata.get(SATURATION)
+    return None if known is None else Saturation(**known)
 
 
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
     """A line for each run in which a motor reached its limit."""
     return [
-        saturation_warning(log.run, share) for log in logs if (share := saturated_share(log)) > 0
+        saturation_warning(log.run, saturation)
+        for log in logs
+        if (saturation := saturation_of(log)) is not None
     ]
 
 
-def saturation_warning(run: str, share: float) -> str:
-    """The warning on a run with a motor at its limit for a share of the time."""
-    return f"run {run!r}: a motor is at its limit for {share:.1%} of the time"
+def saturation_warning(run: str, saturation: Saturation) -> str:
+    """The warning on a run with a motor at its limit."""
+    return (
+        f"run {run!r}: the {saturation.motor} motor is at its limit for {saturation.share:.1%} of "
+        f"the time: {saturation.torque:.3g} N m at hand, {saturation.needed:.3g} N m needed"
+    )

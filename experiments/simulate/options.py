@@ -16,8 +16,10 @@ from experiments.common.options import (
     default_is,
     refuse_changed,
 )
-from sim.drive.drive import MAX_FORCE, MAX_RADIUS_ERROR, Drive, Pull
 from sim.ground.ground import Ground
+from sim.ground.pull import MAX_FORCE, Pull
+from sim.motors.motor import Drive, Motor, or_tireless
+from sim.robot.parameters import MAX_RADIUS_ERROR
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, checked, require_non_negative, require_positive
 
@@ -122,8 +124,15 @@ class DriveOptions:
     motor: MotorOptions = field(default_factory=MotorOptions)
     """Properties of the motor that differ from the robot's."""
 
-    def changed(self, drive: Drive) -> Drive:
-        """`drive` with the properties that are given here."""
+    def changed(self, own: Drive | None) -> Drive:
+        """A robot's `own` drive with the properties that are given here.
+
+        A robot without motors gets unlimited ones, or motors like the shipped robot's if properties
+        of motors are given.
+        """
+        drive = or_tireless(own)
+        if own is None and self.motor != MotorOptions():
+            drive = replace(drive, motor=Motor())
         return changed(drive, self, "drive.")
 
 

@@ -9,9 +9,10 @@ from typing import Any, Self
 
 from experiments.common.plain_json import plain
 from experiments.simulate.options import PullOptions, Simulation
-from sim.drive.drive import Drive, Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, load_ground
+from sim.ground.pull import Pull
+from sim.motors.motor import Drive
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot

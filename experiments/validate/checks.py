@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from experiments.common.check import Check
 from experiments.validate.measurements import (
     GRAVITY,
+    STRONG,
     Setup,
     Turns,
     drive_steadily,
     measure_loads,
     paper_turns,
 )
-from sim.drive.drive import tireless
 from sim.run_recorder import read_contacts
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
@@ -185,7 +185,7 @@ def check_energy(checks: Checks, generator: np.random.Generator) -> None:
     robot, robots = checks.setup.robot(contact_sensors=True), 4
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     step = robot.model.opt.timestep
-    drive = replace(tireless(), period=step)
+    drive = replace(STRONG, period=step)
     fleet = checks.setup.fleet(np.zeros((robots, 3)), robot=robot, drive=drive)
     energy, contacts, total = fleet.batch.bind("energy"), [], []
     for k in range(round(10.0 / step) + 1):

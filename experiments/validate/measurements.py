@@ -7,15 +7,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from sim.drive.drive import Pull, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
+from sim.ground.pull import Pull
+from sim.motors.motor import Drive, tireless
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.run_recorder import read_contacts
@@ -31,6 +32,8 @@ from trackslip.skid_theory import Contact, Load, steady_twist
 
 GRAVITY = 9.81
 """Acceleration due to gravity [m/s^2]."""
+STRONG: Final = tireless(Drive.top_speed)
+"""Motors that never reach their limits, with the shipped robot's top speed."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Setup:
         """Copies of the robot at poses (N, 3), by default with motors that never reach their
         limits.
         """
-        options = {"robot": self.robot(), "drive": tireless(), "threads": self.threads, **options}
+        options = {"robot": self.robot(), "drive": STRONG, "threads": self.threads, **options}
         return Fleet(
             start=start,
             ground=ground or self.ground,
@@ -100,7 +103,7 @@ def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
     return (
         radius,
         speed,
-        limit_sprocket_speeds(omega, tireless().top_speed / parameters.sprocket_radius),
+        limit_sprocket_speeds(omega, STRONG.top_speed / parameters.sprocket_radius),
     )
 
 

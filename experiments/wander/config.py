@@ -8,7 +8,7 @@ import tyro
 
 from experiments.common.options import Positive, Whole, Within, default_is, refuse_changed
 from experiments.simulate.options import MAX_DURATION, Simulation, changed, require_speed
-from sim.drive.drive import Drive
+from sim.motors.motor import Drive
 from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip.errors import InvalidValueError

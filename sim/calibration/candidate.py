@@ -9,6 +9,7 @@ from operator import attrgetter
 from typing import Any
 
 from sim.ground.ground import Ground
+from sim.motors.motor import or_tireless
 from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
@@ -111,6 +112,11 @@ def _with_ground(candidate: Candidate, along: float, ratio: float) -> Candidate:
     return replace(candidate, ground=replace(candidate.ground, along=along, across=along * ratio))
 
 
+def _with_lag(candidate: Candidate, lag: float) -> Candidate:
+    drive = replace(or_tireless(candidate.robot.drive), lag=lag)
+    return replace(candidate, robot=replace(candidate.robot, drive=drive))
+
+
 def _radius(side: int) -> Parameter:
 
     def sides(candidate: Candidate) -> list[float]:
@@ -149,7 +155,14 @@ PARAMETERS = {
     "sensor_y": _field("sensor.y", 0.3, "m"),
     "sensor_yaw": _field("sensor.yaw", 0.1, "rad"),
     "clock": _field("clock", 0.3, "s", low=-0.5, high=0.5),
-    "lag": _field("robot.drive.lag", 1.0, "s", relative=True, high=1.0),
+    "lag": Parameter(
+        lambda candidate: or_tireless(candidate.robot.drive).lag,
+        lambda candidate, lag: _with_lag(candidate, lag),
+        1.0,
+        "s",
+        relative=True,
+        high=1.0,
+    ),
 }
 """Parameters that can be fitted, by name; radii are fitted as relative errors."""
 OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})

@@ -13,10 +13,10 @@ from typing import Protocol
 import numpy as np
 
 from sim.calibration.candidate import Candidate
-from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.log_replay import Inputs, Replay, Replayer, without_jumps
+from sim.motors.motor import Drive, tireless
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2

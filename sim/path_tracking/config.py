@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.drive.drive import Pull
 from sim.ground.ground import Ground, load_ground
+from sim.ground.pull import Pull
 from sim.path_tracking.randomization import Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.fleet import Setting
 from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE, Ground, Patch
-from sim.robot.parameters import RobotParameters
+from sim.motors.motor import Drive, or_tireless
+from sim.robot.parameters import MAX_RADIUS_ERROR, RobotParameters
 from trackslip.errors import Checked, checked, require, require_range
 from trackslip.kinematics import Array
 
@@ -105,7 +105,7 @@ class Randomization(Checked):
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
             weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
-            lag=uniform(generator, self.lag, robot.drive.lag),
+            lag=uniform(generator, self.lag, or_tireless(robot.drive).lag),
             # keeps old seeds' draws
             mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),
         )

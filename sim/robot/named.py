@@ -15,7 +15,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.drive.drive import Drive
 from sim.ground.ground import Ground
 from sim.robot.model_check import absolute
 from sim.robot.parameters import WHEELS, RobotParameters
@@ -105,7 +104,8 @@ def _load(
     ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
     if any(field in TrackedRobot.__dataclass_fields__ and field not in _SHARED for field in table):
         return _tracked(path, table, refuse), ground
-    return build(RobotParameters, table, str(path)), ground
+    # what a file leaves out is the shipped robot's, except its motors, which are for 25 kg
+    return build(RobotParameters, table, str(path), RobotParameters(drive=None)), ground
 
 
 def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
@@ -180,7 +180,12 @@ class PlainRobot(TrackedRobot):
     """
 
     parameters: RobotParameters = field(default_factory=RobotParameters)
-    """Shape and mass of the robot."""
+    """Shape, mass and motors of the robot."""
+
+    @property
+    def sprocket_radius(self) -> float:
+        """Nominal radius of the sprockets, without the belts around them [m]."""
+        return self.parameters.sprocket_radius
 
     def spec(self) -> Any:
         """The shipped model with this robot's parameters, without pads; see TrackedRobot."""
@@ -289,22 +294,17 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     """Names and values of a compiled robot's properties: mass, inertia, joints, flippers and
     motors.
     """
-    robot, model, own = (
-        tracked.robot,
-        tracked.model,
-        np.flatnonzero(tracked.model.body_rootid == tracked.body),
-    )
+    robot = tracked.robot
+    model = tracked.model
+    own = np.flatnonzero(model.body_rootid == tracked.body)
     mass, (x, y, z), inertia = composite(model, _stand(tracked), own)
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
     swings = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
     loose = [name for name in (model.joint(k).name for k in swings) if name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
-    motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
-    whose = (
-        "the shipped robot's, not counted on terrain"
-        if robot.drive == Drive()
-        else "the robot file's"
-    )
+    motors = "unlimited, without a table [drive]"
+    if robot.drive is not None:
+        motors = f"{robot.drive.strength(0.0):.3g} N m a side"
     return [
         ("mass", f"{mass:.4g} kg, {x:+.3f} m ahead, {y:+.3f} m left, {z:.3f} m above the ground"),
         (
@@ -315,5 +315,5 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
         ("joints with motors", ", ".join(held) or "none"),
         ("joints without", ", ".join(loose) or "none"),
         ("flippers", ", ".join(robot.flipper_bodies) or "none"),
-        ("motors", f"{motors:.3g} N m a side ({whose}); 20 degrees uphill take {needed:.3g} N m"),
+        ("motors", f"{motors}; 20 degrees uphill take {needed:.3g} N m a side"),
     ]

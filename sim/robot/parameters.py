@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
+from sim.motors.motor import Drive
 from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
@@ -23,6 +23,12 @@ any robot [m].
 """
 PATCH_LENGTH = 0.1
 """Default length of a wheel's contact with the ground [m]."""
+RADIUS_ERROR: Final = 0.0066
+"""Relative error of the shipped robot's effective sprocket radius, real / nominal - 1, tuned to the
+paper's slips [-].
+"""
+MAX_RADIUS_ERROR: Final = 0.5
+"""Largest magnitude of the radius error [-]."""
 _MIN_SIZE = 1e-3  # [m]
 _SIZE = require_within, _MIN_SIZE, 10.0, "m"  # allowed lengths
 _OFFSET = require_within, -10.0, 10.0, "m"  # allowed coordinates of the centre of mass
@@ -35,7 +41,9 @@ _FIRM = 0.25
 
 @dataclass(frozen=True)
 class RobotParameters(Checked):
-    """Shape and mass of the robot. The defaults equal models/tracked_robot.xml."""
+    """Shape, mass and motors of the robot. The defaults are the shipped robot's, in
+    models/tracked_robot.xml.
+    """
 
     half_gauge: float = checked(0.168, *_SIZE)
     """Half the distance between the tracks [m]."""
@@ -69,8 +77,8 @@ class RobotParameters(Checked):
     """
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
-    drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
-    """Servos and motors."""
+    drive: Drive | None = field(default_factory=Drive, metadata={"stored_unless": Drive()})
+    """Servos and motors; None for motors of unlimited torque, as in files without `[drive]`."""
     radius_split: float = checked(
         0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO
     )
@@ -208,7 +216,8 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
     if parameters.axles:
         del given["contact_length"]
     driven = ""
-    if given.pop("drive", None):
+    given.pop("drive", None)
+    if parameters.drive is not None:
         drive = dataclasses.asdict(parameters.drive)
         motor = _lines(drive.pop("motor"))
         driven = f"\n[drive]\n{_lines(drive)}\n[drive.motor]\n{motor}"

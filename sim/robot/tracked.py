@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.drive.drive import Drive
+from sim.motors.motor import Drive
 from sim.robot.parameters import PATCH_LENGTH, TRACKS, WHEELS
 from sim.robot.urdf import read_model
 from sim.tracks import Track
@@ -106,8 +106,8 @@ class TrackedRobot:
     """MJCF keyframe from which joints and motors start; by default they start at 0."""
     name: str = "robot"
     """Name of the robot; by default the robot file's name without .toml."""
-    drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
-    """Servos and motors."""
+    drive: Drive | None = field(default=None, metadata={"stored_unless": None})
+    """Servos and motors; None for motors of unlimited torque."""
 
     def __post_init__(self) -> None:
         require_positive("half_gauge", self.half_gauge)

@@ -7,10 +7,10 @@ belts = Belts(model)
 belts.set([0.3, 0.3])  # [m/s]
 """
 
+from sim.motors.belt_motors import MotorReading
 from sim.tracks.belts import BatchBelts, Belts
 from sim.tracks.connect import add_tracks, connect
 from sim.tracks.drawing import DrawnTracks
-from sim.tracks.motors import MotorReading
 from sim.tracks.reading import Reading
 from sim.tracks.recipe import PRESETS, Preset
 from sim.tracks.track import Track

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.motors.belt_motors import BeltMotors, MotorReading
+from sim.motors.motor import TorqueLaw
 from sim.tracks.description import moving_mass, set_contacts, tracks_in
-from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
 from trackslip.errors import require
 
@@ -51,10 +52,23 @@ class _Map:
             model.sensor_dim[sensors] // SENSED_WIDTH,
         )
 
-    def motors(self, size: int, motor: NDArray[np.int_]) -> Motors:
-        """Motors for `size` simulations; `motor` (T,) is the index of each track's motor."""
-        radius = np.array([self.radius[motor == each].max() for each in range(motor.max() + 1)])
-        return Motors(size, radius, self.weight, self.slope)
+    def motors(
+        self,
+        size: int,
+        motor: NDArray[np.int_],
+        law: TorqueLaw | None = None,
+        sprocket_radius: ArrayLike | None = None,
+    ) -> BeltMotors:
+        """Motors for `size` simulations; `motor` (T,) is the index of each track's motor, `law` the
+        limits and losses of all motors, and `sprocket_radius`, by default the largest wheel's, a
+        scalar or one for each motor (M,) [m].
+        """
+        count = int(motor.max()) + 1
+        if sprocket_radius is None:
+            radius = np.array([self.radius[motor == each].max() for each in range(count)])
+        else:
+            radius = np.broadcast_to(np.asarray(sprocket_radius, float), count).copy()
+        return BeltMotors(size, radius, self.weight, self.slope, law)
 
     def surface(self, speeds: Floats) -> Floats:
         """Surface velocities (..., G, 6) of the tracks' geoms at belt speeds (..., T)."""
@@ -165,18 +179,25 @@ class Belts:
         """Forces and motion (T,) of the tracks in the last step, for the belts' current speeds."""
         return self._map.read(data.sensordata, data.xmat, self.speeds()).complete(self.names)
 
-    def bind_batch(self, batch: Any, motor: ArrayLike | None = None) -> BatchBelts:
+    def bind_batch(
+        self,
+        batch: Any,
+        motor: ArrayLike | None = None,
+        law: TorqueLaw | None = None,
+        sprocket_radius: ArrayLike | None = None,
+    ) -> BatchBelts:
         """Return the belts of the model in a `mujoco.batch.Batch` of simulations.
 
         `motor` is the index of each belt's motor (T,), from 0; by default each belt has its own
         motor. Belts with the same motor, such as those on one side of a robot with flippers, share
-        speed and torque.
+        speed and torque. `law` are the torque-speed line and the losses of all motors, such as a
+        `sim.motors.motor.Motor`; by default the torque limit holds at any speed, without losses.
+        `sprocket_radius` is a scalar or one for each motor (M,), by default the radius of the
+        largest wheel [m].
         """
-        return BatchBelts(
-            self._map,
-            batch,
-            np.arange(len(self.names)) if motor is None else np.asarray(motor, int),
-        )
+        own = np.arange(len(self.names))
+        index = own if motor is None else np.asarray(motor, int)
+        return BatchBelts(self._map, batch, index, law, sprocket_radius)
 
 
 class BatchBelts:
@@ -185,10 +206,17 @@ class BatchBelts:
     names: tuple[str, ...]
     """Name of each track (T,)."""
 
-    def __init__(self, where: _Map, batch: Any, motor: NDArray[np.int_]) -> None:
+    def __init__(
+        self,
+        where: _Map,
+        batch: Any,
+        motor: NDArray[np.int_],
+        law: TorqueLaw | None,
+        sprocket_radius: ArrayLike | None,
+    ) -> None:
         """Use `Belts.bind_batch`, which explains the arguments."""
         self._map, self.names, self._batch, self._motor = where, where.names, batch, motor
-        self._motors = where.motors(batch.nsim, motor)
+        self._motors = where.motors(batch.nsim, motor, law, sprocket_radius)
         # (N, ngeom, 6), a view of the batch
         self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")
         # (N, S), a view of the batch

@@ -113,7 +113,7 @@ class CrossingLayout:
                 *(
                     world.servo.speed,
                     world.tracked.flipper_angles(state.qpos),
-                    world.servo.angle,
+                    world.flipper_servo.angle,
                     heights,
                 ),
             ],

@@ -13,7 +13,9 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import Drive, ServoState
+from sim.motors.belt_motors import MotorReading
+from sim.motors.motor import or_tireless
+from sim.motors.servo import FlipperServo, Servo
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.robot.urdf import engine_errors
@@ -31,7 +33,6 @@ _BROKEN = [
     int(warning)
     for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
 ]
-_TOP_SPEED = 0.6  # top speed of belts without torque limits [m/s]
 _DROP = 0.3  # depth below the course's lowest ground at which a robot has fallen [m]
 _LEAN = 1.3  # lean of the chassis beyond which a robot has tipped over [rad]
 _FASTEST = 10.0  # chassis speed beyond which the simulation has diverged [m/s]
@@ -52,7 +53,17 @@ class Traverse(World):
     threads.
     """
 
-    STATE = ("servo", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
+    STATE = (
+        "servo",
+        "flipper_servo",
+        "work",
+        "outcome",
+        "time",
+        "_stuck",
+        "_bottom",
+        "_side",
+        "goal",
+    )
 
     def __init__(
         self,
@@ -77,7 +88,7 @@ class Traverse(World):
             boxes: largest number of boxes on other courses that are allowed, too, if they have no
                 height fields.
             preset: contact preset of the tracks.
-            top_speed: top speed of the belts; by default the drive's, or 0.6 without a drive [m/s].
+            top_speed: top speed of the belts; by default the robot's, 0.6 without a drive [m/s].
             limits: the limits that end a run.
             period: time between set points [s].
             sample: time between changes in the belt speeds [s].
@@ -104,10 +115,13 @@ class Traverse(World):
         self._samples = steps_in("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
-        self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
-        self._limited = robot.drive != Drive()
-        own = robot.drive.top_speed if self._limited else _TOP_SPEED
-        self.top_speed = own if top_speed is None else top_speed
+        law = None if robot.drive is None else robot.drive.motor
+        self._belts = belts.bind_batch(
+            self.batch, self.tracked.track_side, law, robot.sprocket_radius
+        )
+        drive = or_tireless(robot.drive)
+        self._lag = drive.lag
+        self.top_speed = drive.top_speed if top_speed is None else top_speed
         """Top speed of the belts [m/s]."""
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
         self._terrain_pairs = self.slots.pairs(model)
@@ -116,8 +130,10 @@ class Traverse(World):
         self.footprint = Footprint.of(robot, self.flippers)
         with engine_errors(robot.model):
             self._clear = clear_angles(self.tracked)
-        self.servo = ServoState(robot.drive.lag, self.top_speed, size, len(self.flippers.length))
-        """Servos of the belts and flippers: current belt speeds and set points."""
+        self.servo = Servo(size, self._lag, sample, self.top_speed)
+        """Servos of the belts, with the belt speeds [m/s]."""
+        self.flipper_servo = FlipperServo(size, len(self.flippers.length))
+        """Set points of the flippers' motors."""
         self.contact = Reading.none(size, len(self.track_names))
         """Means of the track contacts (N, T) over the last control period."""
         self.work: Array = np.zeros((size, len(self.track_names)))
@@ -183,7 +199,8 @@ class Traverse(World):
         )
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        self.servo.begin(where, self._clear)
+        self.servo.begin(where, [self._lag] * len(where))
+        self.flipper_servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         for factor in factors:
             require_positive("mass", factor)
@@ -226,7 +243,7 @@ class Traverse(World):
         """
         for name, values, state in (
             ("speed", command.speed, self.servo.speed),
-            ("flippers", command.flippers, self.servo.angle),
+            ("flippers", command.flippers, self.flipper_servo.angle),
         ):
             valid = np.shape(values) == state.shape and np.isfinite(values).all()
             require(valid, name, np.asarray(values).tolist(), f"finite, of shape {state.shape}")
@@ -234,18 +251,18 @@ class Traverse(World):
         rows = np.flatnonzero(self.outcome == Outcome.DRIVING)
         if not rows.size:
             return
-        self.servo.command(command.speed, command.flippers)
-        before, readings = self.batch.state.copy(), []
-        inertia = self.tracked.robot.drive.motor.inertia
+        self.servo.command(np.asarray(command.speed, float))
+        self.flipper_servo.command(command.flippers)
+        before = self.batch.state.copy()
+        readings = []
         # a diverging run ends with the outcome EXPLODED
         with quietly(), engine_errors(self.tracked.robot.model):
             for _ in range(self._samples):
-                speed = self.servo.advance(self.sample)
-                self._belts.set(speed, torque_limit=self._torque_limit(speed), inertia=inertia)
+                self.flipper_servo.advance(self.sample)
                 self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(
-                    self.servo.angle
+                    self.flipper_servo.angle
                 )
-                readings.append(self._belts.run(self._substeps, rows))
+                readings.append(self._drive(rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
         self.batch.state[broken] = before[broken]  # return diverged runs to their last finite state
@@ -257,14 +274,30 @@ class Traverse(World):
         ) * self.tracked.model.opt.timestep
         self._judge(rows, broken)
 
-    def _torque_limit(self, goal: Array) -> Array | None:
-        """Largest torques (N, 2) for belts that are to reach the speeds `goal` (N, 2) [N m]; None
-        without motors.
+    def _drive(self, rows: NDArray[np.int_]) -> Reading:
+        """Simulate a sample with the robots `rows` (R,), and return the belts' contacts (R, steps,
+        T).
         """
-        if not self._limited:
-            return None
-        robot = self.tracked.robot
-        return robot.drive.belt_limits(robot.sprocket_radius, self._belts.speeds()[:, :2], goal)
+        goal = self.servo.advance()
+        drive = self.tracked.robot.drive
+        if drive is None:
+            self._belts.set(goal)
+            return self._belts.run(self._substeps, rows)
+        self._belts.set(goal, torque_limit=drive.torque_limit, inertia=drive.motor.inertia)
+        reading = self._belts.run(self._substeps, rows)
+
+        # a servo whose motor is too weak goes on from the belt's real speed, unless that diverges
+        speed = self._belts.motors().speed
+        is_weak = np.zeros(speed.shape, bool)
+        is_weak[rows] = (speed[rows] != goal[rows]) & np.isfinite(speed[rows])
+        self.servo.correct(is_weak, speed)
+        return reading
+
+    def motors(self) -> MotorReading:
+        """Torque, speed, power and energy (N, 2) of the left and right motors after the last
+        `step`; the torques of belts without motors are 0.
+        """
+        return self._belts.motors()
 
     def elevation(self, points: Array) -> Array:
         """Ground heights (N, P) at `points` (N, P, 2) on each robot's course [m]."""
@@ -297,7 +330,7 @@ class Traverse(World):
         ground = look_up([self.course[row] for row in rows], under).max(axis=1)
         self._place_at(rows, poses, ground - self.tracked.robot.lowest + _GAP)
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(
-            self.servo.angle[rows]
+            self.flipper_servo.angle[rows]
         )
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:

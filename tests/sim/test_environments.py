@@ -262,7 +262,7 @@ def test_masses_are_drawn_and_weigh():
 
 CODE = """
 import sys
-import sim, sim.scanner.scanner, sim.drive.drive, sim.ground.ground, sim.robot.parameters
+import sim, sim.scanner.scanner, sim.motors.motor, sim.ground.ground, sim.robot.parameters
 assert not [module for module in ("mujoco", "scipy", "sim.fleet") if module in sys.modules]
 import gymnasium
 for name in ("PathTracking", "Traverse"):

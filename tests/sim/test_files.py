@@ -7,8 +7,8 @@ from pages import ROOT
 from tracked_files import ROBOT
 
 from sim import Drive, Ground
-from sim.drive.drive import Motor
 from sim.ground.ground import NAMED_GROUNDS, load_ground
+from sim.motors.motor import Motor
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
 from sim.scanner.scanner import Obstacles, Post, Wall, load_obstacles

@@ -6,9 +6,9 @@ from results import assert_same
 from scipy.spatial.transform import Rotation
 
 from sim import Description, Drive, Fleet, LaserScanner, ScannerFeed, load_robot, open_loop
-from sim.drive.drive import Motor, tireless
 from sim.fleet import Setting
 from sim.ground.ground import Change, Ground, Patch
+from sim.motors.motor import Motor, tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import compiled

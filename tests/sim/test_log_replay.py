@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground, RobotParameters, load_robot, open_loop, replay
-from sim.drive.drive import tireless
+from sim.motors.motor import tireless
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.se2 import Mounting

@@ -7,8 +7,9 @@ from numbers import Real
 import gymnasium as gym
 import pytest
 
-from sim.drive.drive import Drive, Pull
 from sim.ground.ground import Ground
+from sim.ground.pull import Pull
+from sim.motors.motor import Drive
 from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters

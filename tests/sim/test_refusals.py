@@ -19,9 +19,9 @@ from sim import (
 from sim.calibration.calibration import calibrate
 from sim.calibration.candidate import Candidate
 from sim.calibration.targets import PublishedTurns
-from sim.drive.drive import Motor
 from sim.env import PathTrackingEnv
 from sim.ground.ground import Change, Ground, Patch
+from sim.motors.motor import Motor
 from sim.robot.named import load_parameters
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import Wall

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim import Drive, Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
-from sim.drive.drive import Motor
+from sim.motors.motor import Motor
 from sim.run_recorder import Description, RunRecorder
 from trackslip.controllers.feedback import DynamicFeedback, Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError

@@ -1,10 +1,9 @@
 import pytest
 from command_runs import ran
 
-from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import RADIUS_ERROR, RobotParameters
 
 ROBOT = (
     "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = "

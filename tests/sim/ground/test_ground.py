@@ -3,10 +3,10 @@ import pytest
 from scipy.optimize import minimize
 
 from sim import Fleet, Ground, Pilot, Pull, RobotParameters, closed_loop, load_robot, open_loop
-from sim.drive.drive import tireless
 from sim.fleet_ground import PadFriction
 from sim.ground.ground import Change, Patch
 from sim.ground.shear import LARGEST, LEAST_SHARE
+from sim.motors.motor import tireless
 from trackslip.controllers.feedback import LinearTimeVarying
 from trackslip.kinematics import track_slip
 from trackslip.laws.icr import ConstantIcr, IcrLoad
@@ -92,8 +92,7 @@ def test_what_is_pulled_slips_as_theory_says(robot):
         [1.0, 1.0], contact, shear=0.01, load=Load(pull=60 / (25 * 9.81), hitch_height=0.1)
     )
     assert slip == pytest.approx(1 - expected[0], abs=2e-4)
-    # and the gears' friction
-    np.testing.assert_allclose(fleet.drive.torque.sum(), 0.06 * 60 + 2 * 0.3, rtol=0.02)
+    np.testing.assert_allclose(fleet.drive.torque.sum(), 0.06 * 60, rtol=0.02)
 
 
 def test_the_ground_holds_a_parked_robot_with_just_the_shear_it_needs(robot):

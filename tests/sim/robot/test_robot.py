@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from tracked_files import ROBOT, write_robot
 
 from sim import Fleet, Ground, RobotParameters, build_tracked, load_robot
-from sim.drive.drive import tireless
+from sim.motors.motor import tireless
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import SINK

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground, build_tracked, check, load_robot
-from sim.drive.drive import tireless
+from sim.motors.motor import tireless
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from trackslip.errors import TrackslipError

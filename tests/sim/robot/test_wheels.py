@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground, load_robot
-from sim.drive.drive import tireless
+from sim.motors.motor import tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
 from trackslip.skid_theory import Load, steady_twist

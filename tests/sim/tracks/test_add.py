@@ -95,7 +95,7 @@ Belts(model).set([-0.1, 0.1])
 mujoco.mj_step(model, data, 1000)
 print(repr(float(data.qvel[5])))
 assert not [name for name in sys.modules if name.startswith(("sim.", "trackslip.")) and not
-            name.startswith(("sim.tracks", "trackslip.errors"))]
+            name.startswith(("sim.tracks", "sim.motors", "trackslip.errors"))]
 """
 
 

@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 
 from sim import Command, Traverse, build_tracked, load_tracked, scripted
-from sim.drive.drive import ServoState
 from sim.robot.tracked_model import FlipperGeometry
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
@@ -92,21 +91,6 @@ def test_traction_and_load_are_means_of_the_period():
         assert forwards == pytest.approx(mass * world.state.velocity[0, 0], rel=0.005)
         assert upwards == pytest.approx(0.0, abs=0.005 * mass * 9.81 * 2.0)
         assert work > 0.5 * mass * 0.4**2  # belts that slide lose some
-
-
-def test_the_servo_follows_its_lag_exactly():
-    servo, fine = (ServoState(0.1, 0.5, 2, 1) for _ in range(2))
-    for each in (servo, fine):
-        each.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
-    mean = servo.advance(0.05)
-    np.testing.assert_allclose(
-        mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12
-    )
-    assert mean[0, 0] == pytest.approx(0.4 * (1 + np.expm1(-0.5) / 0.5))
-    np.testing.assert_allclose(
-        servo.speed, np.array([[0.4, -0.5], [0.0, 0.2]]) * -np.expm1(-0.5), atol=1e-12
-    )
-    np.testing.assert_allclose(servo.angle, [[1.5 * 0.05], [-0.02]])
 
 
 def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behind():

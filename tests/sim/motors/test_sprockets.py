@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground
-from sim.drive.drive import Drive, DriveState, Motor
+from sim.motors.motor import Drive, Motor
+from sim.motors.sprockets import Sprockets
 
 GRAVITY = 9.81
 MOTOR = Motor()
@@ -80,19 +81,8 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
     assert weak.drive.saturated_time[0, 0] < 0.1
 
 
-def test_limits_are_the_current_and_the_torque_speed_line_and_angles_whole_counts():
-    """Beyond its no-load speed, 10 rad/s of the sprocket, a motor brakes; a turning one, with its
-    whole current.
-    """
-    state = DriveState(
-        Drive(torque_limit=4.0, motor=Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)),
-        1,
-        0.06,
-    )
-    least, most = state.drive.torque_range(np.array([0.0, 7.0, 12.0, 50.0, -50.0]))
-    np.testing.assert_allclose(most, [4.0, 3.0, -2.0, -4.0, 4.0])
-    np.testing.assert_allclose(least, [-4.0, -4.0, -4.0, -4.0, 4.0])
-    state = DriveState(Drive(encoder_counts=100), 1, 0.06)
+def test_encoder_angles_are_whole_counts_rounded_down():
+    state = Sprockets(Drive(encoder_counts=100), 1, 0.06)
     state.angle[:] = [[2 * np.pi * 0.519, -2 * np.pi * 0.001]]
     np.testing.assert_allclose(state.encoder_angle() / (2 * np.pi), [[0.51, -0.01]])
 
@@ -108,7 +98,7 @@ def run_free(state, periods):
 @pytest.mark.parametrize("lag", [0.003, 0.05, 0.58])
 def test_speed_and_angle_follow_a_lag_exactly(lag):
     drive = Drive(lag=lag)
-    whole, pieces = DriveState(drive, 1, 0.06), DriveState(drive, 1, 0.06)
+    whole, pieces = Sprockets(drive, 1, 0.06), Sprockets(drive, 1, 0.06)
     for state in (whole, pieces):
         state.command(np.array([[2.0, -1.0]]))
     periods = 0

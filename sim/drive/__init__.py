@@ -1,1 +1,0 @@
-"""The drives of the tracks: servos, motors and their limits."""

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from sim.motors.motor import Drive, EvenTorque, Motor, tireless
+
+# at the sprocket: 10 N m at rest, 10 rad/s without a load
+MOTOR = Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0, friction=0.3)
+
+
+@pytest.mark.parametrize(
+    ("omega", "smallest", "largest"),
+    [
+        (0.0, -4.0, 4.0),  # the current
+        (7.0, -4.0, 3.0),  # the torque-speed line
+        (12.0, -4.0, -2.0),  # beyond the no-load speed, it can only brake
+        (50.0, -4.0, -4.0),  # and takes at least its largest current
+        (-7.0, -3.0, 4.0),  # backwards, all signs change
+        (-50.0, 4.0, 4.0),
+    ],
+)
+def test_limits_are_the_current_and_the_torque_speed_line(omega, smallest, largest):
+    limits = Drive(torque_limit=4.0, motor=MOTOR).limits(np.array(omega))
+    np.testing.assert_allclose(limits, (smallest, largest))
+
+
+def test_against_its_motion_a_motor_is_stronger_than_at_rest():
+    """At full voltage, the back-EMF then adds to the voltage."""
+    _, largest = MOTOR.limits(np.array([0.0, -2.0, -5.0]), 100.0)
+    np.testing.assert_allclose(largest, [10.0, 12.0, 15.0])
+
+
+def test_friction_is_against_the_motion():
+    np.testing.assert_allclose(MOTOR.loss(np.array([-1.0, 0.0, 1.0])), [-0.3, 0.0, 0.3])
+
+
+def test_what_reaches_a_belt_is_less_by_the_friction():
+    drive = Drive(torque_limit=4.0, motor=MOTOR)
+    assert drive.strength(2.0) == pytest.approx(3.7)
+    assert drive.strength(-8.0) == pytest.approx(1.7)
+
+
+def test_power_is_that_of_the_shaft_and_of_the_winding():
+    current = 4.0 / (MOTOR.gear * MOTOR.torque_constant)
+    shaft, winding = 4.0 * 2.0, MOTOR.resistance * current**2
+    assert MOTOR.power(np.array(4.0), np.array(2.0)) == pytest.approx(shaft + winding)
+    # at full voltage and the torque of the line, the battery gives voltage times current
+    torque = MOTOR.limits(np.array(3.0), np.inf)[1]
+    current = torque / (MOTOR.gear * MOTOR.torque_constant)
+    assert MOTOR.power(torque, np.array(3.0)) == pytest.approx(MOTOR.voltage * current)
+
+
+def test_a_tireless_drive_takes_the_power_of_its_shaft():
+    drive = tireless()
+    assert drive.limits(np.array(9.0))[1] == 1e6
+    assert drive.motor.loss(np.array(9.0)) == 0.0
+    assert drive.motor.power(np.array(50.0), np.array(9.0)) == pytest.approx(450.0, rel=1e-4)
+
+
+def test_even_torque_is_the_limit_at_any_speed():
+    smallest, largest = EvenTorque().limits(np.array([-9.0, 0.0, 9.0]), 2.0)
+    np.testing.assert_array_equal([smallest, largest], [[-2.0] * 3, [2.0] * 3])
