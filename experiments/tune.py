@@ -25,8 +25,8 @@ from experiments.common.pool import Workers, processors, workers
 from experiments.common.sweep import Row, Store, drive_fleet, fleets, resumable
 from experiments.common.table import Table, number
 from experiments.simulate.options import ClosedLoopOptions
-from sim.loop import Progress
-from sim.seeds import generator
+from sim.common.seeds import generator
+from sim.runs.loop import Progress
 from trackslip.errors import TrackslipError, require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST

@@ -1,14 +1,10 @@
 """The public names, and where they are; `__init__.py` imports each when it is first used."""
 
 from .bags.writer import write_bag as write_bag
-from .fleet import Fleet as Fleet
+from .fleet.fleet import Fleet as Fleet
 from .ground.ground import Ground as Ground
 from .ground.ground import load_ground as load_ground
 from .ground.pull import Pull as Pull
-from .log_replay import replay as replay
-from .loop import Pilot as Pilot
-from .loop import closed_loop as closed_loop
-from .loop import open_loop as open_loop
 from .motors.motor import Drive as Drive
 from .path_tracking.config import EnvConfig as EnvConfig
 from .path_tracking.config import TrackingReward as TrackingReward
@@ -22,8 +18,12 @@ from .robot.tracked import Flipper as Flipper
 from .robot.tracked import TrackedRobot as TrackedRobot
 from .robot.tracked_model import TrackedModel as TrackedModel
 from .robot.tracked_model import build_tracked as build_tracked
-from .run_recorder import Description as Description
-from .run_recorder import RunFailedError as RunFailedError
+from .runs.log_replay import replay as replay
+from .runs.loop import Pilot as Pilot
+from .runs.loop import closed_loop as closed_loop
+from .runs.loop import open_loop as open_loop
+from .runs.run_recorder import Description as Description
+from .runs.run_recorder import RunFailedError as RunFailedError
 from .scanner.feed import ScannerFeed as ScannerFeed
 from .scanner.scanner import LaserScanner as LaserScanner
 from .scanner.scanner import load_obstacles as load_obstacles

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+from sim.common.settings import from_options
+from sim.learning.environment import TaskEnv, TaskVectorEnv
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import Randomization
+from sim.path_tracking.renderer import PathRenderer
 from sim.path_tracking.tracking import PathTracking
-from sim.renderers import CourseRenderer, PathRenderer
-from sim.settings import from_options
-from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
+from sim.traverse.renderer import CourseRenderer
 from sim.traverse.task import Crossing
 from trackslip.errors import require
 

@@ -18,10 +18,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.array_file import read_arrays, write_arrays
+from sim.common.array_file import read_arrays, write_arrays
+from sim.common.settings import from_options
+from sim.learning.task import Element
 from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
-from sim.settings import from_options
-from sim.task import Element
 from sim.traverse.config import TraverseConfig
 from trackslip.errors import InvalidValueError, LogError, TrackslipError, require
 from trackslip.kinematics import Array

@@ -10,8 +10,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
+from sim.learning.environment import TaskVectorEnv
 from sim.policy import corrected, features
-from sim.task_env import TaskVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError, require
 
 try:

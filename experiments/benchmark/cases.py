@@ -13,10 +13,10 @@ import numpy as np
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
 from experiments.common.lookup import reference
+from sim.common.seeds import generator
 from sim.motors.motor import or_tireless
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
-from sim.seeds import generator
 from trackslip import se2
 from trackslip.kinematics import Array
 

@@ -17,7 +17,7 @@ from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import Row, drive_missing, resumable
 from experiments.common.table import stages_text
-from sim.stopwatch import Stopwatch
+from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import counted
 
 

@@ -20,10 +20,10 @@ from experiments.common.sweep import Row
 from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
+from sim.common.seeds import generator
 from sim.ground.ground import Ground, load_ground
-from sim.loop import Progress
-from sim.seeds import generator
-from sim.stopwatch import Stopwatch
+from sim.runs.loop import Progress
+from sim.runs.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError, require
 from trackslip.laws.file import SHIPPED
@@ -72,8 +72,8 @@ class ClosedLoops:
         )
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
-        setting = plant_ranges(robot).setting(rng, robot, self.ground(case.ground), poses)
-        return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))
+        setup = plant_ranges(robot).setup(rng, robot, self.ground(case.ground), poses)
+        return Plant(setup, world.config.scanner.noise * float(rng.uniform(*_NOISE)))
 
     def ground(self, name: str) -> Ground:
         """A ground by name or from a file; `robot` is the ground in the robot's file."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.benchmark.cases import FACTORS
 from experiments.common.sweep import Row
-from sim.seeds import generator
+from sim.common.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST, Expense, TrackingErrors
 

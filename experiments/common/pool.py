@@ -160,7 +160,7 @@ def _cluster(name: str, wait: bool) -> Iterator[Workers]:
             client = Client(address, timeout=PATIENCE, set_as_default=False)
             connected.callback(_close, client)
             client.wait_for_workers(1, timeout=PATIENCE)
-            client.run(exec, "import sim.fleet")
+            client.run(exec, "import sim.fleet.fleet")
         except ImportError as error:
             raise TrackslipError(
                 f'--executor {name}: {error}; pip install -e ".[dask]" here and there'

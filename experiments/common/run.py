@@ -14,7 +14,7 @@ from experiments.common.plain_json import plain, write_json
 from experiments.common.progress import Advance, progress
 from experiments.common.results import MANIFEST_FILE, SUMMARY_FILE, write_runs
 from experiments.common.results_folder import results_folder
-from sim.stopwatch import Stopwatch
+from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.logs.runlog import RunLog
 from trackslip.replacement import DRAFT_FILE

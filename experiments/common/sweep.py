@@ -22,8 +22,8 @@ from experiments.common.pool import WorkersFailedError, processors, workers
 from experiments.common.progress import progress
 from experiments.common.results import write_whole
 from experiments.common.run import Run
-from sim.loop import Progress
-from sim.stopwatch import Stopwatch
+from sim.runs.loop import Progress
+from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.files import read_text
 from trackslip.logs.logfile import join_parquet, write_parquet

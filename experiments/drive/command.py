@@ -10,7 +10,7 @@ from experiments.common.results import (
 )
 from experiments.common.run import Run
 from experiments.drive.config import Config
-from sim.opengl import prefer_egl
+from sim.engine.opengl import prefer_egl
 from trackslip.errors import TrackslipError, counted
 
 

@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
+from sim.engine.simulations import States
 from sim.robot.tracked import TrackedRobot
 from sim.terrain import Course
 from sim.tracks import Reading
 from sim.traverse.outcome import Outcome
 from sim.traverse.world import Command, Traverse
-from sim.world import States
 from trackslip.kinematics import Array
 
 Driver = Callable[[Traverse], Command | None]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 from experiments.drive.course import DrivenCourse
-from sim.opengl import Pictures, place
+from sim.engine.opengl import Pictures, place
 from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
 

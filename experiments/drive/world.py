@@ -10,11 +10,11 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
+from sim.common.seeds import generator
 from sim.motors.motor import or_tireless
 from sim.policy import Policy
 from sim.robot.named import load_tracked
 from sim.robot.tracked import TrackedRobot
-from sim.seeds import generator
 from sim.terrain import Course, load_course
 from sim.traverse.config import CrossingLayout
 from sim.traverse.courses import FTR_COURSES, draw_course

@@ -13,7 +13,7 @@ from experiments.common.options import refuse_changed
 from experiments.evaluate.config import Config
 from experiments.evaluate.prediction import Prediction
 from experiments.simulate.options import GroundOptions
-from sim.settings import build, read_toml
+from sim.common.settings import build, read_toml
 from trackslip.errors import require, require_positive
 
 _AHEAD = 1.0  # time ahead at which errors are bounded [s]

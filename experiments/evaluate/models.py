@@ -14,8 +14,8 @@ from experiments.evaluate.config import Config
 from sim.calibration.calibration import Calibration, calibrate
 from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives
-from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
+from sim.runs.log_replay import Replayer
 from trackslip.drives.conditioning import drives_of
 from trackslip.drives.first_look import Look, first_look
 from trackslip.errors import InvalidValueError

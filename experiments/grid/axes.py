@@ -16,8 +16,8 @@ import tyro
 from experiments.common.options import Distinct, option
 from experiments.grid.config import Config
 from experiments.simulate.grid_options import GridConfig
+from sim.common.settings import converted, read_toml
 from sim.robot.parameters import RobotParameters
-from sim.settings import converted, read_toml
 from trackslip.errors import InvalidValueError, SettingsFileError, require
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 

@@ -12,8 +12,8 @@ from experiments.common.sweep import Row
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
 from experiments.simulate.grid_summary import LocalizationErrors, saturation_of
-from sim.loop import Progress
-from sim.stopwatch import Stopwatch
+from sim.runs.loop import Progress
+from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog

@@ -14,7 +14,7 @@ from experiments.common.sweep import Row
 from experiments.common.table import Table
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_summary import GridSlips, known_mean, saturation_warning
-from sim.run_recorder import Saturation
+from sim.runs.run_recorder import Saturation
 from trackslip.errors import counted
 from trackslip.kinematics import Array
 

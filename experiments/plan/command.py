@@ -11,7 +11,7 @@ from experiments.common.run import Run
 from experiments.plan.config import Config
 from experiments.plan.page import page, print_plan
 from sim.bags.writer import write_commands
-from sim.wander.pose_source import SOURCES
+from sim.wander.pose_sensor import POSE_SENSORS
 from trackslip.bags.open import has_rosbags
 from trackslip.identification.comparison import REFERENCE
 from trackslip.laws.families import FAMILIES
@@ -70,7 +70,7 @@ def _plan(config: Config, run: Run) -> DrivePlan:
     knowledge = replace(
         knowledge, **{name: value for name, value in stated.items() if value is not None}
     )
-    source, limits = SOURCES[config.poses], config.limits(geometry)
+    source, limits = POSE_SENSORS[config.poses], config.limits(geometry)
     poses = PoseQuality(
         source.rate, source.position_noise, source.heading_noise if source.heading else None
     )

@@ -26,9 +26,9 @@ from experiments.recorder.stream import (
     rgb,
 )
 from experiments.recorder.traces import Traces
+from sim.common.settings import build
 from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.parameters import RobotParameters
-from sim.settings import build
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED, RunLog

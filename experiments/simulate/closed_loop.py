@@ -11,12 +11,12 @@ import numpy as np
 from experiments.common.lookup import controller, locator
 from experiments.common.plain_json import plain
 from experiments.simulate.world import World
-from sim.fleet import Setting
+from sim.common.seeds import generator
+from sim.fleet.fleet import RunSetup
 from sim.ground.ground import Ground
-from sim.loop import Pilot, Progress, closed_loop
-from sim.run_recorder import Description
+from sim.runs.loop import Pilot, Progress, closed_loop
+from sim.runs.run_recorder import Description
 from sim.scanner.feed import ScannerFeed
-from sim.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation
@@ -27,9 +27,9 @@ from trackslip.trajectory.base import Reference
 class Plant:
     """A run's own robot, ground and scanner, instead of the world's."""
 
-    setting: Setting
+    setup: RunSetup
     """Ground, radius error, lag and centre of mass; the run's start replaces that of the
-    setting.
+    setup.
     """
     scanner_noise: float
     """Standard deviation of the scanner's ranges [m]."""
@@ -60,12 +60,12 @@ class ClosedLoopRun:
     """
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
-    def setting(self, world: World) -> Setting:
-        """The run's setting in a fleet: start, ground and properties of the robot."""
+    def setup(self, world: World) -> RunSetup:
+        """The run's setup in a fleet: start, ground and properties of the robot."""
         x, y, phi = map(float, self.start)
         if self.plant is not None:
-            return replace(self.plant.setting, start=(x, y, phi))
-        return Setting((x, y, phi), self.ground or world.ground, world.radius_error)
+            return replace(self.plant.setup, start=(x, y, phi))
+        return RunSetup((x, y, phi), self.ground or world.ground, world.radius_error)
 
     def own_metadata(self) -> dict[str, Any]:
         """The metadata that may differ between the runs of a fleet."""
@@ -74,9 +74,9 @@ class ClosedLoopRun:
         if self.ground is not None:
             entries["ground"] = self.ground
         if self.plant is not None:
-            own = self.plant.setting
+            own = self.plant.setup
             entries |= {
-                name: getattr(own, name) for name in ("ground", "radius_error", "lag", "weight")
+                name: getattr(own, name) for name in ("ground", "radius_error", "lag", "com_offset")
             }
             entries["scanner_noise"] = self.plant.scanner_noise
         return plain(entries | dict(self.metadata))
@@ -109,8 +109,8 @@ def drive_closed_loops(
         TrackslipError: for an unknown controller or compensation, or when a robot tips over or a
             controller fails.
     """
-    settings = [run.setting(world) for run in runs]
-    shearing = [k for k, setting in enumerate(settings) if setting.ground.largest_shear > 0]
+    setups = [run.setup(world) for run in runs]
+    shearing = [k for k, setup in enumerate(setups) if setup.ground.largest_shear > 0]
     firm = [k for k in range(len(runs)) if k not in shearing]
     # robots on shearing ground have other pads, and a run must not depend on its fleet
     if shearing and firm:
@@ -133,9 +133,9 @@ def drive_closed_loops(
         slip.reset(starts[robots])
         half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
         pilots.append(Pilot(controller(name, *limits, half_gauge), robots, slip, preview))
-    fleet = world.fleet(starts, [setting.ground for setting in settings])
+    fleet = world.fleet(starts, [setup.ground for setup in setups])
     if any(run.plant is not None for run in runs):
-        fleet.restart(np.arange(len(runs)), settings)
+        fleet.restart(np.arange(len(runs)), setups)
     scanner = world.config.scanner
     noise = [scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
     random = [generator(run.seed, run.key) for run in runs]

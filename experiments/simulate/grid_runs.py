@@ -12,13 +12,13 @@ import numpy as np
 from experiments.common.lookup import locator
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.world import World
-from sim.fleet import Fleet
-from sim.loop import Progress, open_loop
+from sim.common.seeds import generator
+from sim.fleet.fleet import Fleet
 from sim.robot.robot import Robot
-from sim.run_recorder import Description
+from sim.runs.loop import Progress, open_loop
+from sim.runs.run_recorder import Description
+from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
-from sim.seeds import generator
-from sim.stopwatch import Stopwatch
 from trackslip import se2
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds

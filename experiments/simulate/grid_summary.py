@@ -9,7 +9,7 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from sim.run_recorder import SATURATION, Saturation
+from sim.runs.run_recorder import SATURATION, Saturation
 from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.exponential import PUBLISHED

@@ -9,7 +9,8 @@ from typing import Any, Self
 
 from experiments.common.plain_json import plain
 from experiments.simulate.options import PullOptions, Simulation
-from sim.fleet import Fleet
+from sim.engine.simulations import steps_in
+from sim.fleet.fleet import Fleet
 from sim.ground.ground import Ground, load_ground
 from sim.ground.pull import Pull
 from sim.motors.motor import Drive
@@ -17,7 +18,6 @@ from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.scanner.scanner import Obstacles, load_obstacles
-from sim.world import steps_in
 from trackslip.kinematics import Array
 
 FileReader = Callable[[str, str | None, str | None], tuple[RobotParameters, Ground, Obstacles]]

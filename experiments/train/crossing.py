@@ -7,9 +7,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 from experiments.common.table import Table, number
+from sim.common.seeds import generator
+from sim.common.settings import from_options
 from sim.policy import Policy
-from sim.seeds import generator
-from sim.settings import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
 from sim.traverse.task import Crossing

@@ -22,7 +22,7 @@ from experiments.common.results import write_whole
 from experiments.common.style import panel
 from experiments.train.config import ENVIRONMENT, Config
 from experiments.train.tasks import LearningTask
-from sim.array_file import read_nested, write_nested
+from sim.common.array_file import read_nested, write_nested
 from sim.policy import Network
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.replacement import STORE

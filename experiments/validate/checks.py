@@ -21,7 +21,7 @@ from experiments.validate.measurements import (
     measure_loads,
     paper_turns,
 )
-from sim.run_recorder import read_contacts
+from sim.runs.run_recorder import read_contacts
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 

@@ -22,9 +22,9 @@ from experiments.validate.checks import (
 )
 from experiments.validate.config import Config
 from experiments.validate.measurements import Setup, paper_turns
+from sim.common.seeds import generator
 from sim.ground.ground import load_ground
 from sim.robot.named import load_parameters
-from sim.seeds import generator
 
 _UNITS = {
     "m": (1e3, "mm"),

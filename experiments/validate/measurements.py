@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from sim.fleet import Fleet
+from sim.fleet.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
 from sim.motors.motor import Drive, tireless
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import Robot, load_robot
-from sim.run_recorder import read_contacts
+from sim.runs.run_recorder import read_contacts
 from trackslip.kinematics import (
     Array,
     RobotGeometry,

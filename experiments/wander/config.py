@@ -10,7 +10,7 @@ from experiments.common.options import Positive, Whole, Within, default_is, refu
 from experiments.simulate.options import MAX_DURATION, Simulation, changed, require_speed
 from sim.motors.motor import Drive
 from sim.scanner.scanner import LaserScanner
-from sim.wander.pose_source import SOURCES, PoseSource
+from sim.wander.pose_sensor import POSE_SENSORS, PoseSensor
 from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
@@ -83,9 +83,9 @@ class SourceOptions:
             for name in ("heading_noise", "mounting"):
                 refuse_changed(name, getattr(self, name), None, "without headings")
 
-    def poses(self) -> PoseSource:
+    def poses(self) -> PoseSensor:
         """The named source with the properties that are given here."""
-        return changed(SOURCES[self.source], self)
+        return changed(POSE_SENSORS[self.source], self)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.simulate.world import World
 from experiments.wander.config import Config
-from sim.loop import Progress, open_loop
-from sim.run_recorder import Description
+from sim.common.seeds import generator
+from sim.runs.loop import Progress, open_loop
+from sim.runs.run_recorder import Description
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 from sim.wander.motion import Driver, Motion, joined_log, track_commands
-from sim.wander.pose_source import plate_scans
+from sim.wander.pose_sensor import plate_scans
 from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog

@@ -18,7 +18,7 @@ import scipy.stats
 
 from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
 from sim.calibration.targets import Target
-from sim.loop import Progress
+from sim.runs.loop import Progress
 from trackslip.errors import InvalidValueError, require
 from trackslip.intervals import newton_steps
 from trackslip.kinematics import Array

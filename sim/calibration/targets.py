@@ -13,12 +13,12 @@ from typing import Protocol
 import numpy as np
 
 from sim.calibration.candidate import Candidate
-from sim.fleet import Fleet
+from sim.fleet.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.log_replay import Inputs, Replay, Replayer, without_jumps
 from sim.motors.motor import Drive, tireless
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
+from sim.runs.log_replay import Inputs, Replay, Replayer, without_jumps
 from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.samples import SlipSamples

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from sim.settings import build, read_named
+from sim.common.settings import build, read_named
 from trackslip.errors import (
     Checked,
     SettingsFileError,

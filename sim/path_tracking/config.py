@@ -11,11 +11,11 @@ import numpy as np
 
 from sim.ground.ground import Ground, load_ground
 from sim.ground.pull import Pull
+from sim.learning.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.path_tracking.randomization import Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
-from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from trackslip.errors import (
     Checked,
     checked,

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.fleet import Setting
+from sim.common.settings import options_of
+from sim.fleet.fleet import RunSetup
 from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import Randomization, uniform
-from sim.settings import options_of
 from trackslip import se2
 from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
@@ -40,7 +40,7 @@ class Episode:
     """Reference and properties of one robot's episode."""
 
     reference: int  # index in the reference table
-    setting: Setting
+    setup: RunSetup
     latency: int  # delay until an action reaches the servos [control periods]
     noise: int  # seed of the measurement noise
 
@@ -64,8 +64,8 @@ def draw(
     chosen = config.references[generator.integers(len(config.references))]
     reference = table.index(options.get("reference", chosen))
     base = config.load_ground(config.grounds[generator.integers(len(config.grounds))])
-    setting = drawn.setting(generator, config.parameters, base, table.path(reference))
-    ground = setting.ground
+    setup = drawn.setup(generator, config.parameters, base, table.path(reference))
+    ground = setup.ground
     if "ground" in options:
         ground = (
             options["ground"]
@@ -85,7 +85,7 @@ def draw(
     turned = uniform(generator, drawn.start_heading, 0.0)
     error, weight = (
         (distance * math.cos(bearing), distance * math.sin(bearing), turned),
-        setting.weight,
+        setup.com_offset,
     )
     given = {
         name: options[name]
@@ -108,9 +108,9 @@ def draw(
             config.parameters
         )
     latency = given.pop("latency", latency)
-    start = tuple(se2.compose(setting.start, error).tolist())
-    setting = dataclasses.replace(setting, start=start, ground=ground, weight=weight, **given)
-    return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
+    start = tuple(se2.compose(setup.start, error).tolist())
+    setup = dataclasses.replace(setup, start=start, ground=ground, com_offset=weight, **given)
+    return Episode(reference, setup, int(latency), noise=int(generator.integers(2**63)))
 
 
 def _finite(name: str, values: Any, n: int) -> Any:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.fleet import Setting
+from sim.fleet.fleet import RunSetup
 from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE, Ground, Patch
 from sim.motors.motor import Drive, or_tireless
 from sim.robot.parameters import MAX_RADIUS_ERROR, RobotParameters
@@ -94,17 +94,17 @@ class Randomization(Checked):
             start_heading=(-0.3, 0.3),
         )
 
-    def setting(
+    def setup(
         self, generator: np.random.Generator, robot: RobotParameters, ground: Ground, path: Array
-    ) -> Setting:
+    ) -> RunSetup:
         """Draw ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m,
         rad].
         """
-        return Setting(
+        return RunSetup(
             start=tuple(path[0].tolist()),
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
-            weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
+            com_offset=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
             lag=uniform(generator, self.lag, or_tireless(robot.drive).lag),
             # keeps old seeds' draws
             mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),

@@ -11,15 +11,15 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.fleet import Fleet
+from sim.common.settings import converted
+from sim.fleet.fleet import Fleet
+from sim.learning.task import Element, Floats, Task
 from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization
-from sim.pose_source import NoisyPose, ScannedPose, TruePose
 from sim.robot.robot import load_robot
+from sim.runs.pose_source import NoisyPose, ScannedPose, TruePose
 from sim.scanner.feed import ScannerFeed
-from sim.settings import converted
-from sim.task import Element, Floats, Task
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.file import SHIPPED
@@ -127,7 +127,7 @@ class PathTracking(Task):
         where = np.asarray(rows, int)
         if not where.size:
             return
-        self.fleet.restart(where, [episode.setting for episode in episodes])
+        self.fleet.restart(where, [episode.setup for episode in episodes])
         self._reference[where] = [episode.reference for episode in episodes]
         self.last[where] = self.table.last[self._reference[where]]
         self._latency[where] = [episode.latency for episode in episodes]

@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sim.common.settings import build, read_named
 from sim.ground.ground import Ground
 from sim.robot.model_check import absolute
 from sim.robot.parameters import WHEELS, RobotParameters
@@ -23,7 +24,6 @@ from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import Refuse, engine_errors, refuse
 from sim.robot.wheels import colliding, outline, own_wheels, start
-from sim.settings import build, read_named
 from trackslip.errors import (
     InvalidValueError,
     RobotWarning,

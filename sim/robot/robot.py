@@ -223,7 +223,7 @@ def load_robot(
 ) -> Robot:
     """Compile a robot, by default the shipped one, on the paper's field, and read its numbers.
 
-    With `contact_sensors`, every pad has a sensor, which `sim.run_recorder` reads and runs record;
+    With `contact_sensors`, every pad has a sensor, whose forces runs record;
     with `single_contacts`, a pad touches the ground at one point instead of two, and there are more
     pads.
     """

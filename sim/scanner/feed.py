@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.fleet import Fleet
+from sim.common.seeds import generator
+from sim.fleet.fleet import Fleet
 from sim.robot.robot import SCANNED_GROUP
 from sim.scanner.scanner import LaserScanner, Obstacles
-from sim.seeds import generator
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan

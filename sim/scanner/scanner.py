@@ -9,7 +9,7 @@ from dataclasses import MISSING, dataclass
 
 import numpy as np
 
-from sim.settings import build, read_named
+from sim.common.settings import build, read_named
 from trackslip.errors import (
     Checked,
     checked,

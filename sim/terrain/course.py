@@ -17,8 +17,8 @@ import mujoco
 import numpy as np
 
 import models
-from sim.seeds import generator
-from sim.settings import build, read_named, read_toml
+from sim.common.seeds import generator
+from sim.common.settings import build, read_named, read_toml
 from sim.terrain.loose import Beams, Blocks, Pallets
 from sim.terrain.pieces import (
     LENGTH,

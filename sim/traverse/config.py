@@ -16,8 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from sim.learning.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.robot.named import RobotSource
-from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.terrain import Course, load_course
 from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM
 from sim.traverse.outcome import Limits, Outcome, Outcomes

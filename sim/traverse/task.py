@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.common.settings import options_of
+from sim.learning.task import Element, Floats, Task
 from sim.robot.named import load_tracked
-from sim.settings import options_of
-from sim.task import Element, Floats, Task
 from sim.terrain import Course, load_course
 from sim.traverse.config import MASSES, SAMPLE, CrossingLayout, TraverseConfig, one_by_one
 from sim.traverse.courses import DRAWN, FTR_BOXES, MAX_BOXES, RANDOM, draw_course

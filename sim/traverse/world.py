@@ -13,18 +13,18 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
+from sim.common.settings import converted
+from sim.engine.simulations import Simulations, quietly, steps_in
 from sim.motors.belt_motors import MotorReading
 from sim.motors.motor import or_tireless
 from sim.motors.servo import FlipperServo, Servo
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.robot.urdf import engine_errors
-from sim.settings import converted
 from sim.terrain.course import Course, look_up
 from sim.tracks import Reading
 from sim.traverse.ground import Footprint, Slots
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.world import World, quietly, steps_in
 from trackslip import se2
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
@@ -48,7 +48,7 @@ class Command:
     flippers: Array  # (N, F) angles, tips up [rad]
 
 
-class Traverse(World):
+class Traverse(Simulations):
     """N robots on courses. Rows are bitwise independent of each other and of the number of
     threads.
     """

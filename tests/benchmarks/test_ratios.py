@@ -20,9 +20,9 @@ from experiments.simulate.options import IDENTIFIED
 from experiments.simulate.world import World
 from sim import LaserScanner, Pilot, ScannerFeed, closed_loop
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
-from sim.fleet import SETTLING, Fleet
+from sim.fleet.fleet import SETTLING, Fleet
 from sim.path_tracking.config import PERIOD
-from sim.stopwatch import Stopwatch
+from sim.runs.stopwatch import Stopwatch
 from sim.terrain import Course, Flat
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import RobotGeometry, sprocket_speeds

@@ -7,7 +7,7 @@ from law_motion import STILL as STILL
 from law_motion import WHITE, LawMotion, SlipVariation, driven_by_law
 
 from sim.wander.motion import Driver, joined_log, track_commands
-from sim.wander.pose_source import PoseSource
+from sim.wander.pose_sensor import PoseSensor
 from trackslip.drives.conditioning import drives_of
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import DriveFit, fit_drives
@@ -20,15 +20,15 @@ from trackslip.logs.runlog import RunLog
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 ICR = ConstantIcr(0.045, 0.168, 0.0066)
-SLAM = PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0))
-EXACT = PoseSource(rate=10.0)
+SLAM = PoseSensor(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0))
+EXACT = PoseSensor(rate=10.0)
 _ENCODERS = 50.0  # [Hz]
 
 
 def drive_log(
     seed: int,
     duration: float = 60.0,
-    source: PoseSource = SLAM,
+    source: PoseSensor = SLAM,
     variation: SlipVariation = WHITE,
     law: SlipLaw = ICR,
     driving: str | Array = "random",

@@ -106,7 +106,7 @@ def failures(arguments: list[str], number: int, folder: Path) -> tuple[int, dict
 if __name__ == "__main__":
     signal_number, *words = sys.argv[1:]
     run_module(words[0])
-    importlib.import_module("sim.fleet")
+    importlib.import_module("sim.fleet.fleet")
     with tempfile.TemporaryDirectory() as place:
         if words[0] == "tune":  # its own four paths take minutes
             path = Path(place) / "short.csv"

@@ -263,7 +263,7 @@ def test_masses_are_drawn_and_weigh():
 CODE = """
 import sys
 import sim, sim.scanner.scanner, sim.motors.motor, sim.ground.ground, sim.robot.parameters
-assert not [module for module in ("mujoco", "scipy", "sim.fleet") if module in sys.modules]
+assert not [module for module in ("mujoco", "scipy", "sim.fleet.fleet") if module in sys.modules]
 import gymnasium
 for name in ("PathTracking", "Traverse"):
     print(gymnasium.make_vec(f"trackslip/{name}-v0", 2).reset(seed=0)[0].shape)

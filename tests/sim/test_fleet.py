@@ -6,13 +6,13 @@ from results import assert_same
 from scipy.spatial.transform import Rotation
 
 from sim import Description, Drive, Fleet, LaserScanner, ScannerFeed, load_robot, open_loop
-from sim.fleet import Setting
+from sim.engine.simulations import States
+from sim.fleet.fleet import RunSetup
 from sim.ground.ground import Change, Ground, Patch
 from sim.motors.motor import Motor, tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import compiled
-from sim.world import States
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.kinematics import sprocket_speeds, track_speeds
 from trackslip.localization.plate import PlateLocator
@@ -81,7 +81,7 @@ def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
     old = Fleet(robot, np.zeros((1, 3)))
     old.command([2.0, 3.0])
     old.advance(1.0)
-    old.restart([0], [Setting(start, ground, 0.02, 0.1, (0.03, -0.02))])
+    old.restart([0], [RunSetup(start, ground, 0.02, 0.1, (0.03, -0.02))])
     np.testing.assert_allclose(old.pose(), new.pose(), atol=1e-12)
     np.testing.assert_allclose(old.attitude(), new.attitude(), atol=5e-5)
     assert np.all(old.drive.encoder_angle() == 0)

@@ -27,7 +27,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import Wall
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
-from sim.wander.pose_source import PoseSource
+from sim.wander.pose_sensor import PoseSensor
 from trackslip.errors import InvalidValueError
 
 NAN = float("nan")
@@ -114,7 +114,7 @@ REFUSED = [
         "start_offset = 2.0: must be at most 1 m, half the width of a course",
     ),
     (Randomization, {"slope": (0.2, 0.1)}, "slope = (0.2, 0.1): must be two ascending numbers"),
-    (PoseSource, {"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
+    (PoseSensor, {"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
     (FLEET, {"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
     (FLEET, {"drive": Drive(period=0.007)}, "drive.period"),
     (

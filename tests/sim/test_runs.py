@@ -5,7 +5,7 @@ import pytest
 
 from sim import Drive, Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
 from sim.motors.motor import Motor
-from sim.run_recorder import Description, RunRecorder
+from sim.runs.run_recorder import Description, RunRecorder
 from trackslip.controllers.feedback import DynamicFeedback, Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.laws.icr import ConstantIcr

@@ -6,7 +6,7 @@ import pytest
 from results import assert_same
 
 from sim import Drive, LaserScanner, Limits, Pull, Randomization, RobotParameters
-from sim.array_file import read_nested, write_nested
+from sim.common.array_file import read_nested, write_nested
 from sim.ground.ground import Change, Ground
 from trackslip.laws.icr import IcrLoad
 

@@ -16,9 +16,9 @@ from experiments.common.check import Check
 from experiments.common.laws import symbol, unit_of
 from experiments.common.table import Table, significant
 from sim import Drive
-from sim.seeds import generator
+from sim.common.seeds import generator
 from sim.wander.motion import joined_log
-from sim.wander.pose_source import SOURCES
+from sim.wander.pose_sensor import POSE_SENSORS
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.planning.information import PoseQuality
@@ -34,7 +34,7 @@ from trackslip.planning.route import RATE
 
 pytestmark = pytest.mark.slow
 GEOMETRY = RobotGeometry(0.168, 0.06)
-SLAM = SOURCES["slam"]
+SLAM = POSE_SENSORS["slam"]
 PLANNED, PAPER = 400, 100
 """Drives of the plan by the law, and repeats of the paper's 25 runs."""
 PAPER_RATE = 10.0  # of the encoders in the paper's runs, whose speeds are constant [Hz]

@@ -17,7 +17,7 @@ from experiments.common.check import Check
 from experiments.common.table import Table, pair, significant
 from experiments.validate.measurements import Setup, drive_steadily, measure_loads, paper_turns
 from sim import Drive, Ground, RobotParameters
-from sim.seeds import generator
+from sim.common.seeds import generator
 from trackslip.errors import InvalidValueError, RobotWarning
 
 ROBOTS = {

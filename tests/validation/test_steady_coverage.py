@@ -19,7 +19,7 @@ from experiments.common.table import Table
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_runs import drive_grid
 from experiments.simulate.world import World
-from sim.seeds import generator
+from sim.common.seeds import generator
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.identification.steady import fit_law
 from trackslip.kinematics import RobotGeometry

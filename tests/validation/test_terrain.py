@@ -13,7 +13,7 @@ from trials import report, use_default_contact
 
 from experiments.common.check import Check
 from experiments.common.table import Table, percent, significant
-from sim.seeds import generator
+from sim.common.seeds import generator
 from sim.terrain import Course, Rough, Stairs
 from trackslip.skid_theory import steady_twist
 

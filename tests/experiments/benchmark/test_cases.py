@@ -7,7 +7,7 @@ from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.page import answer
 from experiments.benchmark.rows import board, over_seeds
 from sim.ground.ground import load_ground
-from sim.stopwatch import Stopwatch
+from sim.runs.stopwatch import Stopwatch
 
 
 @pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 1344), ("full", 3024)])

@@ -14,8 +14,8 @@ from experiments.cli import main
 from experiments.drive.config import Config
 from experiments.drive.course import STOPPED, drive_course
 from experiments.drive.world import driver, make_world
+from sim.common.settings import from_options
 from sim.policy import Network, Policy
-from sim.settings import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import OPTIONS
 from sim.traverse.task import Crossing

@@ -10,7 +10,7 @@ from experiments.cli import main
 from experiments.train.config import Config
 from experiments.train.tasks import learning_task
 from experiments.train.training import CHECKPOINT, UNFINISHED
-from sim.array_file import read_arrays
+from sim.common.array_file import read_arrays
 from sim.path_tracking.config import EnvConfig
 from sim.policy import TWIST_NOW, Policy, TrackingPolicy
 from sim.traverse.policy import OPTIONS

@@ -12,7 +12,7 @@ import pytest
 from command_runs import ran
 
 from experiments.train.training import CHECKPOINT, UNFINISHED, read_checkpoint
-from sim.array_file import read_arrays
+from sim.common.array_file import read_arrays
 
 pytest.importorskip("stable_baselines3")
 OPTIONS = (

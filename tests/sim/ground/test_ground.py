@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import minimize
 
 from sim import Fleet, Ground, Pilot, Pull, RobotParameters, closed_loop, load_robot, open_loop
-from sim.fleet_ground import PadFriction
+from sim.fleet.ground import PadFriction
 from sim.ground.ground import Change, Patch
 from sim.ground.shear import LARGEST, LEAST_SHARE
 from sim.motors.motor import tireless

@@ -21,20 +21,20 @@ def test_episodes_differ_within_their_ranges():
         reference=("paper", "circle"), ground=("stone", "ice"), randomization=drawn
     )
     episodes = [env.task.draw(np.random.default_rng(seed), {}) for seed in range(200)]
-    settings = [episode.setting for episode in episodes]
+    setups = [episode.setup for episode in episodes]
     for name, low, high in (("radius_error", *drawn.radius_error), ("lag", *drawn.lag)):
-        values = [getattr(setting, name) for setting in settings]
+        values = [getattr(setup, name) for setup in setups]
         assert low <= min(values) < low + 0.1 * (high - low)
         assert high - 0.1 * (high - low) < max(values) <= high
     assert {episode.latency for episode in episodes} == {0, 1, 2}
     assert {episode.reference for episode in episodes} == {0, 1}
-    assert {len(setting.ground.patches) for setting in settings} == {0, 1, 2, 3}
-    assert {setting.ground.along for setting in settings} == {0.70, 0.12}
-    assert max(setting.ground.slope for setting in settings) > 0.08
-    for setting, episode in zip(settings, episodes, strict=True):
+    assert {len(setup.ground.patches) for setup in setups} == {0, 1, 2, 3}
+    assert {setup.ground.along for setup in setups} == {0.70, 0.12}
+    assert max(setup.ground.slope for setup in setups) > 0.08
+    for setup, episode in zip(setups, episodes, strict=True):
         start = env.task.table.path(episode.reference)[0]
-        assert np.hypot(*(np.array(setting.start) - start)[:2]) <= 0.2
-        assert abs(wrap_angle(setting.start[2] - start[2])) <= 0.3
+        assert np.hypot(*(np.array(setup.start) - start)[:2]) <= 0.2
+        assert abs(wrap_angle(setup.start[2] - start[2])) <= 0.3
 
 
 UPHILL = Ground(slope=0.1745, uphill=np.pi / 2, shear=0.01)

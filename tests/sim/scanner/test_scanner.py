@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim import Fleet, LaserScanner, RobotParameters, ScannerFeed
+from sim.common.seeds import generator
 from sim.robot.robot import SCANNED_GROUP, compiled
 from sim.scanner.scanner import Obstacles, Post, Wall
-from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 
 POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0], [-1.5, 1.0, np.pi / 2]])

@@ -5,7 +5,7 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from scipy.interpolate import interp1d
 
-from sim.wander.pose_source import PoseSource
+from sim.wander.pose_sensor import PoseSensor
 from trackslip.errors import LogError
 from trackslip.kinematics import advance, body_twist
 from trackslip.laws.base import NoSlip
@@ -17,7 +17,7 @@ from trackslip.se2 import Mounting
 
 BY_LAW, BY_NONE = SlipOdometry(ICR, GEOMETRY), SlipOdometry(NoSlip(), GEOMETRY)
 PLACE = Mounting(0.3, -0.1, 0.2)
-MOUNTED = PoseSource(rate=7.0, ahead=PLACE.x, left=PLACE.y, mounting=PLACE.yaw, delay=0.15)
+MOUNTED = PoseSensor(rate=7.0, ahead=PLACE.x, left=PLACE.y, mounting=PLACE.yaw, delay=0.15)
 
 
 def largest(found):
@@ -59,7 +59,7 @@ def test_a_circle_is_wrong_by_its_law():
 
 
 def test_repeated_and_interpolated_poses_do_not_count():
-    log = drive_log(1, 60.0, PoseSource(rate=1.0), STILL).between(20, 3030)
+    log = drive_log(1, 60.0, PoseSensor(rate=1.0), STILL).between(20, 3030)
     rows = np.flatnonzero(log.is_valid)
     for kind in ("previous", "linear"):
         pose = interp1d(log.time[rows], log.pose[rows].T, kind, fill_value="extrapolate")(

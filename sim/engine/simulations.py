@@ -1,4 +1,4 @@
-"""Worlds, each with N simulations of a model in a batch, and the states of their robots."""
+"""N simulations of a model in a batch, and the states of their robots."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class States:
         return np.asarray(along * (np.cos(heading) * y - np.sin(heading) * x))
 
 
-class World(Restorable):
+class Simulations(Restorable):
     """N simulations of a robot, each in its own world; rows are bitwise independent."""
 
     def __init__(

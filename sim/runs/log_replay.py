@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sim.fleet import Fleet
+from sim.fleet.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.motors.motor import Drive, or_tireless, tireless
 from sim.robot.named import RobotSource, load_parameters

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
+from sim.engine.simulations import Simulations, steps_in
+from sim.fleet.ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
 from sim.ground.shear import Shear
@@ -17,7 +18,6 @@ from sim.motors.motor import Drive, or_tireless
 from sim.motors.sprockets import Forecast, Sprockets
 from sim.robot.parameters import MAX_RADIUS_ERROR, SINK
 from sim.robot.robot import Robot
-from sim.world import World, steps_in
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
@@ -28,7 +28,7 @@ _RESETTLING = 0.4  # for robots that are placed at their sinkage [s]
 _TURN = 2 * np.pi
 
 
-class Fleet(World):
+class Fleet(Simulations):
     """N robots on their grounds. Results are bitwise identical for equal arguments and any number
     of threads.
     """
@@ -158,8 +158,8 @@ class Fleet(World):
         """The ground under each robot."""
         return self._ground.grounds
 
-    def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
-        """Begin new runs with the robots `rows` (R,), one setting each; the runs of other robots
+    def restart(self, rows: ArrayLike, setups: Sequence[RunSetup]) -> None:
+        """Begin new runs with the robots `rows` (R,), one setup each; the runs of other robots
         continue.
 
         Raises InvalidValueError for poses that aren't finite and for slopes too steep for parking.
@@ -167,20 +167,20 @@ class Fleet(World):
         rows = np.asarray(rows, int)
         if not rows.size:
             return
-        start = np.array([s.start for s in setting], float)
+        start = np.array([s.start for s in setups], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
         own_error = self.robot.parameters.radius_error
-        errors = [own_error if s.radius_error is None else s.radius_error for s in setting]
+        errors = [own_error if s.radius_error is None else s.radius_error for s in setups]
         self._radius[rows] = self._effective_radius(np.array(errors))
         own_lag = self.drive.drive.lag
-        self.drive.restart(rows, [own_lag if s.lag is None else s.lag for s in setting])
+        self.drive.restart(rows, [own_lag if s.lag is None else s.lag for s in setups])
         self._began[rows] = self._periods
-        mass = np.array([s.mass for s in setting])
-        com = np.array([s.weight for s in setting])
+        mass = np.array([s.mass for s in setups])
+        com = np.array([s.com_offset for s in setups])
         self._drive(rows, 1.0)
         self._load(rows, self._chassis, mass, com)
         self._drive(rows, 0.0)
-        self._ground.put([s.ground for s in setting], rows)
+        self._ground.put([s.ground for s in setups], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
@@ -482,7 +482,7 @@ def _along(forces: Array, forward: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Setting:
+class RunSetup:
     """Start and properties of a robot in one run."""
 
     start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
@@ -490,6 +490,6 @@ class Setting:
     # relative error of the effective sprocket radius, real / nominal - 1; None for the robot's [-]
     radius_error: float | None = None
     lag: float | None = None  # time constant of the servos; None for the drive's own [s]
-    weight: tuple[float, float] = (0.0, 0.0)
+    com_offset: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forwards and to the left [m]."""
     mass: float = 1.0  # factor on the mass and inertia of the chassis [-]

@@ -9,11 +9,11 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike
 
+from sim.common.settings import converted
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
 from sim.ground.shear import Shear
 from sim.robot.robot import Robot
-from sim.settings import converted
 from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array

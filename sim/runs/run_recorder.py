@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sim.fleet import Fleet
+from sim.engine.simulations import States
+from sim.fleet.fleet import Fleet
 from sim.robot.robot import CONTACT_WIDTH
-from sim.world import States
 from trackslip import se2
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require

@@ -13,9 +13,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sim.renderers import TaskRenderer
-from sim.settings import from_options
-from sim.task import Element, Floats
+from sim.common.settings import from_options
+from sim.learning.renderer import TaskRenderer
+from sim.learning.task import Element, Floats
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 from trackslip.restorable import Restorable
 

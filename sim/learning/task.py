@@ -51,7 +51,7 @@ class OwnTerms(Checked):
     """A task's options for the user's own terms."""
 
     own_rewards: dict[str, float] = field(default_factory=dict)
-    """Weights of the user's own reward terms, by function MODULE:NAME; see `sim.task`."""
+    """Weights of the user's own reward terms, by function MODULE:NAME; see `sim.learning.task`."""
     own_observations: dict[str, float] = field(default_factory=dict)
     """Scales of the user's own elements, which end the observation, by function."""
     privileged: dict[str, float] = field(default_factory=dict)
@@ -87,7 +87,7 @@ class Task(Restorable, ABC):
     """A task for N robots, one row each, without an environment's interface. Rows are bitwise
     independent.
 
-    Users step a task, and its episodes end one by one, so `sim.loop` can't run it.
+    Users step a task, and its episodes end one by one, so `sim.runs.loop` can't run it.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.fleet import Fleet
+from sim.fleet.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner, require_share
@@ -26,7 +26,7 @@ _WRONG = 0.5  # largest error of an outlier in x and y [m] and in heading [rad]
 
 
 @dataclass(frozen=True)
-class PoseSource(Checked):
+class PoseSensor(Checked):
     """A pose sensor with its errors."""
 
     rate: float = checked(20.0, require_positive)
@@ -133,18 +133,18 @@ class PoseSource(Checked):
         )
 
 
-SOURCES: Mapping[str, PoseSource] = {
-    "scanner": PoseSource(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25)),
-    "mocap": PoseSource(
+POSE_SENSORS: Mapping[str, PoseSensor] = {
+    "scanner": PoseSensor(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25)),
+    "mocap": PoseSensor(
         rate=50.0, position_noise=0.0005, heading_noise=np.radians(0.1), delay=0.02
     ),
-    "slam": PoseSource(
+    "slam": PoseSensor(
         rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0), delay=0.1, jitter=0.005
     ),
-    "gnss": PoseSource(rate=5.0, position_noise=0.05, heading=False, delay=0.1),
-    "odometry": PoseSource(rate=20.0, drift=0.01, heading_drift=0.004),
+    "gnss": PoseSensor(rate=5.0, position_noise=0.05, heading=False, delay=0.1),
+    "odometry": PoseSensor(rate=20.0, drift=0.01, heading_drift=0.004),
 }
-"""Pose sources by name: scanner in the field, motion capture, SLAM, GNSS (positions only), drifting
+"""Pose sensors by name: scanner in the field, motion capture, SLAM, GNSS (positions only), drifting
 odometry.
 """
 

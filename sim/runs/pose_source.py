@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.fleet import Fleet
-from sim.run_recorder import RunRecorder
+from sim.fleet.fleet import Fleet
+from sim.runs.run_recorder import RunRecorder
+from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
-from sim.stopwatch import Stopwatch
 from trackslip.kinematics import Array
 from trackslip.localization.pose_estimate import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import EVERY, Follower, Tracker
@@ -145,7 +145,7 @@ class ScannedPose(TruePose):
         return list(np.stack(self.scans[:rows], axis=1))
 
 
-class Localization:
+class PoseEstimation:
     """Pose estimation row by row, as closed loops need it."""
 
     def __init__(self, record: RunRecorder, source: TruePose) -> None:
@@ -163,7 +163,7 @@ class Localization:
         return self._record.logs(self._source.scan_logs(pose), failure)
 
 
-class ScanBlocks(Localization):
+class ScanBlocks(PoseEstimation):
     """Pose estimation in blocks of scans, which is faster, for open loops."""
 
     def __init__(
@@ -190,7 +190,7 @@ class ScanBlocks(Localization):
             self._locate()
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """One log per run, see Localization, with the parts of the scans that show the plate."""
+        """One log per run, see PoseEstimation, with the parts of the scans that show the plate."""
         if self._waiting:
             self._locate()
         if not self._record.complete:

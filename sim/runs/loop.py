@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.fleet import Fleet
-from sim.pose_source import Localization, ScanBlocks, ScannedPose, TruePose
-from sim.run_recorder import Description, RunRecorder
+from sim.fleet.fleet import Fleet
+from sim.runs.pose_source import PoseEstimation, ScanBlocks, ScannedPose, TruePose
+from sim.runs.run_recorder import Description, RunRecorder
+from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
@@ -141,7 +141,7 @@ def open_loop(
     rows = int(duration / period + 1e-9) + 1
     require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = Localization(record, TruePose(fleet))
+    localization = PoseEstimation(record, TruePose(fleet))
     if feed is not None and locator is not None:
         localization = ScanBlocks(record, ScannedPose(fleet, feed, locator), locator, watch)
     speeds = np.broadcast_to(np.asarray(omega, float), (rows, fleet.size, 2))
@@ -188,9 +188,9 @@ def closed_loop(
     # the last is at the reference's end or just after
     rows = math.ceil(reference.duration / period - 1e-9) + 1
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = Localization(record, TruePose(fleet))
+    localization = PoseEstimation(record, TruePose(fleet))
     if feed is not None and locator is not None:
-        localization = Localization(record, ScannedPose(fleet, feed, locator))
+        localization = PoseEstimation(record, ScannedPose(fleet, feed, locator))
     for pilot in pilots:
         pilot.begin(record)
     omega = np.zeros((fleet.size, 2))
@@ -207,7 +207,7 @@ def closed_loop(
 
 def _drive(
     record: RunRecorder,
-    localization: Localization,
+    localization: PoseEstimation,
     steer: Callable[[int], Array],
     progress: Progress,
     watch: Stopwatch | None = None,

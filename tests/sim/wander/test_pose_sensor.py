@@ -6,13 +6,13 @@ from law_motion import STILL, LawMotion
 
 from sim import LaserScanner
 from sim.wander.motion import Driver, Motion, track_commands
-from sim.wander.pose_source import PoseSource, plate_scans
+from sim.wander.pose_sensor import PoseSensor, plate_scans
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
 
-PERFECT = PoseSource(rate=10.0)
-FAST = PoseSource(rate=50.0)
+PERFECT = PoseSensor(rate=10.0)
+FAST = PoseSensor(rate=50.0)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""What all rooms share: settings, files of arrays, and seeds."""

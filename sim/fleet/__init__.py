@@ -1,0 +1,1 @@
+"""N robots on flat ground, stepped together, and the grounds under them."""

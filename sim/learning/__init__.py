@@ -1,0 +1,1 @@
+"""Learning tasks, and their environments for gymnasium."""
