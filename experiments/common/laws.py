@@ -144,7 +144,8 @@ def with_interval(
     value: float,
     ends: Sequence[float] | None,
     unit: tuple[float, str] = (1.0, ""),
-    why_none: str = "no interval",
+    *,
+    why_none: str,
 ) -> str:
     """Format a value with its 95 % interval, rounded to two significant digits of the half-width.
 

@@ -62,7 +62,9 @@ def value_text(fit: FittedLaw, name: str) -> str:
     """A parameter with its interval, or with the reason why it has none."""
     value = (fit.values | getattr(fit, "extras", {}))[name]
     why_none = fit.held.get(name, TOO_LITTLE)
-    return with_interval(value, fit.interval95.get(name), unit_of(fit.name, name), why_none)
+    return with_interval(
+        value, fit.interval95.get(name), unit_of(fit.name, name), why_none=why_none
+    )
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
