@@ -121,6 +121,11 @@ def far_error_today_and_now(result: Identification) -> str:
     return f"{_before_and_after(today, now, per_metre=False)} (median)"
 
 
+def _two_digits(value: float) -> str:
+    """A number rounded to two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def _before_and_after(old: PredictionErrors, new: PredictionErrors, per_metre: bool = True) -> str:
     """Median errors of two predictions of the same motions, in position and heading."""
     parts = list[str]()
@@ -128,8 +133,8 @@ def _before_and_after(old: PredictionErrors, new: PredictionErrors, per_metre: b
         part = f"position {old.position.median:.3f} → {new.position.median:.3f} m"
         if per_metre:
             cm = 1e2 / new.way
-            before = f"{cm * old.position.median:.2g}"
-            after = f"{cm * new.position.median:.2g}"
+            before = _two_digits(cm * old.position.median)
+            after = _two_digits(cm * new.position.median)
             part += f" ({before} → {after} cm per metre)"
         parts.append(part)
     if old.heading is not None and new.heading is not None:

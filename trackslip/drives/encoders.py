@@ -15,15 +15,13 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from trackslip.kinematics import Array
-from trackslip.logs.repeats import changes_of_speeds, without_repeats
+from trackslip.logs.repeats import LONGEST_HELD, changes_of_speeds, without_repeats
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import STANDING
 
 BENDS: Final = 0.05  # time within which paths hardly bend [s]
 _FEWEST_HELD: Final = 4  # least number of values that tell whether values are held
 _SEVERAL: Final = 1.5  # least number of rows that usually repeat a held value
-# usual time above which a held value is a held command, or its curve in between is unknown [s]
-_LONGEST_HELD: Final = 0.3
 _EXACTLY: Final = 0.02  # largest deviation of a speed from a whole number of ticks [ticks]
 _NEARLY_ALL: Final = 0.97  # least share of readings with whole numbers of ticks
 _FEW_TICKS: Final = 40  # largest number of ticks per reading that counts as few
@@ -102,7 +100,7 @@ class Encoders:
         if turning.sum() < _FEWEST_HELD:
             return self
         usual = float(np.median(duration[turning]))
-        if np.median(np.diff(bounds)[turning]) < _SEVERAL or usual > _LONGEST_HELD:
+        if np.median(np.diff(bounds)[turning]) < _SEVERAL or usual > LONGEST_HELD:
             return self
         return self.between(without_repeats(self.edges, bounds, usual))
 

@@ -202,7 +202,9 @@ def _clock_check(drives: Sequence[Drive], clocks: Sequence[Clock], matching: Mat
     subject = "clocks"
     if any(clock.checked for clock in clocks):
         return Check(subject, Verdict.HOLDS)
-    reason = matching.why_unknown if matching.far is not None else "the motion hardly varies"
+    reason = "the motion hardly varies"
+    if matching.far is not None or matching.varies:
+        reason = matching.why_unknown
     if max(len(drive.time) for drive in drives) <= 2:
         reason = matching.spacing
     return Check(subject, Verdict.UNKNOWN, reason)
@@ -245,6 +247,8 @@ def _readings_check(drives: Sequence[Drive], gains: Gains) -> Check:
     repeats = Repeats.of(told)
     if repeats is None:
         return Check(subject, Verdict.HOLDS)
+    if repeats.are_frequent and repeats.may_be_constant:
+        return Check(subject, Verdict.UNKNOWN, "the sprockets turn at constant speeds")
     remedy = "log each reading once, with its own time, and leave cells empty in other rows"
 
     # which rows are readings

@@ -37,9 +37,8 @@ _BETTER: Final = 0.2
 # least increase in the log-likelihood of relative motions for which another reading counts as
 # better; right readings of drives with 10 % of slip are ahead of all others by 7 or more
 _LIKELIER: Final = 6.0
-_MOSTLY: Final = (
-    0.5  # least share of relative motions that a reading explains if it leaves no doubt
-)
+# least share of relative motions that a reading explains if it leaves no doubt
+_MOSTLY: Final = 0.5
 _SETTLED: Final = 0.85  # least share of relative motions that the log as it is explains, if right
 _HARDLY: Final = 0.3  # share of explained motions below which wheels and poses don't go together
 _MOVING: Final = 0.05  # least rms of the wheels' motions in windows that tell anything [m or rad]
@@ -142,6 +141,16 @@ class Matching:
         return rms_of_known(self.windows.turn) > _MOVING and self.turning > _UNEQUAL
 
     @property
+    def varies(self) -> bool:
+        """True if the motion of the wheels varies within blocks of driving."""
+        _, block = np.unique(self.windows.block, return_inverse=True)
+        return any(
+            float(np.sqrt(np.mean(_from_means(motion, block) ** 2))) > _MOVING
+            for motion in (self.windows.distance, self.windows.turn)
+            if len(motion)
+        )
+
+    @property
     def why_unknown(self) -> str:
         """Why a check can't be told from the log."""
         if self.far is not None or self.evidence is None:
@@ -150,7 +159,13 @@ class Matching:
             return "the robot hardly turns"
         if rms_of_known(self.windows.distance) <= _MOVING:
             return "the robot hardly drives"
-        return "the motion hardly varies"
+        return "the poses hardly follow the wheels" if self.varies else "the motion hardly varies"
+
+
+def _from_means(values: Array, block: np.ndarray) -> Array:
+    """Values (n,) minus the mean of all in the same `block` (n,), numbered from 0 without gaps."""
+    mean = np.bincount(block, np.nan_to_num(values)) / np.bincount(block)
+    return np.nan_to_num(values) - mean[block]
 
 
 def _in_other_unit(

@@ -98,6 +98,9 @@ def _is_open(fit: FittedLaw, name: str) -> bool:
 def combined(fit: FittedLaw, weights: Mapping[str, float]) -> Gain:
     """A weighted sum of a law's parameters, with a 95 % interval whose ends are NaN if none of them
     was fitted.
+
+    An end lies as far from the sum as the parameters' ends on that side from their values, which a
+    limit of the law may cut off.
     """
     value = sum((weight * fit.values[name] for name, weight in weights.items()), 0.0)
     fitted = [name for name in weights if name in fit.stderr]
@@ -108,16 +111,20 @@ def combined(fit: FittedLaw, weights: Mapping[str, float]) -> Gain:
     of_stderr = list(fit.stderr)
     rows = [of_stderr.index(name) for name in fitted]
     correlation = fit.correlation[np.ix_(rows, rows)]
-    half_widths = np.array([weights[name] * _half_width(fit, name) for name in fitted])
-    half_width = float(np.sqrt(half_widths @ correlation @ half_widths))
-    return Gain(value, value - half_width, value + half_width)
+    below = list[float]()
+    above = list[float]()
+    for name in fitted:
+        low, high = fit.interval95[name]
+        ends = weights[name] * (np.array([low, high]) - fit.values[name])
+        below.append(float(ends.min()))
+        above.append(float(ends.max()))
+    signs = np.sign([weights[name] for name in fitted])
 
+    def distance(ends: list[float]) -> float:
+        vector = signs * np.abs(ends)
+        return float(np.sqrt(vector @ correlation @ vector))
 
-def _half_width(fit: FittedLaw, name: str) -> float:
-    """Half the width of a parameter's 95 % interval: the larger half, as limits may cut one end."""
-    low, high = fit.interval95[name]
-    value = fit.values[name]
-    return max(value - low, high - value)
+    return Gain(value, value - distance(below), value + distance(above))
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> dict[str, float]:

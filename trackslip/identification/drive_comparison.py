@@ -332,7 +332,7 @@ def _alarms(law: DriveFit, near: _Predictions, far: _Predictions) -> list[Alarm]
             f"{law.blocks} independent parts of driving are too few for an interval, which "
             f"takes {FEWEST_BLOCKS}: drive for a minute or more"
         )
-        return [*alarms, Alarm("blocks", line)]
+        alarms.append(Alarm("blocks", line))
     name = law.name
     if any(ahead.is_worse(ahead.held_out[name], TODAY) for ahead in (near, far)):
         line = f"law {name} predicts worse than the robot does today: don't use it"

@@ -19,13 +19,11 @@ from trackslip.identification.law_fit import DriveFit
 from trackslip.identification.windows import WindowFit, fit_windows
 from trackslip.intervals import Gain, cr3
 from trackslip.kinematics import Array
+from trackslip.laws.families import FAMILIES
 
 _LONGER: Final = 4.0  # ratio of the lengths of windows
 _LEAST_LONGER: Final = 2.0  # ratio below which fits hardly differ
 _SHARE_OF_DRIVE: Final = 0.25  # largest share of a drive that a window covers
-# ratio of the spreads of headings above which the pose source rather drifts than lags: drift grows
-# with the duration of windows, noise and lag don't (test_longer_windows)
-_DRIFTING: Final = 1.5
 
 
 @dataclass(frozen=True)
@@ -39,19 +37,22 @@ class LongerWindows:
     differing: Mapping[str, Gain]
     # names of those whose value in the longer windows is outside the usual interval
     outside: tuple[str, ...]
-    is_drift: bool  # true if the residuals grow with the windows, as with a drifting pose source
 
     def line(self, fit: DriveFit) -> str:
-        """A line on the differences from a fit in the usual windows, and their probable cause."""
-        values = [
-            f"{name} is {fit.values[name]:.4g} in windows of {self.shorter:.2g} s, but "
-            f"{self.differing[name].value:.4g} in windows of {self.longer:.2g} s"
-            for name in self.outside
-        ]
-        by_drift = "the pose source probably drifts"
-        by_lag = "poses probably lag in turns"
-        cause = by_drift if self.is_drift else by_lag
-        return f"{', '.join(values)}: {cause}; the intervals cover both"
+        """A line on the differences from a fit in the usual windows, and their possible causes."""
+        values = list[str]()
+        for name in self.outside:
+            unit = FAMILIES[fit.name].parameters[name].unit
+            shorter = f"{fit.values[name]:.4g} {unit}".rstrip()
+            longer = f"{self.differing[name].value:.4g} {unit}".rstrip()
+            values.append(
+                f"{name} is {shorter} in windows of {self.shorter:.2g} s, but {longer} in windows "
+                f"of {self.longer:.2g} s"
+            )
+        return (
+            f"{', '.join(values)}: poses lag in turns, are smoothed, or drift; the intervals cover "
+            "both"
+        )
 
 
 def covering_longer_windows(fit: DriveFit, mean: Array) -> tuple[DriveFit, LongerWindows | None]:
@@ -76,14 +77,11 @@ def covering_longer_windows(fit: DriveFit, mean: Array) -> tuple[DriveFit, Longe
         if not low <= other.value <= high:
             outside.append(name)
 
-    _, heading_spread, _ = fit.fit.spread
-    _, heading_spread_in_longer, _ = in_longer.spread
     found = LongerWindows(
         shorter=fit.fit.length,
         longer=in_longer.length,
         differing=differing,
         outside=tuple(outside),
-        is_drift=bool(heading_spread_in_longer > _DRIFTING * heading_spread),
     )
     return replace(fit, interval95=interval95), found
 

@@ -83,19 +83,21 @@ def odometry_angles(pose: Array, geometry: RobotGeometry) -> Array:
     """Angles (n, 2) of the sprockets since the first pose [rad], from which odometry with
     `geometry` computed poses (n, 3).
 
-    From pose to pose a differential drive moves on an arc. Its chord c points to the heading midway
+    From pose to pose a differential drive moves on an arc. Its chord points to the heading midway
     between both poses, and an arc that turns by δ is longer than its chord by (δ/2) / sin(δ/2).
     With the length s of the arc, the tracks have moved by s -+ b δ.
+
+    The chord is measured along that heading, not by its size: rounded positions move aside, too,
+    which would lengthen each step, whereas errors along the heading cancel from step to step.
     """
     turn = wrap_angle(np.diff(pose[:, 2]))
     midway = pose[:-1, 2] + turn / 2
     step = np.diff(pose[:, :2], axis=0)
-    chord = np.hypot(step[:, 0], step[:, 1])
-    ahead = step[:, 0] * np.cos(midway) + step[:, 1] * np.sin(midway)
+    chord = step[:, 0] * np.cos(midway) + step[:, 1] * np.sin(midway)
 
     turns = np.abs(turn) > _NO_TURN
     half = np.where(turns, turn / 2, 1.0)
-    length = np.sign(ahead) * chord * np.where(turns, half / np.sin(half), 1.0)
+    length = chord * np.where(turns, half / np.sin(half), 1.0)
 
     moved = track_speeds(np.column_stack([length, turn]), geometry.half_gauge)
     steps = moved / geometry.sprocket_radius

@@ -24,6 +24,8 @@ _FEWEST: Final = 20  # least number of values that tell whether rows repeat read
 _FEWEST_BENDS: Final = 200  # least number of bends of speeds that tell their interval
 # an interval so many times as long as usual is a standstill or a gap
 _LONG: Final = 3.0
+LONGEST_HELD: Final = 0.3
+"""Usual time above which equal speeds may be a constant speed, not a repeated reading [s]."""
 # a step so many times as large as usual is no motion, but that of an angle that wraps
 _WRAP: Final = 5.0
 # least number of ticks between readings: slow sprockets stay at a tick for several readings, too
@@ -126,6 +128,7 @@ class Repeats:
     """
 
     rows: np.ndarray  # (m,) number of successive rows that have the same speeds
+    duration: float  # usual time for which several rows have the same speeds [s]; 0 if none do
     # sizes of speeds times each interval, in units of the usual one: how far the sprockets turned
     turned_before: float
     turned_held: float
@@ -144,6 +147,7 @@ class Repeats:
             return None
         parts = [_Speeds.of(time, omega) for time, omega in logs]
         rows = np.concatenate([part.rows for part in parts])
+        durations = np.concatenate([part.duration[part.rows > 1] for part in parts])
         speeds = np.concatenate([part.omega[part.known] for part in parts])
         if len(rows) < _FEWEST or not speeds.any():
             return None
@@ -158,6 +162,7 @@ class Repeats:
             bends_held.append(part.bends(part.held - 1))
         return cls(
             rows=rows,
+            duration=float(np.median(durations)) if len(durations) else 0.0,
             turned_before=sum(part.turned(part.before) for part in parts),
             turned_held=sum(part.turned(part.held) for part in parts),
             bends=np.concatenate(bends),
@@ -170,6 +175,13 @@ class Repeats:
     def are_frequent(self) -> bool:
         """True if rows repeat speeds more often than by chance."""
         return bool((self.rows > 1).mean() >= _OFTEN)
+
+    @property
+    def may_be_constant(self) -> bool:
+        """True if equal speeds last so long that the sprockets may have turned at a constant
+        speed, as exact encoders show at constant commands.
+        """
+        return self.duration > LONGEST_HELD
 
     @property
     def difference(self) -> float:
@@ -208,6 +220,7 @@ class _Speeds:
 
     omega: Array  # (m, 2) [rad/s]
     rows: np.ndarray  # (m,) number of rows that have each
+    duration: Array  # (m,) time up to the next value, or the end [s]
     before: Array  # (m,) interval up to the first row, in units of the usual one [-]
     held: Array  # (m,) interval up to the last row, in units of the usual one [-]
     known: np.ndarray  # (m,) bool: false after gaps and standstills
@@ -222,7 +235,8 @@ class _Speeds:
         usual = float(np.median(before)) if len(before) else 1.0
         known = np.maximum(before, held) < _LONG * usual
         rows = (last - first + 1)[1:]
-        return cls(omega[first[1:]], rows, before / usual, held / usual, known)
+        duration = np.diff(np.append(time[first], time[-1]))[1:]
+        return cls(omega[first[1:]], rows, duration, before / usual, held / usual, known)
 
     def turned(self, interval: Array) -> float:
         """Sum of the sizes of the turns in intervals (m,), in units of the usual one."""

@@ -64,6 +64,32 @@ def test_clean_logs_have_no_alarm_and_gains_that_hold_the_truth(robot, driving, 
     assert json.dumps(found.to_json(), allow_nan=False)
 
 
+def test_constant_speeds_are_no_repeated_readings():
+    """Exact encoders on 20 squares, with a pose at the beginning and the end of each."""
+    speed = np.tile([0.5, 0.0], 80)
+    yaw_rate = np.tile([0.0, np.pi / 8], 80)
+    geometry = HUSKY.geometry
+    belts = np.column_stack([speed - 0.285 * yaw_rate, speed + 0.285 * yaw_rate])
+    time = np.arange(0.0, 640.0, 0.1)
+    command = np.minimum((time / 4).astype(int), len(belts) - 1)
+    encoders = Drive(time, belts[command] / geometry.sprocket_radius, np.zeros((len(time), 3)))
+    path = drive_of(duration=640.0, commands=(speed, yaw_rate))
+    ends = np.arange(0, len(path.time), 1600)
+    found = look_at(encoders, path.time[ends], path.pose[ends])
+    (check,) = [check for check in found.checks if check.subject == "times of encoder readings"]
+    assert check.line == "the sprockets turn at constant speeds"
+    assert not found.alarms
+
+
+def test_noisy_poses_are_said_to_be_noisy():
+    """Positions alone, whose noise is larger than the motion between them."""
+    time, pose = measured(DRIVE, pose_step=1.0, position_noise=0.8)
+    found = look_at(DRIVE, time, without(pose, "positions"))
+    lines = [check.line for check in found.checks]
+    assert "the poses hardly follow the wheels" in lines
+    assert "the motion hardly varies" not in lines
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("speeds", "yaw_rates", "tells"),

@@ -140,6 +140,16 @@ def test_odometrys_poses_give_the_angles_back():
     np.testing.assert_allclose(odometry_angles(pose, GEOMETRY), angle - angle[0], atol=1e-9)
 
 
+def test_rounded_odometry_gives_the_angles_back():
+    """Most steps are no longer than the unit of a centimetre, and are rounded aside, too."""
+    _, angle = driven()
+    pose, _ = odometry(angle)
+    rounded = np.column_stack([pose[:, :2].round(2), pose[:, 2]])
+    moved = GEOMETRY.sprocket_radius * odometry_angles(rounded, GEOMETRY)[-1]
+    expected = GEOMETRY.sprocket_radius * (angle[-1] - angle[0])
+    np.testing.assert_allclose(moved, expected, atol=0.02)
+
+
 @pytest.mark.parametrize("layout", [Layout(odometry=GEOMETRY), Layout(robot=GEOMETRY)])
 def test_odometry_in_a_table_replaces_encoders(layout):
     time, angle = driven()
