@@ -30,6 +30,7 @@ from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.identification.prediction import PredictionErrors, trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
 from trackslip.logs.runlog import RunLog
+from trackslip.motion.steady import STANDING
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting, rotate
 
@@ -51,6 +52,9 @@ class Trajectory:
     estimated: Array  # (K, 3) estimated poses [m, m, rad], from an arbitrary start
     # (K,) headings at starts of stretches, measured or from earlier positions [rad]; NaN if unknown
     heading: Array
+    # (K,) bool: true for poses at which stretches start; of those at rest, which would all start
+    # the same stretch, only the first
+    starts: np.ndarray
 
     @property
     def has_heading(self) -> bool:
@@ -114,16 +118,16 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
 
 
 def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Array:
-    """Errors (3, n) over stretches between poses `start` (n,) and `end` (n,) whose starts have
-    known headings.
+    """Errors (3, n) over stretches between poses `start` (n,) and `end` (n,), of those that start
+    with a known heading, and not with a pose at rest like the one before.
 
     The rows are the distance driven [m], the distance between the estimated and the measured end
     [m], and the absolute error of the turn [rad]; errors are NaN where no position, or no turn, was
     measured.
     """
-    has_heading = np.isfinite(drive.heading[start])
-    start = start[has_heading]
-    end = end[has_heading]
+    is_start = np.isfinite(drive.heading[start]) & drive.starts[start]
+    start = start[is_start]
+    end = end[is_start]
 
     # the estimated motion, turned so that it starts with the measured heading
     turn = drive.heading[start] - drive.estimated[start, 2]
@@ -357,15 +361,20 @@ def estimated_trajectory(
         estimated_place = estimated[:, 0] + 1j * estimated[:, 1]
         heading = trailing_heading(encoder_time, place, estimated_place, estimated[:, 2])
 
-    # the middle of tracks without slip
+    # how far the sprockets have turned, whatever their signs, and the middle of tracks without slip
     encoders = encoders_of(log).smooth()
-    speed = np.abs(body_twist(encoders.omega, 0.0, geometry)[:, 0])
-    sums = np.append(0.0, np.cumsum(speed * np.diff(encoders.edges)))
+    step = np.diff(encoders.edges)
+    fastest = np.abs(encoders.omega).max(axis=1)
+    turned = np.append(0.0, np.cumsum(fastest * step))
+    middle = np.abs(body_twist(encoders.omega, 0.0, geometry)[:, 0])
+    driven = np.append(0.0, np.cumsum(middle * step))
+    moves = np.diff(np.interp(encoder_time, encoders.edges, turned)) > STANDING
     return Trajectory(
         name=log.run,
         time=time,
-        distance=np.interp(encoder_time, encoders.edges, sums),
+        distance=np.interp(encoder_time, encoders.edges, driven),
         measured=measured,
         estimated=estimated,
         heading=heading,
+        starts=np.append(True, moves),
     )

@@ -58,6 +58,27 @@ def test_a_circle_is_wrong_by_its_law():
         assert errors.count == len(time) - round(seconds / 0.02)
 
 
+def test_a_rest_begins_one_stretch_whatever_its_duration():
+    """Half a circle, a rest, and half a circle: a longer rest changes no error."""
+    omega = ICR.sprocket_speeds(np.array([0.2, 0.4]), GEOMETRY)
+
+    def errors(rest: float):
+        time = np.arange(0.0, 40.0 + rest, 0.05)
+        drives = (time <= 20.0) | (time > 20.0 + rest)
+        driven = np.cumsum(np.where(drives, 0.05, 0.0)) - 0.05
+        pose = advance([0.0, 0.0, 0.0], np.array([0.2, 0.4]), driven)
+        log = RunLog("rests", time, np.where(drives[:, None], omega, 0.0), pose)
+        return odometry_errors(log, BY_NONE)
+
+    short = errors(11.0)
+    long = errors(30.0)
+    for seconds, error in short.after_seconds.items():
+        assert error.count == long.after_seconds[seconds].count
+        assert error.position.median == pytest.approx(long.after_seconds[seconds].position.median)
+    assert short.after_metres[2.0].count == long.after_metres[2.0].count
+    assert short.after_metres[2.0].position.median > 0.1
+
+
 def test_repeated_and_interpolated_poses_do_not_count():
     log = drive_log(1, 60.0, PoseSensor(rate=1.0), STILL).between(20, 3030)
     rows = np.flatnonzero(log.is_valid)

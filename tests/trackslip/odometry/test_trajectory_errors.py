@@ -26,7 +26,8 @@ def trajectory(seed=0, count=400, noise=0.01):
         estimated[k] = advance(estimated[k - 1], twist[k] * [1.02, 0.95], 0.1)
     measured = measured + noise * rng.standard_normal(measured.shape)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(measured[:, :2], axis=0).T))])
-    return Trajectory("drive", time, way, measured, estimated, measured[:, 2])
+    starts = np.ones(count, bool)
+    return Trajectory("drive", time, way, measured, estimated, measured[:, 2], starts)
 
 
 def of_evo(time, pose):
