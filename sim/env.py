@@ -19,7 +19,9 @@ from trackslip.errors import require
 
 
 class _Tracking:
-    configuration, kind, drawing = EnvConfig, PathTracking, PathRenderer
+    configuration = EnvConfig
+    kind = PathTracking
+    drawing = PathRenderer
     task: PathTracking
 
     def set_randomization(
@@ -36,7 +38,9 @@ class _Tracking:
 
 
 class _Traversing:
-    configuration, kind, drawing = TraverseConfig, Crossing, CourseRenderer
+    configuration = TraverseConfig
+    kind = Crossing
+    drawing = CourseRenderer
     task: Crossing
 
     def set_difficulty(self, low: float, high: float) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,18 +28,23 @@ from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
-_PRODUCTS = 100_000  # number of products of rows and weights that fit into a processor's cache
-ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # slices of an observation
-# errors at which compression sets in, in the observation's units
-FINE = np.array([0.02, 0.02, 0.02])
-_OPSET = 18
-_FEATURES = """
+# number of products of rows and weights that fit into a processor's cache
+_CACHED_PRODUCTS: Final = 100_000
+ERRORS: Final = slice(0, 3)
+"""Errors in an observation."""
+TWIST_NOW: Final = slice(3, 5)
+"""The reference's current twist in an observation."""
+FINE: Final = np.array([0.02, 0.02, 0.02])
+"""Errors at which compression sets in, in the observation's units."""
+_OPSET: Final = 18  # version of ONNX's operators
+# beginning and end of the graph of a policy for tracking: `features` and `corrected`
+_FEATURES: Final = """
     errors, twist, others = Split <axis = 1> (observation, sizes)
     ratios = Div (errors, fine)
     compressed = Asinh (ratios)
     hidden0 = Concat <axis = 1> (compressed, twist, others)
 """
-_CORRECTED = """
+_CORRECTED: Final = """
     correction = Clip (output, low, high)
     scaled = Mul (correction, authority)
     sum = Add (scaled, twist)
@@ -55,32 +60,30 @@ class Network:
     biases: tuple[Array, ...]  # (out,) each
 
     def __post_init__(self) -> None:
-        shapes, layers = [weight.shape for weight in self.weights], (*self.weights, *self.biases)
-        fit = (
-            layers
-            and all(len(shape) == 2 and min(shape) > 0 for shape in shapes)
-            and all(b[0] == a[1] for a, b in pairwise(shapes))
-        )
-        fit = fit and [bias.shape for bias in self.biases] == [shape[1:] for shape in shapes]
-        finite = all(layer.dtype.kind == "f" and np.isfinite(layer).all() for layer in layers)
-        require(
-            fit and finite, "layers", shapes, "one or more of finite numbers, that fit each other"
-        )
+        shapes = [weight.shape for weight in self.weights]
+        allowed = "one or more of finite numbers, that fit each other"
+        require(self._fits() and self._is_finite(), "layers", shapes, allowed)
+
+    def _fits(self) -> bool:
+        """Whether each layer takes what the one before it gives, and has a bias per output."""
+        shapes = [weight.shape for weight in self.weights]
+        are_matrices = all(len(shape) == 2 and min(shape) > 0 for shape in shapes)
+        if not shapes or not are_matrices:
+            return False
+        connect = all(before[1] == after[0] for before, after in pairwise(shapes))
+        biases = [bias.shape for bias in self.biases]
+        return connect and biases == [shape[1:] for shape in shapes]
+
+    def _is_finite(self) -> bool:
+        layers = (*self.weights, *self.biases)
+        return all(layer.dtype.kind == "f" and np.isfinite(layer).all() for layer in layers)
 
     def __call__(self, x: Array) -> Array:
         """Outputs (N, m) for inputs (N, n)."""
+        last = len(self.weights) - 1
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # a matrix product would round differently for different N; blocks of rows limit the
-            # memory
-            rows = max(1, _PRODUCTS // weight.size)
-            blocks = [x[first : first + rows] for first in range(0, max(len(x), 1), rows)]
-            x = (
-                np.concatenate(
-                    [np.add.reduce(block[:, :, None] * weight, axis=1) for block in blocks]
-                )
-                + bias
-            )
-            if k < len(self.weights) - 1:
+            x = _product(x, weight) + bias
+            if k < last:
                 x = np.tanh(x)
         return x
 
@@ -132,12 +135,13 @@ class Policy:
 
     def save(self, path: Path) -> None:
         """Write the policy to a .npz file."""
-        arrays = {f"weight_{k}": weight for k, weight in enumerate(self.network.weights)}
-        arrays |= {f"bias_{k}": bias for k, bias in enumerate(self.network.biases)}
-        about = {"format": self.FORMAT} | {
-            name: value for name, value in vars(self).items() if name != "network"
-        }
-        write_arrays(path, about, arrays)
+        arrays = {}
+        for k, weight in enumerate(self.network.weights):
+            arrays[f"weight_{k}"] = weight
+        for k, bias in enumerate(self.network.biases):
+            arrays[f"bias_{k}"] = bias
+        entries = {name: value for name, value in vars(self).items() if name != "network"}
+        write_arrays(path, {"format": self.FORMAT} | entries, arrays)
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -149,15 +153,17 @@ class Policy:
         what = "a policy.npz of `trackslip train`: docs/controller.md has others"
         about, arrays = read_arrays(file, what)
         layers = range(sum(name.startswith("weight_") for name in arrays))
-        names = [f"{part}_{k}" for part in ("weight", "bias") for k in layers]
+        weight_names = [f"weight_{k}" for k in layers]
+        bias_names = [f"bias_{k}" for k in layers]
+        names = [*weight_names, *bias_names]
         entries = [field.name for field in fields(cls) if field.name != "network"]
         try:
             format = about.pop("format", None)
             require(format == cls.FORMAT, "format", format, f"{cls.FORMAT!r}")
             require(set(about) == set(entries), "entries", sorted(about), ", ".join(entries))
             require(set(arrays) == set(names), "arrays", sorted(arrays), ", ".join(names))
-            weights = tuple(arrays[f"weight_{k}"] for k in layers)
-            biases = tuple(arrays[f"bias_{k}"] for k in layers)
+            weights = tuple(arrays[name] for name in weight_names)
+            biases = tuple(arrays[name] for name in bias_names)
             return from_options(cls, {"network": Network(weights, biases)} | about)
         except InvalidValueError as error:
             raise LogError(f"{file}: {error}") from error
@@ -216,11 +222,21 @@ def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Ar
     """Actions (N, 2): the reference's current twist in observations (N, n), plus corrections (N, 2)
     in [-1, 1].
     """
-    return np.clip(
-        observation[:, TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority),
-        -1.0,
-        1.0,
-    )
+    added = np.clip(correction, -1.0, 1.0) * np.asarray(authority)
+    return np.clip(observation[:, TWIST_NOW] + added, -1.0, 1.0)
+
+
+def _product(x: Array, weight: Array) -> Array:
+    """Product (N, m) of rows (N, n) and a weight (n, m).
+
+    A matrix product would round differently for different N. Blocks of rows limit the memory.
+    """
+    rows = max(1, _CACHED_PRODUCTS // weight.size)
+    blocks = []
+    for first in range(0, max(len(x), 1), rows):
+        block = x[first : first + rows]
+        blocks.append(np.add.reduce(block[:, :, None] * weight, axis=1))
+    return np.concatenate(blocks)
 
 
 class PolicyController:
@@ -234,15 +250,13 @@ class PolicyController:
         """
         config = policy.environment()
         require(config.action == "twist", "action of the policy", config.action, "'twist'")
-        require(
-            not config.loads,
-            "loads of the policy",
-            config.loads,
-            "false: controllers sense no loads",
-        )
-        self._policy, self._layout = policy, TrackingLayout(config, top_speed)
-        shape, seen = policy.network.shape, len(self._layout.elements)
-        require(shape == (seen, 2), "network of the policy", shape, f"from {seen} inputs to 2")
+        allowed = "false: controllers sense no loads"
+        require(not config.loads, "loads of the policy", config.loads, allowed)
+        self._policy = policy
+        self._layout = TrackingLayout(config, top_speed)
+        shape = policy.network.shape
+        inputs = len(self._layout.elements)
+        require(shape == (inputs, 2), "network of the policy", shape, f"from {inputs} inputs to 2")
         self._scale = np.array(config.twist_scale)
         self.reset()
 
@@ -258,12 +272,15 @@ class PolicyController:
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (N, 2) for measured poses (N, 3) [m/s, rad/s]."""
         error = body_errors(pose, reference.pose(time))
-        ahead = reference.twist(time + self._layout.steps * PERIOD)
-        twists = np.broadcast_to(ahead, (len(error), *ahead.shape))
-        omega, action = (
-            np.broadcast_to(pair, (len(error), 2)) for pair in (self._omega, self._action)
+        count = len(error)
+        previews = reference.twist(time + self._layout.steps * PERIOD)
+        observation = self._layout.observation(
+            error,
+            np.broadcast_to(previews, (count, *previews.shape)),
+            np.broadcast_to(self._omega, (count, 2)),
+            np.broadcast_to(self._action, (count, 2)),
         )
-        self._action = self._policy.action(self._layout.observation(error, twists, omega, action))
+        self._action = self._policy.action(observation)
         return self._action * self._scale
 
 
@@ -279,31 +296,10 @@ def write_onnx(
         import onnx.parser
     except ImportError as error:
         raise TrackslipError(f'{path}: {error}; pip install -e ".[rl]"') from error
-    before, after = "hidden0 = Identity (observation)", "action = Clip (output, low, high)"
-    constants: dict[str, Any] = {"low": np.float32(-1.0), "high": np.float32(1.0)}
-    if isinstance(policy, TrackingPolicy):
-        before, after = _FEATURES, _CORRECTED
-        sizes = ERRORS.stop, TWIST_NOW.stop - ERRORS.stop, len(observed) - TWIST_NOW.stop
-        constants |= {
-            "sizes": np.array(sizes),
-            "fine": np.float32(FINE),
-            "authority": np.array(policy.authority, np.float32),
-        }
-    layers = []
-    for k, (weight, bias) in enumerate(
-        zip(policy.network.weights, policy.network.biases, strict=True)
-    ):
-        constants |= {f"weight{k}": np.float32(weight), f"bias{k}": np.float32(bias)}
-        layers += [
-            f"layer{k} = Gemm (hidden{k}, weight{k}, bias{k})",
-            f"hidden{k + 1} = Tanh (layer{k})",
-        ]
-    layers[-1] = f"output = Identity (layer{k})"
-    ends = f"policy (float[N, {len(observed)}] observation) => (float[N, {len(commanded)}] action)"
-    graph = onnx.parser.parse_graph(f"{ends} {{ {before} {' '.join(layers)} {after} }}")
-    graph.initializer.extend(
-        onnx.numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()
-    )
+    text, constants = _graph(policy, len(observed), len(commanded))
+    graph = onnx.parser.parse_graph(text)
+    for name, value in constants.items():
+        graph.initializer.append(onnx.numpy_helper.from_array(np.asarray(value), name))
     opset = onnx.helper.make_opsetid("", _OPSET)
     model = onnx.helper.make_model_gen_version(
         graph, producer_name="trackslip", opset_imports=[opset]
@@ -311,9 +307,34 @@ def write_onnx(
     about = {
         "observation": [asdict(each) for each in observed],
         "action": [asdict(each) for each in commanded],
+        "options": policy.options,
     }
-    onnx.helper.set_model_props(
-        model, {k: json.dumps(v) for k, v in (about | {"options": policy.options}).items()}
-    )
+    metadata = {name: json.dumps(value) for name, value in about.items()}
+    onnx.helper.set_model_props(model, metadata)
     onnx.checker.check_model(model)
     path.write_bytes(model.SerializeToString())
+
+
+def _graph(policy: Policy, inputs: int, outputs: int) -> tuple[str, dict[str, Any]]:
+    """The text of a policy's graph in ONNX's syntax, and the constants in it."""
+    before = "hidden0 = Identity (observation)"
+    after = "action = Clip (output, low, high)"
+    constants: dict[str, Any] = {"low": np.float32(-1.0), "high": np.float32(1.0)}
+    if isinstance(policy, TrackingPolicy):
+        before = _FEATURES
+        after = _CORRECTED
+        twist = TWIST_NOW.stop - TWIST_NOW.start
+        others = inputs - TWIST_NOW.stop
+        constants["sizes"] = np.array([ERRORS.stop, twist, others])
+        constants["fine"] = np.float32(FINE)
+        constants["authority"] = np.array(policy.authority, np.float32)
+    layers = []
+    network = policy.network
+    for k, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        constants[f"weight{k}"] = np.float32(weight)
+        constants[f"bias{k}"] = np.float32(bias)
+        layers.append(f"layer{k} = Gemm (hidden{k}, weight{k}, bias{k})")
+        layers.append(f"hidden{k + 1} = Tanh (layer{k})")
+    layers[-1] = f"output = Identity (layer{k})"  # the last layer is linear
+    ends = f"policy (float[N, {inputs}] observation) => (float[N, {outputs}] action)"
+    return f"{ends} {{ {before} {' '.join(layers)} {after} }}", constants

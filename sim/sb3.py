@@ -29,9 +29,11 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
 
     def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
         """Build the simulator for `num_envs` robots; see the vector environment."""
-        self.env = env = self.kind(
+        env = self.kind(
             num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options
         )
+        self.env = env
+        """The vector environment."""
         self.render_mode = env.render_mode
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._continues = False
@@ -68,13 +70,15 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         """
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
-        final, observations = info.pop("final_info", None), info.pop("final_obs", None)
+        final_info = info.pop("final_info", None)
+        final_observation = info.pop("final_obs", None)
         infos = _by_robot(info, self.num_envs)
-        last = _by_robot(final, self.num_envs) if ended.any() else []
-        for row in np.flatnonzero(ended):
-            infos[row] = last[row] | {"terminal_observation": observations[row]}
-        for own, cut_off in zip(infos, truncated & ~terminated, strict=True):
-            own["TimeLimit.truncated"] = bool(cut_off)
+        if ended.any():
+            last = _by_robot(final_info, self.num_envs)
+            for row in np.flatnonzero(ended):
+                infos[row] = last[row] | {"terminal_observation": final_observation[row]}
+        for own, is_cut_off in zip(infos, truncated & ~terminated, strict=True):
+            own["TimeLimit.truncated"] = bool(is_cut_off)
         return observation, reward.astype(np.float32), ended, infos
 
     def close(self) -> None:
@@ -87,7 +91,8 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute of the vector environment, once per robot."""
-        return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
+        robots = list(self._get_indices(indices))
+        return [getattr(self.env, attr_name)] * len(robots)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Raise InvalidValueError, because the robots in a batch have no attributes of their
@@ -101,14 +106,11 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         """Call a method of the vector environment once for all robots; return its result once per
         robot.
         """
-        rows = list(self._get_indices(indices))
-        require(
-            len(rows) == self.num_envs,
-            "indices",
-            indices,
-            "None: robots of a batch have no own methods",
-        )
-        return [getattr(self.env, method_name)(*args, **kwargs)] * len(rows)
+        robots = list(self._get_indices(indices))
+        allowed = "None: robots of a batch have no own methods"
+        require(len(robots) == self.num_envs, "indices", indices, allowed)
+        result = getattr(self.env, method_name)(*args, **kwargs)
+        return [result] * len(robots)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """False for each robot, as no robot is wrapped."""
@@ -137,17 +139,18 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
         [-].
         """
         box: Any = robots.observation_space
-        low, high = features(box.low).astype(np.float32), features(box.high).astype(np.float32)
-        super().__init__(
-            robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space
-        )
-        self._robots, self._authority = robots, authority
+        low = _features(box.low)
+        high = _features(box.high)
+        space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+        super().__init__(robots, space, robots.action_space)
+        self._robots = robots
+        self._authority = authority
         self._seen: np.ndarray = np.zeros((robots.num_envs, *box.shape))
 
     def reset(self) -> np.ndarray:
         """Begin episodes; return features (N, n)."""
         self._seen = self._robots.reset()
-        return features(self._seen).astype(np.float32)
+        return _features(self._seen)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Store the corrections (N, 2) in [-1, 1] for `step_wait`."""
@@ -159,15 +162,17 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
         """
         self._seen, reward, ended, infos = self._robots.step_wait()
         for row in np.flatnonzero(ended):
-            infos[row]["terminal_observation"] = features(
-                infos[row]["terminal_observation"]
-            ).astype(np.float32)
-        return features(self._seen).astype(np.float32), reward, ended, infos
+            last = infos[row]["terminal_observation"]
+            infos[row]["terminal_observation"] = _features(last)
+        return _features(self._seen), reward, ended, infos
+
+
+def _features(observation: np.ndarray) -> np.ndarray:
+    """Features (..., n) as the float32 that Stable-Baselines3 learns from."""
+    return features(observation).astype(np.float32)
 
 
 def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:
-    """Split infos (N, ...) into one dictionary per robot."""
-    return [
-        {name: values[row] for name, values in info.items() if not name.startswith("_")}
-        for row in range(n)
-    ]
+    """Split infos (N, ...) into one dictionary per robot, without gymnasium's masks."""
+    values = {name: each for name, each in info.items() if not name.startswith("_")}
+    return [{name: each[row] for name, each in values.items()} for row in range(n)]

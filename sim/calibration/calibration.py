@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 import scipy.optimize
@@ -23,20 +24,23 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.intervals import newton_steps
 from trackslip.kinematics import Array
 
-_STEP = 0.05  # step for finite differences [standard deviations of the prior]
-# largest number of iterations; gain in log-likelihood at which they stop
-_ITERATIONS, _CONVERGED = 15, 0.05
-# largest number of successive fits; relative change in the errors' sizes at which they stop
-_ROUNDS, _SAME = 10, 0.01
-_KEPT = 64  # number of candidates with cached errors
-# standard error over the prior's standard deviation; value over its standard error
-_VAGUE, _SIGNIFICANT = 0.7, 2.0
+_STEP: Final = 0.05  # step for finite differences [standard deviations of the prior]
+_ITERATIONS: Final = 15  # largest number of linear models
+_CONVERGED: Final = 0.05  # gain in log-likelihood at which their iteration stops
+_ROUNDS: Final = 10  # largest number of fits of a linear model
+_SAME: Final = 0.01  # relative change in the errors' sizes at which these fits stop
+_PARTS: Final = (1.0, 0.5, 0.2)  # parts of a step that are tried in turn
+_CACHED_ERRORS: Final = 64  # number of candidates with cached errors
+# standard error, relative to the prior's standard deviation, above which a parameter is vague
+_VAGUE: Final = 0.7
+_SIGNIFICANT: Final = 2.0  # value, relative to its standard error, above which it isn't vague
 # cosine between error slopes of parameters above which the target can't distinguish the parameters
-_ALIKE = 0.95
-_MAD = 1.4826  # ratio of standard deviation to median magnitude for normal errors
+_ALIKE: Final = 0.95
+_MAD: Final = 1.4826  # ratio of standard deviation to median magnitude for normal errors
 # scale of the loss [standard deviations], at 95 % of least squares' efficiency for normal errors
-_CAUCHY = 2.385
-_LEAST_CURVED = 0.1  # smallest curvature of the loss, relative to the weights
+_CAUCHY: Final = 2.385
+_LEAST_CURVED: Final = 0.1  # smallest curvature of the loss, relative to the weights
+_CONFIDENCE: Final = 0.975  # quantile at the upper end of a 95 % interval
 
 
 @dataclass(frozen=True)
@@ -129,23 +133,30 @@ class _Problem:
     """
 
     def __init__(self, target: Target, base: Candidate, names: tuple[str, ...]) -> None:
-        self.target, self._base, self.names = target, base, names
+        self.target = target
+        self.names = names
+        self._base = base
         self._layout = target.layout
         limits = [PARAMETERS[name].limits(base) for name in names]
         self.low, self.high = np.array(limits).T
         # the errors may have no slope at a prior's centre that is on a bound
-        self.first = np.where(self.low == 0, min(0.5, *self.high), 0.0)
+        inside = min(0.5, *self.high)
+        self.first = np.where(self.low == 0, inside, 0.0)
         # sensor parameters first: they reuse the motion that was simulated for the last errors
         self._order = sorted(range(len(names)), key=lambda k: names[k] not in OF_SENSOR)
-        self._known = lru_cache(_KEPT)(lambda *scaled: target.errors(self.candidate(scaled)))
+
+        @lru_cache(_CACHED_ERRORS)
+        def known(*scaled: float) -> Array:
+            return target.errors(self.candidate(scaled))
+
+        self._known = known
 
     def candidate(self, scaled: Iterable[float]) -> Candidate:
         """The candidate with the scaled parameters (p,)."""
-        values = {
-            n: PARAMETERS[n].unscaled(self._base, float(z))
-            for n, z in zip(self.names, scaled, strict=True)
-            if z
-        }
+        values = {}
+        for name, distance in zip(self.names, scaled, strict=True):
+            if distance:
+                values[name] = PARAMETERS[name].unscaled(self._base, float(distance))
         return self._base.with_values(values)
 
     def errors(self, scaled: Array) -> Array:
@@ -159,8 +170,9 @@ class _Problem:
         errors = self.errors(scaled)
         slope = np.empty((len(errors), len(scaled)))
         for k in self._order:
+            has_room = scaled[k] + _STEP <= self.high[k]
             moved = scaled.copy()
-            moved[k] += _STEP if scaled[k] + _STEP <= self.high[k] else -_STEP
+            moved[k] += _STEP if has_room else -_STEP
             slope[:, k] = (self.errors(moved) - errors) / (moved[k] - scaled[k])
         return slope
 
@@ -168,41 +180,48 @@ class _Problem:
         """Standard deviations (kinds,) of the errors by kind, allowing for the fitted
         parameters.
         """
-        layout, sizes = self._layout, self._layout.floor.copy()
+        layout = self._layout
+        sizes = layout.floor.copy()
         for kind in range(len(sizes)):
             rows = layout.kind == kind
-            size, share = np.abs(errors[rows]), layout.share[rows]
-            if layout.robust:
-                order = np.argsort(size)
-                middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
-                sigma = _MAD * size[order[middle]]
-            else:
-                sigma = np.sqrt(
-                    share
-                    @ size**2
-                    / max(share.sum() * (1 - len(self.names) / layout.share.sum()), 1.0)
-                )
+            size = np.abs(errors[rows])
+            share = layout.share[rows]
+            sigma = _median(size, share) * _MAD if layout.robust else self._rms(size, share)
             sizes[kind] = max(sizes[kind], sigma)
         return sizes
+
+    def _rms(self, size: Array, share: Array) -> float:
+        """Root mean square of errors (m,) with weights `share` (m,), which a part of the fitted
+        parameters has made smaller.
+        """
+        fitted_part = len(self.names) / self._layout.share.sum()
+        degrees_of_freedom = max(share.sum() * (1 - fitted_part), 1.0)
+        return float(np.sqrt(share @ size**2 / degrees_of_freedom))
 
     def loss(self, square: Array, share: Array) -> Array:
         """Loss and its first and second derivatives, (3, n), for squared errors over their
         variances (n,).
+
+        With the squared error s, Cauchy's loss is c^2 log(1 + s / c^2).
         """
         if not self._layout.robust:
             return share * np.stack([square, np.ones_like(square), np.zeros_like(square)])
         fall = 1 / (1 + square / _CAUCHY**2)
-        return share * np.stack([-(_CAUCHY**2) * np.log(fall), fall, -(fall**2) / _CAUCHY**2])
+        loss = -(_CAUCHY**2) * np.log(fall)
+        bend = -(fall**2) / _CAUCHY**2
+        return share * np.stack([loss, fall, bend])
 
     def cost(self, scaled: Array) -> tuple[float, Array]:
         """Negative log-likelihood, up to a constant, and standard deviations (kinds,) of the
         errors.
         """
-        errors, share = self.errors(scaled), self._layout.share
+        errors = self.errors(scaled)
+        share = self._layout.share
         sigma = self.sizes(errors)
         size = sigma[self._layout.kind]
-        loss = self.loss((errors / size) ** 2, share)[0].sum() + scaled @ scaled
-        return float(share @ np.log(size) + loss / 2), sigma
+        loss = self.loss((errors / size) ** 2, share)[0].sum()
+        prior = scaled @ scaled
+        return float(share @ np.log(size) + (loss + prior) / 2), sigma
 
     def minimum(self) -> _End:
         """Find the minimum with successive models of the errors that are linear in the parameters.
@@ -210,15 +229,20 @@ class _Problem:
         A model needs one simulation per parameter. Least squares on simulated errors would need
         four times as many.
         """
-        scaled, (cost, sigma) = self.first, self.cost(self.first)
+        scaled = self.first
+        cost, sigma = self.cost(scaled)
         for _ in range(_ITERATIONS):
-            start, slope, before = scaled, self.slope(scaled), cost
+            start = scaled
+            before = cost
+            slope = self.slope(start)
             step = self._linear_minimum(start, slope, sigma) - start
-            for part in (1.0, 0.5, 0.2):
+            for part in _PARTS:
                 trial = start + part * step
                 trial_cost, trial_sigma = self.cost(trial)
                 if trial_cost < cost:
-                    scaled, cost, sigma = trial, trial_cost, trial_sigma
+                    scaled = trial
+                    cost = trial_cost
+                    sigma = trial_sigma
                     break
             if before - cost < _CONVERGED:
                 break
@@ -227,26 +251,40 @@ class _Problem:
     def _linear_minimum(self, start: Array, slope: Array, sigma: Array) -> Array:
         """Parameters (p,) with the least loss for errors with this slope, fitted in turns with the
         errors' sizes.
+
+        The residuals are the errors over their sizes, and the parameters themselves, for the
+        priors, whose loss is plain least squares.
         """
-        first, scaled, count = self.errors(start), start, len(start)
-        prior = np.ones(count)
+        first = self.errors(start)
+        count = len(start)
+        scaled = start
+
+        def linear_errors(at: Array) -> Array:
+            return np.asarray(first + slope @ (at - start))
 
         def loss(square: Array) -> Array:
             of_errors = self.loss(square[:-count], self._layout.share)
-            return np.hstack([of_errors, [square[-count:], prior, 0 * prior]])
+            of_priors = [square[-count:], np.ones(count), np.zeros(count)]
+            return np.hstack([of_errors, of_priors])
 
         for _ in range(_ROUNDS):
             size = sigma[self._layout.kind]
             jacobian = np.vstack([slope / size[:, None], np.eye(count)])
-            scaled = scipy.optimize.least_squares(
-                lambda at, size=size: np.append((first + slope @ (at - start)) / size, at),
+
+            def residuals(at: Array, size: Array = size) -> Array:
+                return np.append(linear_errors(at) / size, at)
+
+            fit = scipy.optimize.least_squares(
+                residuals,
                 scaled,
-                lambda _, jacobian=jacobian: jacobian,
-                (self.low, self.high),
-                "dogbox",
+                jac=lambda at, jacobian=jacobian: jacobian,
+                bounds=(self.low, self.high),
+                method="dogbox",
                 loss=loss,
-            ).x
-            before, sigma = sigma, self.sizes(first + slope @ (scaled - start))
+            )
+            scaled = fit.x
+            before = sigma
+            sigma = self.sizes(linear_errors(scaled))
             if np.allclose(sigma, before, rtol=_SAME, atol=0.0):
                 break
         return np.asarray(scaled)
@@ -257,85 +295,118 @@ class _Problem:
         The changes are from one step of Newton's method. Errors with negative labels (n,) are never
         left out.
         """
-        hessian, gradient, rows = *self._normal(end), label >= 0
-        own = np.zeros((label.max() + 1, *hessian.shape[1:]))
-        push = np.zeros(own.shape[:2])
-        np.add.at(own, label[rows], hessian[rows])
-        np.add.at(push, label[rows], gradient[rows])
-        return newton_steps(hessian.sum(axis=0) + np.eye(len(self.names)) - own, push)
+        hessian, gradient = self._normal(end)
+        labelled = label >= 0
+        labels = label.max() + 1
+        own_hessian = np.zeros((labels, *hessian.shape[1:]))
+        own_gradient = np.zeros((labels, *gradient.shape[1:]))
+        np.add.at(own_hessian, label[labelled], hessian[labelled])
+        np.add.at(own_gradient, label[labelled], gradient[labelled])
+        whole = hessian.sum(axis=0) + np.eye(len(self.names))  # with the priors
+        return newton_steps(whole - own_hessian, own_gradient)
 
     def _normal(self, end: _End) -> tuple[Array, Array]:
         """Contributions of each error to the normal equations (n, p, p) and to the loss gradient
         (n, p).
+
+        The curvature of the loss is averaged over each kind of errors: that of a single large error
+        is negative.
         """
         layout = self._layout
         size = end.sigma[layout.kind]
-        unit, slope = end.errors / size, end.slope / size[:, None]
+        unit = end.errors / size
+        slope = end.slope / size[:, None]
         _, weight, bend = self.loss(unit**2, layout.share)
-        curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(
-            layout.kind, weight
-        )
-        # of the loss, averaged over each kind
-        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]
-        return curvature[:, None, None] * slope[:, :, None] * slope[:, None], slope * (
-            weight * unit
-        )[:, None]
+        curved = np.bincount(layout.kind, weight + 2 * bend * unit**2)
+        relative = np.maximum(curved / np.bincount(layout.kind, weight), _LEAST_CURVED)
+
+        curvature = weight * relative[layout.kind]
+        hessian = curvature[:, None, None] * slope[:, :, None] * slope[:, None]
+        gradient = slope * (weight * unit)[:, None]
+        return hessian, gradient
 
     def covariance(self, end: _End) -> Array:
         """Covariance (p, p) of the scaled parameters."""
-        inverse = np.linalg.inv(self._normal(end)[0].sum(axis=0) + np.eye(len(self.names)))
+        hessian, _ = self._normal(end)
+        inverse = np.linalg.inv(hessian.sum(axis=0) + np.eye(len(self.names)))
         if not self._layout.robust:
             return inverse
         apart = self.without(end, self._layout.cluster)
-        return np.asarray(apart.T @ apart + inverse @ inverse)  # parts from clusters and priors
+        of_clusters = apart.T @ apart
+        of_priors = inverse @ inverse
+        return np.asarray(of_clusters + of_priors)
 
     def vague(self, end: _End, spread: Array) -> dict[str, str]:
         """Reasons why the target doesn't determine some parameters, by name; `spread` (p,): their
         standard errors.
         """
-        slope = (
-            end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
-        )
+        weight = np.sqrt(self._layout.share)[:, None]
+        slope = end.slope * weight / end.sigma[self._layout.kind, None]
         strength = np.linalg.norm(slope, axis=0)
         alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
+        is_significant = np.abs(end.scaled) >= _SIGNIFICANT * spread
         reasons = {}
-        for k in np.flatnonzero((spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)):
+        for k in np.flatnonzero((spread > _VAGUE) & ~is_significant):
             others = [name for j, name in enumerate(self.names) if j != k and alike[j, k]]
-            mixed = strength[k] >= 1 and others
-            what = f"distinguish it from {' and '.join(others)}" if mixed else "determine it"
+            is_mixed = strength[k] >= 1 and others
+            what = f"distinguish it from {' and '.join(others)}" if is_mixed else "determine it"
             reasons[self.names[k]] = f"the target does not {what}"
         return reasons
 
     def described(self, end: _End) -> Calibration:
         """The calibration that results from a minimum."""
-        target, base = self.target, self._base
         covariance = self.covariance(end)
         spread = np.sqrt(np.diag(covariance))
+        candidate = self.candidate(end.scaled)
+        matrix = covariance / np.outer(spread, spread)
+        return Calibration(
+            candidate=candidate,
+            estimates=self._estimates(end, candidate, spread),
+            correlation=self._correlations(matrix),
+            cost=end.cost,
+            metrics=self.target.metrics(self.target.errors(candidate)),
+            before=self.target.metrics(self.target.errors(self._base)),
+        )
+
+    def _estimates(self, end: _End, candidate: Candidate, spread: Array) -> dict[str, Estimate]:
+        """The fitted parameters, by name, with standard errors `spread` (p,) of the scaled ones."""
+        layout = self._layout
         vague = self.vague(end, spread)
-        count = self._layout.clusters if self._layout.robust else self._layout.share.sum()
-        reach = float(scipy.stats.t.ppf(0.975, max(count - len(self.names), 1)))
+        count = layout.clusters if layout.robust else layout.share.sum()
+        degrees_of_freedom = max(count - len(self.names), 1)
+        reach = float(scipy.stats.t.ppf(_CONFIDENCE, degrees_of_freedom))
         estimates = {}
         for k, name in enumerate(self.names):
-            parameter, sd = PARAMETERS[name], spread[k]
-            value = parameter.read(self.candidate(end.scaled))
-            width = parameter.spread * (value if parameter.relative else parameter.size(base)) * sd
-            ends_z = np.clip(
-                end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k]
-            )
-            low, high = (parameter.unscaled(base, float(z)) for z in ends_z)
+            parameter = PARAMETERS[name]
+            value = parameter.read(candidate)
+            unit = value if parameter.relative else parameter.size(self._base)
+            ends = end.scaled[k] + np.array([-reach, reach]) * spread[k]
+            low, high = np.clip(ends, self.low[k], self.high[k])
             estimates[name] = Estimate(
-                value, parameter.unit, float(width), low, high, vague.get(name, "")
+                value=value,
+                unit=parameter.unit,
+                stderr=float(parameter.spread * unit * spread[k]),
+                low=parameter.unscaled(self._base, float(low)),
+                high=parameter.unscaled(self._base, float(high)),
+                vague=vague.get(name, ""),
             )
-        matrix = (covariance / np.outer(spread, spread)).tolist()
-        correlation = {
-            name: {
-                other: value for other, value in zip(self.names, row, strict=True) if other != name
-            }
-            for name, row in zip(self.names, matrix, strict=True)
-        }
-        candidate = self.candidate(end.scaled)
-        after, before = (target.metrics(target.errors(each)) for each in (candidate, base))
-        return Calibration(candidate, estimates, correlation, end.cost, after, before)
+        return estimates
+
+    def _correlations(self, matrix: Array) -> dict[str, dict[str, float]]:
+        """Correlations of each parameter with the others, by name, from their matrix (p, p)."""
+        correlations = {}
+        for name, row in zip(self.names, matrix.tolist(), strict=True):
+            by_name = dict(zip(self.names, row, strict=True))
+            del by_name[name]
+            correlations[name] = by_name
+        return correlations
+
+
+def _median(size: Array, share: Array) -> float:
+    """Median of errors (m,) with weights `share` (m,)."""
+    order = np.argsort(size)
+    middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
+    return float(size[order[middle]])
 
 
 def _with_folds(
@@ -345,13 +416,17 @@ def _with_folds(
     folds.
     """
     target = problem.target
-    errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
-    first, candidates = problem.errors(np.zeros(len(problem.names))), []
+    unfitted = problem.errors(np.zeros(len(problem.names)))
+    errors = np.full(len(end.errors), np.nan)
+    before = np.full(len(end.errors), np.nan)
     scaled = np.clip(end.scaled + problem.without(end, folds), problem.low, problem.high)
+    candidates = []
     for fold in np.unique(folds[folds >= 0]):
         out = folds == fold
-        candidates.append(problem.candidate(scaled[fold]))
-        errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
+        candidate = problem.candidate(scaled[fold])
+        candidates.append(candidate)
+        errors[out] = target.errors(candidate)[out]
+        before[out] = unfitted[out]
         progress(1)
     return replace(
         fit,

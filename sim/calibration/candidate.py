@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import Any
+from typing import Any, Final
 
 from sim.ground.ground import Ground
 from sim.motors.motor import or_tireless
@@ -14,7 +14,7 @@ from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
-_FARTHEST = 3.0  # largest distance from the base value [standard deviations of the prior]
+_FARTHEST: Final = 3.0  # largest distance from the base value [standard deviations of the prior]
 
 
 @dataclass(frozen=True)
@@ -48,15 +48,24 @@ class Candidate:
 class Parameter:
     """A number that can be fitted, with a normal prior around the base candidate's value."""
 
-    read: Callable[[Candidate], float]  # returns a candidate's value
-    write: Callable[[Candidate, float], Candidate]  # returns a copy of a candidate with a new value
-    # standard deviation of the prior, in units of `size`; if `relative`, of the value's logarithm
+    read: Callable[[Candidate], float]
+    """Returns a candidate's value."""
+    write: Callable[[Candidate, float], Candidate]
+    """Returns a copy of a candidate with a new value."""
     spread: float
+    """Standard deviation of the prior, in units of `size`; if `relative`, of the value's
+    logarithm.
+    """
     unit: str = ""
+    """Unit of the value."""
     relative: bool = False
-    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of `spread` for a base candidate
-    low: float = -math.inf  # smallest value
-    high: float = math.inf  # largest value
+    """Whether the prior is normal in the value's logarithm."""
+    size: Callable[[Candidate], float] = lambda base: 1.0
+    """Returns the unit of `spread` for a base candidate."""
+    low: float = -math.inf
+    """Smallest value."""
+    high: float = math.inf
+    """Largest value."""
 
     def scaled(self, base: Candidate, value: float) -> float:
         """Signed distance of a value from the base candidate's value, in standard deviations of the
@@ -80,36 +89,61 @@ class Parameter:
         """Limits on the scaled value: three standard deviations, or less if the smallest or largest
         value is closer.
         """
-        positive = self.relative and self.low < 0
-        low = -_FARTHEST if positive else max(-_FARTHEST, self.scaled(base, self.low))
+        low = -_FARTHEST
+        if not self.relative or self.low >= 0:  # the logarithm has no lower end
+            low = max(low, self.scaled(base, self.low))
         return low, min(_FARTHEST, self.scaled(base, self.high))
 
 
-def _field(path: str, spread: float, unit: str = "", **options: Any) -> Parameter:
-    """The parameter at a dotted path of fields in the candidate."""
-    functions: dict[str, Any] = {
-        "read": lambda candidate: float(attrgetter(path)(candidate)),
-        "write": lambda candidate, value: _with(candidate, path, value),
-    }
-    return Parameter(**functions | {"spread": spread, "unit": unit} | options)
+def _field(
+    path: str,
+    spread: float,
+    unit: str = "",
+    write: Callable[[Candidate, float], Candidate] | None = None,
+    **options: Any,
+) -> Parameter:
+    """The parameter at a dotted path of fields in the candidate; by default, `write` changes that
+    field alone.
+    """
+
+    def read(candidate: Candidate) -> float:
+        return float(attrgetter(path)(candidate))
+
+    def write_field(candidate: Candidate, value: float) -> Candidate:
+        changed: Candidate = _with(candidate, path, value)
+        return changed
+
+    return Parameter(read, write or write_field, spread, unit, **options)
 
 
 def _with(owner: Any, path: str, value: float) -> Any:
     """A copy of a dataclass with a new value at a dotted path of fields."""
     name, _, rest = path.partition(".")
-    return replace(owner, **{name: _with(getattr(owner, name), rest, value) if rest else value})
+    changed = _with(getattr(owner, name), rest, value) if rest else value
+    return replace(owner, **{name: changed})
 
 
 def _ratio(candidate: Candidate) -> float:
     return candidate.ground.across / candidate.ground.along
 
 
+def _with_ratio(candidate: Candidate, ratio: float) -> Candidate:
+    across = candidate.ground.along * ratio
+    return replace(candidate, ground=replace(candidate.ground, across=across))
+
+
+def _with_friction(candidate: Candidate, along: float) -> Candidate:
+    """A candidate with another friction, whose ratio of across to along stays."""
+    ground = replace(candidate.ground, along=along, across=along * _ratio(candidate))
+    return replace(candidate, ground=ground)
+
+
 def _with_length(candidate: Candidate, length: float) -> Candidate:
     return replace(candidate, robot=candidate.robot.with_contact_length(length))
 
 
-def _with_ground(candidate: Candidate, along: float, ratio: float) -> Candidate:
-    return replace(candidate, ground=replace(candidate.ground, along=along, across=along * ratio))
+def _lag(candidate: Candidate) -> float:
+    return or_tireless(candidate.robot.drive).lag
 
 
 def _with_lag(candidate: Candidate, lag: float) -> Candidate:
@@ -118,21 +152,26 @@ def _with_lag(candidate: Candidate, lag: float) -> Candidate:
 
 
 def _radius(side: int) -> Parameter:
+    """The radius error of one side: 0 for the left, 1 for the right."""
 
     def sides(candidate: Candidate) -> list[float]:
-        mean, split = candidate.robot.radius_error, candidate.robot.radius_split
+        mean = candidate.robot.radius_error
+        split = candidate.robot.radius_split
         return [mean - split, mean + split]
+
+    def read(candidate: Candidate) -> float:
+        return sides(candidate)[side]
 
     def write(candidate: Candidate, value: float) -> Candidate:
         both = sides(candidate)
         both[side] = value
         left, right = both
-        robot = replace(
-            candidate.robot, radius_error=(left + right) / 2, radius_split=(right - left) / 2
-        )
+        mean = (left + right) / 2
+        split = (right - left) / 2
+        robot = replace(candidate.robot, radius_error=mean, radius_split=split)
         return replace(candidate, robot=robot)
 
-    return Parameter(lambda candidate: sides(candidate)[side], write, 0.07)
+    return Parameter(read, write, spread=0.07)
 
 
 PARAMETERS = {
@@ -141,12 +180,8 @@ PARAMETERS = {
     "radius_error": _field("robot.radius_error", 0.07),
     "radius_left": _radius(0),
     "radius_right": _radius(1),
-    "friction": _field(
-        "ground.along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))
-    ),
-    "friction_ratio": Parameter(
-        _ratio, lambda c, ratio: _with_ground(c, c.ground.along, ratio), 0.3, relative=True
-    ),
+    "friction": _field("ground.along", 0.7, relative=True, write=_with_friction),
+    "friction_ratio": Parameter(_ratio, _with_ratio, 0.3, relative=True),
     "shear": _field("ground.shear", 0.015, "m", low=0.0),
     "com_x": _field("robot.com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
     "com_y": _field("robot.com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),
@@ -155,14 +190,7 @@ PARAMETERS = {
     "sensor_y": _field("sensor.y", 0.3, "m"),
     "sensor_yaw": _field("sensor.yaw", 0.1, "rad"),
     "clock": _field("clock", 0.3, "s", low=-0.5, high=0.5),
-    "lag": Parameter(
-        lambda candidate: or_tireless(candidate.robot.drive).lag,
-        lambda candidate, lag: _with_lag(candidate, lag),
-        1.0,
-        "s",
-        relative=True,
-        high=1.0,
-    ),
+    "lag": Parameter(_lag, _with_lag, 1.0, "s", relative=True, high=1.0),
 }
 """Parameters that can be fitted, by name; radii are fitted as relative errors."""
 OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})

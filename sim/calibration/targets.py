@@ -5,10 +5,11 @@ simulation.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -34,28 +35,31 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 
-SLIP_SCALE = 0.007
+SLIP_SCALE: Final = 0.007
 """Scale of slip errors in a table of turns, about the residual of the best fit to the published
 slips [-].
 """
 # scale of relative radius errors [-]: the best fit leaves 0.05; radii have half the weight
-_RADIUS_SCALE = 0.07
-_TOP_SPEED = 0.3  # of the paper's robot; faster commands are scaled down, both tracks alike [m/s]
-_STEADY = 2.0  # time after which the motion is steady [s]
-# on shearing ground: extra travel of the slowest belt [contact lengths]; limit [s]
-_PASSES, _LONGEST = 2.0, 12.0
-_NUMERICAL_ERROR = 2e-5  # relative error of the simulated motion [-]
-HORIZONS = (0.5, 1.0, 1.8, 5.0)
+_RADIUS_SCALE: Final = 0.07
+# of the paper's robot; faster commands are scaled down, both tracks alike [m/s]
+_TOP_SPEED: Final = 0.3
+_STEADY: Final = 2.0  # time after which the motion is steady [s]
+# extra travel of the slowest belt on shearing ground until the motion is steady [contact lengths]
+_PASSES: Final = 2.0
+_LONGEST: Final = 12.0  # largest time until the motion counts as steady [s]
+_NUMERICAL_ERROR: Final = 2e-5  # relative error of the simulated motion [-]
+HORIZONS: Final = (0.5, 1.0, 1.8, 5.0)
 """Horizons over which a drive is compared with its simulation [s]."""
-_PAIRS = 4.0  # approximate number of pose pairs that begin within a horizon
-_MIN_DRIVEN = 0.1  # belt travel above which a robot is moving [half gauges]
-_WINDOW = 6.5  # duration of the windows that are cut from drives [s]
+_PAIRS: Final = 4.0  # approximate number of pose pairs that begin within a horizon
+_MIN_DRIVEN: Final = 0.1  # belt travel above which a robot is moving [half gauges]
+_WINDOW: Final = 6.5  # duration of the windows that are cut from drives [s]
 # time replayed before a window, if the drive is long enough, to forget the initial state, even on
 # ice [s]
-_LEAD = 3.0
-_MAX_WINDOWS = 200
-_KEPT = 3  # number of cached motions
-_FEW = 20  # number of steady rows at which single wrong rows are evident
+_LEAD: Final = 3.0
+_MAX_WINDOWS: Final = 200
+_CACHED_MOTIONS: Final = 3
+_ROBUST_FROM: Final = 20  # number of steady rows from which single wrong rows are evident
+_ROUNDING: Final = 1e-9  # tolerance on times [s]
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,8 @@ class Target(Protocol):
 
 
 # radii [m] and speeds [m/s] (2, M)
-_COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
-_OBSERVED = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
+_COMMANDED: Final = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
+_OBSERVED: Final = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
 Turns = Callable[..., Array]
 """Function that returns steady twists of a robot on a ground, such as `steady_turns`."""
 
@@ -115,30 +119,41 @@ class PublishedTurns:
         """Structure of the errors: left and right slips, then radii."""
         turn = np.arange(len(_OBSERVED))
         cluster = np.concatenate([np.repeat(turn, 2), turn])
-        share = np.full(len(cluster), 3 * len(COMMANDED_RADII) / len(cluster))
-        floor = np.array([_NUMERICAL_ERROR / SLIP_SCALE])
-        return Layout(np.zeros(len(cluster), int), share, cluster, floor, robust=False)
+        count = len(cluster)
+        # three errors, two slips and a radius, for each commanded radius
+        weight = 3 * len(COMMANDED_RADII)
+        return Layout(
+            kind=np.zeros(count, int),
+            share=np.full(count, weight / count),
+            cluster=cluster,
+            floor=np.array([_NUMERICAL_ERROR / SLIP_SCALE]),
+            robust=False,
+        )
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) in the slips and in the logarithms of the radii, each divided by its
         scale.
         """
-        (radius, speed), geometry = _COMMANDED, candidate.geometry
-        wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
+        radius, speed = _COMMANDED
+        geometry = candidate.geometry
+        commanded = np.stack([speed, speed / radius], axis=-1)
+        wanted = sprocket_speeds(commanded, 0.0, geometry)
         omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
         turns = self.turns or steady_turns
         twist = turns(candidate.robot, candidate.ground, omega, threads=self.threads)[:, [0, 2]]
-        slip = (track_slip(omega, twist, geometry) - PUBLISHED(1 / _OBSERVED)) / SLIP_SCALE
-        radius = np.log(twist[:, 0] / twist[:, 1] / _OBSERVED) / _RADIUS_SCALE
-        return np.concatenate([slip.ravel(), radius])
+
+        slip = track_slip(omega, twist, geometry) - PUBLISHED(1 / _OBSERVED)
+        driven_radius = twist[:, 0] / twist[:, 1]
+        slip_errors = slip / SLIP_SCALE
+        radius_errors = np.log(driven_radius / _OBSERVED) / _RADIUS_SCALE
+        return np.concatenate([slip_errors.ravel(), radius_errors])
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors in the slips, and RMS relative errors in the radii [-]."""
-        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(_OBSERVED)]))
-        return {
-            "slip_rms": rms(slip * SLIP_SCALE),
-            "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE)),
-        }
+        slip, radius = np.split(errors, [2 * len(_OBSERVED)])
+        slip = slip[np.isfinite(slip)] * SLIP_SCALE
+        radius = np.expm1(radius[np.isfinite(radius)] * _RADIUS_SCALE)
+        return {"slip_rms": rms(slip), "radius_rms": rms(radius)}
 
 
 @dataclass(frozen=True)
@@ -157,28 +172,42 @@ class SteadyRows:
         """Measured speeds v and w, and lateral speeds if there are any (2 or 3, M); NaN where not
         measured.
         """
+        v, w = self.samples.twist.T
         lateral = self.samples.lateral
-        known = lateral is not None and bool(np.isfinite(lateral).any())
-        return np.array([*self.samples.twist.T] + ([lateral] if known else []))
+        if lateral is None or not np.isfinite(lateral).any():
+            return np.stack([v, w])
+        return np.stack([v, w, lateral])
 
     @cached_property
     def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
         """Steady twists (M, 3), cached for candidates that differ only in the sensor."""
+        turns = self.turns or steady_turns
 
-        turns: Turns = partial(
-            self.turns or steady_turns, of_plate=self.of_plate, threads=self.threads
-        )
-        return lru_cache(_KEPT)(lambda robot, ground: turns(robot, ground, self.samples.omega))
+        @lru_cache(_CACHED_MOTIONS)
+        def twists(robot: RobotParameters, ground: Ground) -> Array:
+            omega = self.samples.omega
+            return turns(robot, ground, omega, of_plate=self.of_plate, threads=self.threads)
+
+        return twists
 
     @cached_property
     def layout(self) -> Layout:
         """Structure of the errors: v, w and the known lateral speeds, with one cluster per row."""
         kinds, rows = self._measured.shape
-        known = np.isfinite(self._measured).ravel()
-        fastest = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
-        floor = np.array([fastest, fastest / self.geometry.half_gauge, fastest])[:kinds]
-        kind, cluster = np.repeat(np.arange(kinds), rows), np.tile(np.arange(rows), kinds)
-        return Layout(kind[known], np.ones(known.sum()), cluster[known], floor, robust=rows >= _FEW)
+        known = np.isfinite(self._measured)
+        kind = np.repeat(np.arange(kinds)[:, None], rows, axis=1)
+        cluster = np.repeat(np.arange(rows)[None], kinds, axis=0)
+
+        speed_error = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
+        rate_error = speed_error / self.geometry.half_gauge
+        floor = np.array([speed_error, rate_error, speed_error])
+        return Layout(
+            kind=kind[known],
+            share=np.ones(known.sum()),
+            cluster=cluster[known],
+            floor=floor[:kinds],
+            robust=rows >= _ROBUST_FROM,
+        )
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) in v [m/s], w [rad/s] and lateral speeds [m/s]."""
@@ -187,27 +216,30 @@ class SteadyRows:
 
     def predicted(self, candidate: Candidate) -> Array:
         """Simulated v, w and lateral speeds (3, M) at the sensor [m/s, rad/s]."""
-        twist, place = self._turns(candidate.robot, candidate.ground), candidate.sensor
+        twist = self._turns(candidate.robot, candidate.ground)
+        place = candidate.sensor
         w = twist[:, 2]
-        moved = se2.rotate(-place.yaw, twist[:, :2] + w[:, None] * [-place.y, place.x])
-        return np.stack([moved[:, 0], w, moved[:, 1]])
+        # the sensor moves with the robot and, beside its centre, by its rotation
+        velocity = twist[:, :2] + w[:, None] * [-place.y, place.x]
+        ahead, left = se2.rotate(-place.yaw, velocity).T
+        return np.stack([ahead, w, left])
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors in the speeds [m/s, rad/s], and in the slips, except those of sprockets at
         rest [-].
         """
-        parts = np.full(self._measured.shape, np.nan)
-        parts[np.isfinite(self._measured)] = errors
-        rows = np.isfinite(parts[:2]).all(axis=0)
-        names = ("v_rms", "w_rms", "lateral_rms")
-        metrics = {
-            name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)
-        }
-        slip = track_slip(
-            self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry
-        )
+        by_kind = np.full(self._measured.shape, np.nan)
+        by_kind[np.isfinite(self._measured)] = errors
+        metrics = {}
+        for name, part in zip(("v_rms", "w_rms", "lateral_rms"), by_kind, strict=False):
+            metrics[name] = rms(part[np.isfinite(part)])
+
+        rows = np.isfinite(by_kind[:2]).all(axis=0)
+        predicted = (self._measured[:2] + by_kind[:2]).T
+        slip = track_slip(self.samples.omega[rows], predicted[rows], self.geometry)
         slip -= self.samples.slip[rows]
-        return metrics | {"slip_rms": rms(slip[np.isfinite(slip)])}
+        metrics["slip_rms"] = rms(slip[np.isfinite(slip)])
+        return metrics
 
 
 def steady_turns(
@@ -219,17 +251,16 @@ def steady_turns(
     The twists are those midway between the tracks or, with `of_plate`, those of the plate on the
     leaning robot.
     """
-    drive = tireless(
-        max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius)
-    )
-    fleet = Fleet(
-        compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads
-    )
+    fastest = 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius
+    drive = tireless(max(Drive.top_speed, fastest))
+    start = np.zeros((len(omega), 3))
+    fleet = Fleet(compiled(robot), start, ground, robot.radius_error, drive, threads)
     fleet.command(omega)
     fleet.advance(_time_to_be_steady(robot, ground, omega, fleet.period))
     twist = fleet.twist()
     if of_plate:  # the plate leans to one side with the robot
-        twist[:, 0] -= twist[:, 2] * se2.between(fleet.pose(), fleet.plate)[:, 1]
+        lean = se2.between(fleet.pose(), fleet.plate)[:, 1]
+        twist[:, 0] -= twist[:, 2] * lean
     return twist
 
 
@@ -263,36 +294,45 @@ class Drives:
         evenly chosen. Raises LogError for logs that identification refuses, and if no poses have
         headings.
         """
-        windows = [
-            (k, window, _with_lead(part, window))
-            for k, parts in enumerate(without_jumps(logs, geometry))
-            for part in parts
-            for window in _windows(part)
-        ]
-        of_log, self.windows, led = map(
-            list, zip(*windows[:: -(-len(windows) // _MAX_WINDOWS)], strict=True)
-        )
-        replayer = Replayer(led, inputs)
-        self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
+        windows = _all_windows(logs, geometry)
+        stride = math.ceil(len(windows) / _MAX_WINDOWS)
+        windows = windows[::stride]
+        self.windows = [window.log for window in windows]
+        """Windows (W) that are compared."""
+        replayer = Replayer([window.with_lead for window in windows], inputs)
+        self._motion = lru_cache(_CACHED_MOTIONS)(partial(replayer.run, threads=threads))
         self._pairs = _Pairs.of(self.windows, geometry)
-        self.horizon, window = self._pairs.horizon, self._pairs.window
-        self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
-        self.log = np.repeat(np.array(of_log)[window], 3)  # index of each error's log (n,)
-        cluster = _same_commands(self.windows)[window]
-        cluster = np.unique(cluster, return_inverse=True)[1]
-        group = 3 * np.searchsorted(HORIZONS, self.horizon)
-        number = np.unique(
-            np.stack([cluster, group]), axis=1, return_inverse=True, return_counts=True
-        )
-        alike = number[2][number[1].reshape(-1)]
-        kind = np.unique((group[:, None] + np.arange(3)).ravel(), return_inverse=True)[1]
-        floor = np.full(int(kind.max()) + 1, _NUMERICAL_ERROR)  # [m, rad]
-        self.layout = Layout(
-            kind, np.repeat(1 / alike, 3), np.repeat(cluster, 3), floor, robust=True
-        )
+        self._measured = se2.between(self._pairs.pose[:, 0], self._pairs.pose[:, 1])
+        self.horizon = self._pairs.horizon
+        """Horizon of each pair [s]."""
+
+        source = np.array([window.source for window in windows])
+        self.log = np.repeat(source[self._pairs.window], 3)
+        """Index of each error's log (n,)."""
+        self.layout = self._layout()
         """Structure of the errors: forwards, to the left and heading for each pair; each horizon
         has its own kinds.
         """
+
+    def _layout(self) -> Layout:
+        # in windows with the same constant command, all pairs over a horizon tell the same
+        label = _same_commands(self.windows)[self._pairs.window]
+        cluster = _renumbered(label)
+        group = 3 * np.searchsorted(HORIZONS, self.horizon)
+        _, which, count = np.unique(
+            np.stack([cluster, group]), axis=1, return_inverse=True, return_counts=True
+        )
+        pairs_alike = count[which.reshape(-1)]
+
+        kind = _renumbered((group[:, None] + np.arange(3)).ravel())
+        kinds = int(kind.max()) + 1
+        return Layout(
+            kind=kind,
+            share=np.repeat(1 / pairs_alike, 3),
+            cluster=np.repeat(cluster, 3),
+            floor=np.full(kinds, _NUMERICAL_ERROR),  # [m, rad]
+            robust=True,
+        )
 
     def motion(self, candidate: Candidate) -> Replay:
         """Simulated motion in all windows."""
@@ -302,10 +342,11 @@ class Drives:
         """Errors (n,) for each pair: forwards, to the left and heading in the first pose's frame
         [m, m, rad].
         """
-        motion, place, window = self.motion(candidate), candidate.sensor, self._pairs.window
-        first, last = (
-            motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T
-        )
+        motion = self.motion(candidate)
+        window = self._pairs.window
+        time = self._pairs.time + candidate.clock
+        first = motion.sensor_at(window, candidate.sensor, time[:, 0])
+        last = motion.sensor_at(window, candidate.sensor, time[:, 1])
         error = se2.between(first, last) - self._measured
         error[:, 2] = se2.wrap_angle(error[:, 2])
         return np.asarray(error).ravel()
@@ -315,19 +356,41 @@ class Drives:
         horizon.
         """
         known = np.isfinite(errors[::3])
-        each, metrics = errors.reshape(-1, 3)[known], dict[str, float]()
-        for horizon in np.unique(self.horizon[known]):
-            rows = each[self.horizon[known] == horizon]
-            for name, size in (
-                ("position", np.hypot(rows[:, 0], rows[:, 1])),
-                ("heading", np.abs(rows[:, 2])),
-            ):
-                values = np.median(size), np.quantile(size, 0.9), rms(size)
-                statistics = zip(("median", "p90", "rms"), map(float, values), strict=True)
-                metrics |= {
-                    f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics
-                }
+        by_pair = errors.reshape(-1, 3)[known]
+        of_pair = self.horizon[known]
+        metrics: dict[str, float] = {}
+        for horizon in np.unique(of_pair):
+            ahead, left, heading = by_pair[of_pair == horizon].T
+            sizes = {"position": np.hypot(ahead, left), "heading": np.abs(heading)}
+            for name, size in sizes.items():
+                prefix = f"{name}_{horizon:g}s"
+                metrics[f"{prefix}_median"] = float(np.median(size))
+                metrics[f"{prefix}_p90"] = float(np.quantile(size, 0.9))
+                metrics[f"{prefix}_rms"] = float(rms(size))
         return metrics
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A part of a drive that is compared with its simulation."""
+
+    log: RunLog
+    with_lead: RunLog  # the window and the time before it, which is replayed, too
+    source: int  # index of the log that the window is from
+
+
+def _all_windows(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[_Window]:
+    """All windows of drives, within which poses don't jump."""
+    windows = []
+    for source, parts in enumerate(without_jumps(logs, geometry)):
+        for part in parts:
+            windows += [_Window(log, _with_lead(part, log), source) for log in _windows(part)]
+    return windows
+
+
+def _renumbered(label: np.ndarray) -> np.ndarray:
+    """Labels (n,) that count from 0 without gaps, in the same order."""
+    return np.unique(label, return_inverse=True)[1]
 
 
 @dataclass(frozen=True)
@@ -344,40 +407,53 @@ class _Pairs:
         """The pairs of poses in windows, about four per horizon; raises LogError if there are
         none.
         """
-        headed = [
-            (k, log, rows)
+        parts = [
+            cls._in_window(k, log, horizon, geometry)
             for k, log in enumerate(windows)
-            if len(rows := np.flatnonzero(log.has_heading)) > 1
+            if np.count_nonzero(log.has_heading) > 1
+            for horizon in HORIZONS
         ]
-        if not headed:
+        if not parts:
             raise LogError(
                 "no poses with headings (phi): a calibration compares positions and headings"
             )
-        parts: list[tuple[Array, ...]] = []
-        for k, log, rows in headed:
-            time, interval = log.time[rows], float(np.median(np.diff(log.time[rows])))
-            belts = np.abs(log.omega).max(axis=1)[1:] * np.diff(log.time) * geometry.sprocket_radius
-            way = np.append(0.0, np.cumsum(belts))[rows]
-            for horizon in HORIZONS:
-                first = np.arange(0, len(rows), max(1, round(horizon / _PAIRS / interval)))
-                last = np.searchsorted(time, time[first] + horizon - interval / 2).clip(
-                    max=len(rows) - 1
-                )
-                apart = np.abs(time[last] - time[first] - horizon) <= interval / 2 + 1e-9
-                apart &= way[last] - way[first] > _MIN_DRIVEN * geometry.half_gauge
-                ends = np.stack([first[apart], last[apart]], axis=1)
-                parts.append(
-                    (
-                        np.full(len(ends), horizon),
-                        np.full(len(ends), k),
-                        time[ends],
-                        log.pose[rows[ends]],
-                    )
-                )
-        pairs = cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        pairs = cls(
+            horizon=np.concatenate([part.horizon for part in parts]),
+            window=np.concatenate([part.window for part in parts]),
+            time=np.concatenate([part.time for part in parts]),
+            pose=np.concatenate([part.pose for part in parts]),
+        )
         if not len(pairs.horizon):
             raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")
         return pairs
+
+    @classmethod
+    def _in_window(cls, k: int, log: RunLog, horizon: float, geometry: RobotGeometry) -> _Pairs:
+        """The pairs a `horizon` [s] apart in the window `k`."""
+        rows = np.flatnonzero(log.has_heading)
+        time = log.time[rows]
+        interval = float(np.median(np.diff(time)))
+        stride = max(1, round(horizon / _PAIRS / interval))
+        first = np.arange(0, len(rows), stride)
+        last = np.searchsorted(time, time[first] + horizon - interval / 2)
+        last = last.clip(max=len(rows) - 1)
+        deviation = time[last] - time[first] - horizon
+        is_apart = np.abs(deviation) <= interval / 2 + _ROUNDING
+
+        # travel of the faster belt until each pose
+        turned = np.abs(log.omega).max(axis=1)[1:] * np.diff(log.time)
+        belt_travel = np.append(0.0, np.cumsum(turned * geometry.sprocket_radius))[rows]
+        driven = belt_travel[last] - belt_travel[first]
+        is_moving = driven > _MIN_DRIVEN * geometry.half_gauge
+
+        chosen = is_apart & is_moving
+        ends = np.stack([first[chosen], last[chosen]], axis=1)
+        return cls(
+            horizon=np.full(len(ends), horizon),
+            window=np.full(len(ends), k),
+            time=time[ends],
+            pose=log.pose[rows[ends]],
+        )
 
 
 def _windows(log: RunLog) -> list[RunLog]:
@@ -392,17 +468,24 @@ def _windows(log: RunLog) -> list[RunLog]:
 
 
 def _with_lead(log: RunLog, part: RunLog) -> RunLog:
-    first, last = np.searchsorted(log.time, [part.time[0] - _LEAD, part.time[-1]]).tolist()
+    """The part of a log, with the 3 s before it as far as the log has them."""
+    ends = [part.time[0] - _LEAD, part.time[-1]]
+    first, last = np.searchsorted(log.time, ends).tolist()
     return log.between(first, last + 1)
 
 
 def _same_commands(logs: Sequence[RunLog]) -> np.ndarray:
     """Labels (N,) of windows, equal for neighbours with the same constant command."""
-    label, last = np.zeros(len(logs), int), None
-    for k, log in enumerate(logs):
-        command = log.command
-        constant = command is not None and bool(np.ptp(command, axis=0).max() == 0)
-        this = command[0].tolist() if command is not None and constant else None
-        label[k] = label[k - 1] + (k > 0 and (this is None or this != last))
-        last = this
+    commands = [_constant_command(log) for log in logs]
+    label = np.zeros(len(logs), int)
+    for k in range(1, len(logs)):
+        is_same = commands[k] is not None and commands[k] == commands[k - 1]
+        label[k] = label[k - 1] if is_same else label[k - 1] + 1
     return label
+
+
+def _constant_command(log: RunLog) -> list[float] | None:
+    """The command in all rows of a log; None if it changes or isn't known."""
+    if log.command is None or np.ptp(log.command, axis=0).max() != 0:
+        return None
+    return list(log.command[0].tolist())

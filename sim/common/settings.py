@@ -23,13 +23,14 @@ from trackslip.files import read_text, reason
 
 T = TypeVar("T")
 
-_MOST: Final = 1_000_000  # largest settings file [bytes]
+_MAX_SIZE: Final = 1_000_000  # of a settings file [bytes]
 # Largest number of dots that are not in a number, such as those between parts of a key. The memory
 # for one key a.a.a... grows with the square of its parts, and the time for keys below it with their
 # product.
-_MOST_DOTS: Final = 500
+_MAX_DOTS: Final = 500
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+\.\d+(?![.\d])")
-_KINDS: dict[Any, tuple[Any, str]] = {  # by type hint: class of the values, and name in messages
+# by type hint: class of the values, and name in messages
+_KINDS: Final[dict[Any, tuple[Any, str]]] = {
     str: (str, "a text"),
     bool: (bool, "true or false"),
     float: (Real, "a number"),
@@ -44,11 +45,11 @@ _type_hints = functools.cache(typing.get_type_hints)
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
-        text = read_text(path, _MOST)
+        text = read_text(path, _MAX_SIZE)
         dots = text.count(".") - len(_NUMBER.findall(text))
-        if dots > _MOST_DOTS:
+        if dots > _MAX_DOTS:
             raise SettingsFileError(
-                f"{path}: {dots} dots outside of numbers, must be at most {_MOST_DOTS}"
+                f"{path}: {dots} dots outside of numbers, must be at most {_MAX_DOTS}"
             )
         table = tomllib.loads(text)
     except OSError as error:
@@ -88,21 +89,22 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
         if name not in known:
             raise SettingsFileError(f"{where}: {name} is unknown; known are {', '.join(known)}")
     try:
-        values = {
-            name: converted(name, value, hints[name], f"{where}: ") for name, value in table.items()
-        }
+        values = {}
+        for name, value in table.items():
+            values[name] = converted(name, value, hints[name], f"{where}: ")
         if base is not None:
             return dataclasses.replace(base, **values)  # type: ignore[type-var]
         for name, f in known.items():
-            if (
-                name not in values
-                and f.default is dataclasses.MISSING
-                and f.default_factory is dataclasses.MISSING
-            ):
+            if name not in values and not _has_default(f):
                 raise SettingsFileError(f"{where}: {name} is missing")
         return cls(**values)
     except InvalidValueError as error:
         raise SettingsFileError(f"{where}: {error}") from error
+
+
+def _has_default(field: dataclasses.Field[Any]) -> bool:
+    missing = dataclasses.MISSING
+    return field.default is not missing or field.default_factory is not missing
 
 
 def from_options(cls: type[T], options: Mapping[str, Any]) -> T:
@@ -139,54 +141,78 @@ def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
     """
     if hint is object:
         return value
-    parts = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    origins = [typing.get_origin(part) or part for part in parts]
-    if isinstance(value, Mapping) and dict not in origins and (kind := _dataclass_of(value, parts)):
-        place = f"{where}{name}"
-        return (
-            kind.from_table(dict(value), place)
-            if hasattr(kind, "from_table")
-            else build(kind, value, place)
-        )
-    if isinstance(value, list | tuple) and tuple in origins:
-        of, *others = typing.get_args(parts[origins.index(tuple)])
-        if others != [...]:
-            # a decimal comma makes two numbers of one
-            require(len(value) == 1 + len(others), name, value, f"{1 + len(others)} values")
-        numbered = dataclasses.is_dataclass(of) or typing.get_origin(of) is tuple
-        each = [f"{name}[{k}]" if numbered else name for k in range(len(value))]
-        return tuple(converted(own, item, of, where) for own, item in zip(each, value, strict=True))
-    if isinstance(value, PurePath) and str in parts:
+    # the types in a union, and their classes: tuple for tuple[float, ...]
+    types = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    classes = [typing.get_origin(kind) or kind for kind in types]
+    if isinstance(value, Mapping) and dict not in classes:
+        dataclass = _dataclass_of(value, types)
+        if dataclass is not None:
+            return _from_table(dataclass, value, f"{where}{name}")
+    if isinstance(value, list | tuple) and tuple in classes:
+        return _tuple(name, value, types[classes.index(tuple)], where)
+    if isinstance(value, PurePath) and str in types:
         return str(value)
-    if isinstance(value, str) and Path in parts:
+    if isinstance(value, str) and Path in types:
         return Path(value)
-    kinds = [_KINDS.get(origin, (origin, f"a {origin.__name__}")) for origin in origins]
-    valid = any(isinstance(value, kind) for kind, _ in kinds) and (
-        bool in parts or not isinstance(value, bool)
-    )
-    valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+    _require_kind(name, value, classes)
+    return float(value) if float in types and value is not None else value
+
+
+def _from_table(dataclass: Any, table: Mapping[str, Any], where: str) -> Any:
+    """A dataclass from a table of its fields, by its own `from_table` if it has one."""
+    if hasattr(dataclass, "from_table"):
+        return dataclass.from_table(dict(table), where)
+    return build(dataclass, table, where)
+
+
+def _tuple(name: str, values: Any, hint: Any, where: str) -> tuple[Any, ...]:
+    """A tuple of converted values. The hint is tuple[item, ...], or has as many equal items as the
+    tuple must have.
+    """
+    item_hint, *others = typing.get_args(hint)
+    if others != [...]:
+        count = 1 + len(others)
+        # a decimal comma makes two numbers of one
+        require(len(values) == count, name, values, f"{count} values")
+    is_numbered = dataclasses.is_dataclass(item_hint) or typing.get_origin(item_hint) is tuple
+    items = []
+    for k, item in enumerate(values):
+        item_name = f"{name}[{k}]" if is_numbered else name
+        items.append(converted(item_name, item, item_hint, where))
+    return tuple(items)
+
+
+def _require_kind(name: str, value: Any, classes: Iterable[Any]) -> None:
+    """Raise InvalidValueError unless a value is of one of these classes, and not a whole number
+    that no float can hold.
+    """
+    kinds = [_KINDS.get(each, (each, f"a {each.__name__}")) for each in classes]
+    is_of_kind = any(isinstance(value, kind) for kind, _ in kinds)
+    is_wrong_bool = isinstance(value, bool) and bool not in classes
+    is_too_large = isinstance(value, Integral) and abs(int(value)) > sys.float_info.max
+    valid = is_of_kind and not is_wrong_bool and not is_too_large
     require(valid, name, value, " or ".join(words for _, words in kinds))
-    return float(value) if float in parts and value is not None else value
 
 
-def _dataclass_of(table: Mapping[str, Any], parts: Iterable[Any]) -> Any:
+def _dataclass_of(table: Mapping[str, Any], types: Iterable[Any]) -> Any:
     """The dataclass among types and their subclasses that has all fields of a table and the fewest
     others, or None.
 
     If there is only one candidate, it is returned whatever its fields.
     """
-    kinds = [kind for part in parts for kind in _dataclasses(part)]
+    kinds = [kind for each in types for kind in _dataclasses(each)]
     if len(kinds) != 1:
-        kinds = [kind for kind in kinds if {f.name for f in dataclasses.fields(kind)} >= set(table)]
+        kinds = [kind for kind in kinds if _field_names(kind) >= set(table)]
     return min(kinds, key=lambda kind: len(dataclasses.fields(kind)), default=None)
+
+
+def _field_names(kind: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(kind)}
 
 
 def _dataclasses(kind: Any) -> list[Any]:
     """The type if it is a dataclass, otherwise its subclasses that are dataclasses."""
     if dataclasses.is_dataclass(kind):
         return [kind]
-    return [
-        each
-        for subclass in getattr(kind, "__subclasses__", list)()
-        for each in _dataclasses(subclass)
-    ]
+    subclasses: list[Any] = getattr(kind, "__subclasses__", list)()
+    return [found for subclass in subclasses for found in _dataclasses(subclass)]

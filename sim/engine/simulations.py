@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -17,6 +17,8 @@ from trackslip import se2
 from trackslip.errors import require, require_positive, require_whole
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
+
+_ROUNDING: Final = 1e-9  # tolerance on times [s]
 
 
 class _Silence:
@@ -34,8 +36,10 @@ def quietly() -> Iterator[None]:
     """
     with _Silence.lock:
         if _Silence.threads == 0:
-            _Silence.before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
-            quiet.logto_console = quiet.logto_file = False
+            _Silence.before = mujoco.MjLogConfig.get()
+            quiet = mujoco.MjLogConfig.get()
+            quiet.logto_console = False
+            quiet.logto_file = False
             quiet.set()
         _Silence.threads += 1
     try:
@@ -59,22 +63,26 @@ class States:
     @property
     def position(self) -> Array:
         """Positions (..., 3) of the chassis [m]."""
-        return self.qpos[..., self.free[0] : self.free[0] + 3]
+        first = self.free[0]
+        return self.qpos[..., first : first + 3]
 
     @property
     def quaternion(self) -> Array:
         """Attitudes (..., 4) of the chassis as quaternions w, x, y, z."""
-        return self.qpos[..., self.free[0] + 3 : self.free[0] + 7]
+        first = self.free[0] + 3
+        return self.qpos[..., first : first + 4]
 
     @property
     def velocity(self) -> Array:
         """Velocities (..., 3) of the chassis in the world [m/s]."""
-        return self.qvel[..., self.free[1] : self.free[1] + 3]
+        first = self.free[1]
+        return self.qvel[..., first : first + 3]
 
     @property
     def rate(self) -> Array:
         """Angular velocities (..., 3) of the chassis in its own frame [rad/s]."""
-        return self.qvel[..., self.free[1] + 3 : self.free[1] + 6]
+        first = self.free[1] + 3
+        return self.qvel[..., first : first + 3]
 
     @property
     def rotation(self) -> Array:
@@ -123,8 +131,10 @@ class States:
         [m].
         """
         x, y, z = np.moveaxis(self.rotation[..., 2], -1, 0)
-        along, heading = (height - self.position[..., 2]) / z, self.heading
-        return np.asarray(along * (np.cos(heading) * y - np.sin(heading) * x))
+        distance = (height - self.position[..., 2]) / z  # along the axis
+        heading = self.heading
+        leftward = np.cos(heading) * y - np.sin(heading) * x
+        return np.asarray(distance * leftward)
 
 
 class Simulations(Restorable):
@@ -142,26 +152,32 @@ class Simulations(Restorable):
         require_whole("threads", threads, 0)
         self.size = size
         self.batch = batch.Batch(model, size, nthread=threads)
+        """The engine's simulations."""
         if model.nkey:
-            self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
+            self.batch.qpos[0] = model.key_qpos[0]
+            self.batch.ctrl[0] = model.key_ctrl[0]
         self._fresh = self.batch.state[0].copy()  # state of a robot before it moves
-        # states (N, ...) of the robots, views of the batch
         self.state = States(self.batch.qpos, self.batch.qvel, free)
+        """States (N, ...) of the robots, views of the batch."""
 
-    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> None:
+    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com_offset: Array) -> None:
         """Scale the mass and inertia of a body by `mass` (R,), and shift its centre of mass by
-        `com` (R, 2) [m].
+        `com_offset` (R, 2) [m].
 
         The shift is forwards and to the left. The belts must be moving during the call, otherwise
         the engine concludes that they never move.
         """
-        model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
-        if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
+        changes = not (mass == 1).all() or com_offset.any()
+        has_changed = self.batch.expanded("body_mass") is not None
+        if not changes and not has_changed:
             return
-        masses, inertias, centres = (self.batch.expand(name) for name in names)
+        model = self.batch.model
+        masses = self.batch.expand("body_mass")
+        inertias = self.batch.expand("body_inertia")
+        centres = self.batch.expand("body_ipos")
         masses[rows, body] = model.body_mass[body] * mass
         inertias[rows, body] = model.body_inertia[body] * mass[:, None]
-        centres[rows, body, :2] = model.body_ipos[body, :2] + com
+        centres[rows, body, :2] = model.body_ipos[body, :2] + com_offset
         self.batch.set_const(ids=rows)
 
     def get_state(self) -> dict[str, Any]:
@@ -182,31 +198,30 @@ class Simulations(Restorable):
         step.
         """
         super().set_state(state)
-        of, engine = self.batch, state["engine"]
-        of.state[:], of.warning[:] = engine["state"], engine["warning"]
+        engine = state["engine"]
+        self.batch.state[:] = engine["state"]
+        self.batch.warning[:] = engine["warning"]
         for name in batch.MODEL_FIELDS:
             if name in engine["model"]:
-                of.expand(name)[...] = engine["model"][name]
-            elif of.expanded(name) is not None:
-                plain = of.model.opt if name.startswith("opt.") else of.model
-                of.expand(name)[...] = getattr(plain, name.split(".")[-1])
+                self.batch.expand(name)[...] = engine["model"][name]
+            elif self.batch.expanded(name) is not None:  # equal in all simulations at that time
+                model = self.batch.model
+                owner = model.opt if name.startswith("opt.") else model
+                self.batch.expand(name)[...] = getattr(owner, name.split(".")[-1])
 
     def _place_at(self, rows: np.ndarray, poses: Array, height: Array | float = 0.0) -> None:
         """Reset the robots `rows` (R,) to upright poses (R, 3) [m, m, rad], with frames at heights
         (R,) [m].
         """
         self.batch.state[rows] = self._fresh
-        half, zero = poses[:, 2] / 2, np.zeros(len(rows))
-        place = [
-            *poses[:, :2].T,
-            np.broadcast_to(height, zero.shape),
-            np.cos(half),
-            zero,
-            zero,
-            np.sin(half),
-        ]
+        half_heading = poses[:, 2] / 2
+        placed = np.zeros((len(rows), 7))  # x, y, z and a quaternion w, x, y, z
+        placed[:, :2] = poses[:, :2]
+        placed[:, 2] = height
+        placed[:, 3] = np.cos(half_heading)
+        placed[:, 6] = np.sin(half_heading)
         first = self.state.free[0]
-        self.batch.qpos[rows, first : first + 7] = np.stack(place, axis=-1)
+        self.batch.qpos[rows, first : first + 7] = placed
 
 
 def steps_in(name: str, period: float, of: str, step: float) -> int:
@@ -215,10 +230,6 @@ def steps_in(name: str, period: float, of: str, step: float) -> int:
     """
     require_positive(name, period)
     count = round(period / step)
-    require(
-        count >= 1 and abs(count * step - period) < 1e-9,
-        name,
-        period,
-        f"a multiple of {of}, {step:g} s",
-    )
+    is_multiple = count >= 1 and abs(count * step - period) < _ROUNDING
+    require(is_multiple, name, period, f"a multiple of {of}, {step:g} s")
     return count

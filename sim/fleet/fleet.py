@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,10 +23,11 @@ from trackslip import se2
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
-SETTLING = 1.0
+SETTLING: Final = 1.0
 """Time for which robots settle before a fleet's first period [s]."""
-_RESETTLING = 0.4  # for robots that are placed at their sinkage [s]
-_TURN = 2 * np.pi
+_RESETTLING: Final = 0.4  # for robots that are placed at their sinkage [s]
+_TURN: Final = 2 * np.pi
+_ROUNDING: Final = 1e-9  # tolerance on times [s]
 
 
 class Fleet(Simulations):
@@ -70,13 +72,17 @@ class Fleet(Simulations):
                 period that is not a multiple of the physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
-        valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
+        are_poses = start.ndim == 2 and start.shape[1] == 3
+        valid = are_poses and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
         grounds = one_each(ground or Ground(), len(start))
         shears = shears or any(each.largest_shear > 0 for each in grounds)
-        robot = robot.with_single_contacts() if shears else robot
+        if shears:
+            robot = robot.with_single_contacts()
         super().__init__(robot.model, len(start), threads)
         self.robot = robot
+
+        # views of the batch
         # (N, 6) view: forces on the left and right tracks
         self._sensors = self.batch.bind("sensordata")[:, :6]
         self._chassis = robot.model.body("chassis").id
@@ -84,33 +90,28 @@ class Fleet(Simulations):
         self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Centres (N, 3) of the robots' plates one physics step ago, a view of the batch [m]."""
-        self._heading: Array = np.zeros(self.size)  # (N,) unwrapped [rad]
-        self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
-        error = robot.parameters.radius_error if radius_error is None else radius_error
-        self._radius = self._effective_radius(np.broadcast_to(error, (self.size,)))
-        drive = or_tireless(drive or robot.parameters.drive)
-        self.drive = Sprockets(drive, self.size, robot.geometry.sprocket_radius, self._radius)
-        self.period = drive.period
-        self._substeps = steps_in(
-            "drive.period", drive.period, "the physics step", robot.model.opt.timestep
-        )
-
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
         """Speed of each pad's surface along the pad's own axis (N, P), a view of the batch
         [m/s].
         """
         self._slanted = surface[:, robot.pads, 0]  # (N, P) view: surface speed across a tilted pad
-        fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
-        shape = robot.parameters
-        patches = (
-            (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
+        self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6) view
+
+        self._heading: Array = np.zeros(self.size)  # (N,) unwrapped [rad]
+        self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
+        error = robot.parameters.radius_error if radius_error is None else radius_error
+        self._radius = self._effective_radius(np.broadcast_to(error, (self.size,)))
+        drive = or_tireless(drive or robot.parameters.drive)
+        self.drive = Sprockets(drive, self.size, robot.geometry.sprocket_radius, self._radius)
+        """Sprockets of the robots, with their motors and servos."""
+        self.period = drive.period
+        """Period of the servos [s]."""
+        self._substeps = steps_in(
+            "drive.period", drive.period, "the physics step", robot.model.opt.timestep
         )
-        self.shear = (
-            Shear(robot.pad_position, *patches, self.size, drive.period, fastest)
-            if shears
-            else None
-        )
+
+        self.shear = _new_shear(robot, self.size, drive) if shears else None
         """Shear of the ground under the robots; None for fleets that stay on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
@@ -121,7 +122,7 @@ class Fleet(Simulations):
         """
         self.pull = pull or Pull()
         """Pull on each of the robots."""
-        self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6) view
+
         self._periods = 0  # number of periods simulated so far
         # (N,) period in which each robot's run began
         self._began: NDArray[np.int_] = np.zeros(self.size, int)
@@ -167,20 +168,24 @@ class Fleet(Simulations):
         rows = np.asarray(rows, int)
         if not rows.size:
             return
-        start = np.array([s.start for s in setups], float)
+        start = np.array([setup.start for setup in setups], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
-        own_error = self.robot.parameters.radius_error
-        errors = [own_error if s.radius_error is None else s.radius_error for s in setups]
+        errors = []
+        lags = []
+        for setup in setups:
+            own_error = self.robot.parameters.radius_error
+            errors.append(own_error if setup.radius_error is None else setup.radius_error)
+            lags.append(self.drive.drive.lag if setup.lag is None else setup.lag)
         self._radius[rows] = self._effective_radius(np.array(errors))
-        own_lag = self.drive.drive.lag
-        self.drive.restart(rows, [own_lag if s.lag is None else s.lag for s in setups])
+        self.drive.restart(rows, lags)
         self._began[rows] = self._periods
-        mass = np.array([s.mass for s in setups])
-        com = np.array([s.com_offset for s in setups])
-        self._drive(rows, 1.0)
-        self._load(rows, self._chassis, mass, com)
+
+        mass = np.array([setup.mass for setup in setups])
+        com_offset = np.array([setup.com_offset for setup in setups])
+        self._drive(rows, 1.0)  # `_load` needs moving belts
+        self._load(rows, self._chassis, mass, com_offset)
         self._drive(rows, 0.0)
-        self._ground.put([s.ground for s in setups], rows)
+        self._ground.put([setup.ground for setup in setups], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
@@ -208,16 +213,20 @@ class Fleet(Simulations):
         [rad/s].
         """
         omega = np.asarray(omega, float)
-        self.drive.command(
-            omega if omega.shape == (self.size, 2) else np.broadcast_to(omega, (self.size, 2))
-        )
+        if omega.shape != (self.size, 2):  # np.broadcast_to is slow
+            omega = np.broadcast_to(omega, (self.size, 2))
+        self.drive.command(omega)
 
     def advance(self, duration: float) -> None:
         """Simulate `duration` [s]; raises InvalidValueError unless it is a multiple of the servo
         period.
+
+        Servos compensate their loads, so the motion of the sprockets is known in advance if the
+        motors are strong enough (`sim.motors.sprockets`). All robots are first simulated with this
+        forecast. Those whose motors prove too weak go back and drive within the motors' limits.
         """
         periods = round(duration / self.period)
-        if abs(periods * self.period - duration) > 1e-9:
+        if abs(periods * self.period - duration) > _ROUNDING:
             raise InvalidValueError(
                 "duration", duration, f"a multiple of the servo period, {self.period} s"
             )
@@ -232,7 +241,7 @@ class Fleet(Simulations):
             self.drive.accept(forecast, torque)
             return
 
-        # the robots whose motors are too weak for the forecast go back and drive within limits
+        # `accept` advances all robots, so the weak robots' sprockets are set aside
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
@@ -263,33 +272,35 @@ class Fleet(Simulations):
         """Drive `rows` (R,) for P periods at mean speeds (P, R, 2) [rad/s]; return mean tractions
         (P, R, 2) [N].
         """
-        belts = self.robot.pad_speeds(self._radius[rows] * mean)
+        track_speeds = self._radius[rows] * mean
+        belts = self.robot.pad_speeds(track_speeds)
         varies = self._ground.varies
         is_towed = self.pull.force > 0
         is_steady = not (mean != mean[0]).any()
         # the engine is faster without interruptions
         is_whole = is_steady and not varies and not is_towed and self.shear is None
-        periods = len(mean) if is_whole else 1
+        periods_at_once = len(mean) if is_whole else 1
 
         parts = []
         before = None if self.shear is None else self._placed(rows)
-        for k in range(0, len(mean), periods):
+        for k in range(0, len(mean), periods_at_once):
             if varies:
                 self._lay_friction(rows)
             if is_towed:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            parts.append(self._roll(rows, periods))
+            parts.append(self._roll(rows, periods_at_once))
             if before is not None:
                 after = self._placed(rows)
-                self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
+                self._ground.moved(rows, before, after, track_speeds[k])
                 before = after
 
-        # one entry for each servo period: sensor data, and the chassis' x axis at its end
+        # an entry per servo period: sensor data of its steps, and the chassis' x axis at its end
         sensed = np.concatenate([data for data, _ in parts], axis=1)
         sensed = sensed.reshape(len(sensed), len(mean), self._substeps, -1)
         forward = np.concatenate([ahead for _, ahead in parts], axis=1).swapaxes(0, 1)
         self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
+
         # grip builds up within a period, so only the mean force is consistent with the impulse
         mean_sensed = np.add.reduce(sensed, axis=2).swapaxes(0, 1) / self._substeps
         traction = _along(mean_sensed[..., :6], forward)
@@ -377,7 +388,8 @@ class Fleet(Simulations):
 
     def _pulled(self, rows: Rows) -> Array:
         """Pull (R,) on the robots `rows` (R,) at present [N]."""
-        return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
+        has_begun = self._ran()[rows] >= self.pull.since - _ROUNDING
+        return np.where(has_begun, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return tuple(part[rows].copy() for part in self._parts())
@@ -391,7 +403,8 @@ class Fleet(Simulations):
         """The arrays that a servo period changes, without those of the drive; robots are on their
         first axis.
         """
-        return self.batch.state, self._heading, *(() if self.shear is None else self.shear.by_robot)
+        sheared = () if self.shear is None else self.shear.by_robot
+        return self.batch.state, self._heading, *sheared
 
     def _unwrap(self, rows: Rows, passed: Array) -> None:
         """Unwrap the headings of the robots `rows` (R,), whose values since the last call were
@@ -399,9 +412,8 @@ class Fleet(Simulations):
         """
         heading = self.state.heading[rows]
         headings = np.concatenate([self._heading[None, rows], passed, heading[None]])
-        self._heading[rows] = heading + _TURN * np.add.reduce(
-            np.rint((headings[:-1] - headings[1:]) / _TURN)
-        )
+        turns = np.rint((headings[:-1] - headings[1:]) / _TURN)  # of the jumps between neighbours
+        self._heading[rows] = heading + _TURN * np.add.reduce(turns)
 
     def _placed(self, rows: Rows) -> Array:
         """Positions x and y [m], and cosines and sines of the headings, (4, R), of the robots
@@ -461,7 +473,8 @@ class Fleet(Simulations):
         masses = self.batch.expanded("body_mass")
         gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
         mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
-        return self._pulled(rows) / (mass * gravity * np.cos(self._ground.slope[rows]))
+        normal_force = mass * gravity * np.cos(self._ground.slope[rows])
+        return self._pulled(rows) / normal_force
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots'
@@ -473,11 +486,21 @@ class Fleet(Simulations):
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
 
+def _new_shear(robot: Robot, size: int, drive: Drive) -> Shear:
+    """Shear of the ground under `size` robots: in one patch per track, or in one per wheel."""
+    shape = robot.parameters
+    patches = len(shape.axles) if shape.axles else 1
+    length = shape.patch_length if shape.axles else shape.contact_length
+    fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
+    return Shear(robot.pad_position, patches, length, size, drive.period, fastest)
+
+
 def _along(forces: Array, forward: Array) -> Array:
     """Components (..., 2) along `forward` (..., 2) of forces (..., 6) on the left and right
     tracks.
     """
-    x, y = forces[..., 0::3], forces[..., 1::3]
+    x = forces[..., 0::3]
+    y = forces[..., 1::3]
     return x * forward[..., :1] + y * forward[..., 1:]
 
 
@@ -485,11 +508,17 @@ def _along(forces: Array, forward: Array) -> Array:
 class RunSetup:
     """Start and properties of a robot in one run."""
 
-    start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
-    ground: Ground = field(default_factory=Ground)  # ground under the robot
-    # relative error of the effective sprocket radius, real / nominal - 1; None for the robot's [-]
+    start: tuple[float, float, float]
+    """Start pose (x, y, phi) [m, m, rad]."""
+    ground: Ground = field(default_factory=Ground)
+    """Ground under the robot."""
     radius_error: float | None = None
-    lag: float | None = None  # time constant of the servos; None for the drive's own [s]
+    """Relative error of the effective sprocket radius, real / nominal - 1; None for the robot's
+    [-].
+    """
+    lag: float | None = None
+    """Time constant of the servos; None for the drive's own [s]."""
     com_offset: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forwards and to the left [m]."""
-    mass: float = 1.0  # factor on the mass and inertia of the chassis [-]
+    mass: float = 1.0
+    """Factor on the mass and inertia of the chassis [-]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from mujoco import batch
@@ -15,49 +15,60 @@ from sim.ground.pull import Pull
 from sim.ground.shear import Shear
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.errors import require
+from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice over robots."""
-EVERYONE = slice(None)
+EVERYONE: Final = slice(None)
 """Slice over all robots."""
-_LIGHTEST = 0.05  # load, relative to the mean, below which a point is neglected [-]
-_AT_REST = 0.005  # speed below which a robot is at rest; creep is a hundred times slower [m/s]
-_UPRIGHT = 0.1  # roll and pitch below which a robot stands on its tracks [rad]
+_LIGHTEST: Final = 0.05  # smallest load of a point at rest, relative to the mean [-]
+# speed below which a robot is at rest; creep is a hundred times slower [m/s]
+_AT_REST: Final = 0.005
+_UPRIGHT: Final = 0.1  # roll and pitch below which a robot stands on its tracks [rad]
+_ROUNDING: Final = 1e-9  # tolerance on the time of a change [s]
 
 
 class PadFriction:
-    """Friction and shear modulus under each of P pads on N robots."""
+    """Friction and shear modulus under each of P pads on N robots.
+
+    A surface is described by three numbers: friction along and across the tracks [-], and the shear
+    modulus [m].
+    """
 
     def __init__(self, grounds: Sequence[Ground], pads: Array) -> None:
         """Tabulate `grounds`, one per robot, for pads at positions `pads` (P, 2) on the robot
         [m].
         """
         self._pads = pads
-        n, changes, patches = (
-            len(grounds),
-            max(len(g.changes) for g in grounds),
-            max(len(g.patches) for g in grounds),
-        )
-        self.varies = changes > 0 or patches > 0  # whether the ground depends on place or time
-        self._time = np.full((n, changes), np.inf)  # times of changes, in ascending order [s]
-        # along, across, shear; before and after each change
-        self._base = np.zeros((n, changes + 1, 3))
-        self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum and maximum; x, y [m]
-        self._patch = np.zeros((n, patches, 3))
-        # only once per ground
-        patched = {key: _patches(ground) for key, ground in {id(g): g for g in grounds}.items()}
-        for i, ground in enumerate(grounds):
-            self._base[i] = ground.along, ground.across, ground.shear
-            for j, change in enumerate(ground.changes):
-                self._time[i, j] = change.time
-                shear = self._base[i, j, 2] if change.shear is None else change.shear
-                self._base[i, j + 1 :] = change.along, change.across, shear
-            self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = (
-                patched[id(ground)]
-            )
+        size = len(grounds)
+        changes = max(len(ground.changes) for ground in grounds)
+        patches = max(len(ground.patches) for ground in grounds)
+        self.varies = changes > 0 or patches > 0
+        """Whether any ground depends on place or time."""
+        self._time = np.full((size, changes), np.inf)  # times of changes, in ascending order [s]
+        self._base = np.zeros((size, changes + 1, 3))  # surfaces before and after each change
+        self._corners = np.full((size, patches, 2, 2), np.nan)  # lowest and highest; x, y [m]
+        self._patch = np.zeros((size, patches, 3))  # surfaces on the patches
+
+        # robots often share a ground, whose patches are read only once
+        read: dict[int, tuple[Array, Array]] = {}
+        for robot, ground in enumerate(grounds):
+            self._tabulate_changes(robot, ground)
+            if id(ground) not in read:
+                read[id(ground)] = _patches(ground)
+            corners, surfaces = read[id(ground)]
+            self._corners[robot, : len(corners)] = corners
+            self._patch[robot, : len(surfaces)] = surfaces
+
+    def _tabulate_changes(self, robot: int, ground: Ground) -> None:
+        """Tabulate the times of a ground's changes, and its surfaces before and after them."""
+        self._base[robot] = ground.along, ground.across, ground.shear
+        for k, change in enumerate(ground.changes):
+            shear = self._base[robot, k, 2] if change.shear is None else change.shear
+            self._time[robot, k] = change.time
+            self._base[robot, k + 1 :] = change.along, change.across, shear
 
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
         """Friction along and across the tracks [-] and shear modulus [m] under the pads, (N, P, 3).
@@ -65,28 +76,42 @@ class PadFriction:
         `time` is counted from the start of the runs, a scalar or (N,) [s]. The robots are at
         positions (N, 2) [m] with headings (N,) [rad].
         """
-        n = len(position)
-        passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
-        friction = np.repeat(self._base[np.arange(n), passed][:, None], len(self._pads), axis=1)
+        robots = np.arange(len(position))
+        has_changed = self._time <= np.reshape(time, (-1, 1)) + _ROUNDING
+        now = self._base[robots, has_changed.sum(axis=1)]
+        off_patches = np.repeat(now[:, None], len(self._pads), axis=1)
         if self._patch.shape[1] == 0:
-            return friction
-        place = position[:, None] + se2.rotate(heading[:, None], self._pads)  # (N, P, 2)
-        low, high = np.moveaxis(self._corners[:, None], 3, 0)  # (N, 1, M, 2) each
-        inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
+            return off_patches
+
+        # which pads (N, P) are on which patches (M)
+        place = position[:, None] + se2.rotate(heading[:, None], self._pads)
+        place = place[:, :, None]
+        lowest = self._corners[:, None, :, 0]
+        highest = self._corners[:, None, :, 1]
+        is_within = (place >= lowest) & (place < highest)
+        is_on = np.logical_and.reduce(is_within, axis=-1)  # (N, P, M)
+
         # where patches overlap, the last counts
-        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)
+        last = is_on.shape[2] - 1 - np.argmax(is_on[..., ::-1], axis=-1)
         on_patch = np.take_along_axis(self._patch, last[..., None], axis=1)
-        on_patch[..., 2] = np.where(np.isnan(on_patch[..., 2]), friction[..., 2], on_patch[..., 2])
-        return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
+        shear = on_patch[..., 2]
+        on_patch[..., 2] = np.where(np.isnan(shear), off_patches[..., 2], shear)
+        return np.where(is_on.any(axis=-1)[..., None], on_patch, off_patches)
 
 
 def _patches(ground: Ground) -> tuple[Array, Array]:
     """Corners (K, 2, 2) [m] and surfaces (K, 3) of a ground's patches; a patch with NaN shear keeps
     the ground's.
     """
-    corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
-    surface = [(p.along, p.across, np.nan if p.shear is None else p.shear) for p in ground.patches]
-    return corners.swapaxes(1, 2), np.array(surface).reshape(-1, 3)
+    count = len(ground.patches)
+    corners = np.zeros((count, 2, 2))
+    surfaces = np.zeros((count, 3))
+    for k, patch in enumerate(ground.patches):
+        shear = np.nan if patch.shear is None else patch.shear
+        corners[k, :, 0] = patch.x
+        corners[k, :, 1] = patch.y
+        surfaces[k] = patch.along, patch.across, shear
+    return corners, surfaces
 
 
 def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
@@ -109,12 +134,15 @@ class FleetGround(Restorable):
         """Put each robot in the batch `of` on one of `grounds`, which must be Coulomb grounds
         without `shear`.
         """
-        self._batch, self._robot, self._shear = of, robot, shear
+        self._batch = of
+        self._robot = robot
+        self._shear = shear
         # (N, P, 2), a view of the batch
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]
         # last result of PadFriction.surface
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))
-        self.grounds = tuple(grounds)  # ground of each robot
+        self.grounds = tuple(grounds)
+        """Ground of each robot."""
         self.put(grounds)
 
     @property
@@ -149,24 +177,26 @@ class FleetGround(Restorable):
             "0 for a fleet that began on ground that doesn't shear: say Fleet(..., shears=True)"
         )
         require(largest == 0 or self._shear is not None, "ground.shear", largest, allowed)
-        changed = dict(
-            enumerate(grounds) if rows is None else zip(rows.tolist(), grounds, strict=True)
-        )
-        self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
+
+        everyone = range(len(self.grounds))
+        changed = list(self.grounds)
+        for robot, ground in zip(everyone if rows is None else rows, grounds, strict=True):
+            changed[robot] = ground
+        self.grounds = tuple(changed)
         self._ground = PadFriction(self.grounds, self._robot.pad_position)
-        # slopes of the grounds (N,) [rad]
         self.slope = np.array([ground.slope for ground in self.grounds])
+        """Slopes of the grounds (N,) [rad]."""
         self.uphill = np.array([ground.uphill for ground in self.grounds])
         """Headings (N,) at which robots drive straight up the slopes [rad]."""
 
     def tilt(self, rows: np.ndarray) -> None:
         """Tilt gravity for the robots `rows` (R,) by the slopes of their grounds."""
-        if (
-            any(self.grounds[k].slope != 0 for k in rows)
-            or self._batch.expanded("opt.gravity") is not None
-        ):
+        has_slope = bool((self.slope[rows] != 0).any())
+        was_tilted = self._batch.expanded("opt.gravity") is not None
+        if has_slope or was_tilted:
             size = -float(self._robot.model.opt.gravity[2])
-            self._batch.expand("opt.gravity")[rows] = [self.grounds[k].gravity(size) for k in rows]
+            tilted = [self.grounds[row].gravity(size) for row in rows]
+            self._batch.expand("opt.gravity")[rows] = tilted
 
     def lay(self, rows: Rows, time: Array, position: Array, heading: Array) -> None:
         """Set the friction at every pad of the robots `rows` (R,).
@@ -182,9 +212,9 @@ class FleetGround(Restorable):
         (R,).
         """
         friction = self._surface[rows, ..., :2]
-        self._pads[rows] = (
-            friction if self._shear is None else friction * self._shear.share[rows][..., None]
-        )
+        if self._shear is not None:
+            friction = friction * self._shear.share[rows][..., None]
+        self._pads[rows] = friction
 
     def moved(self, rows: Rows, before: Array, after: Array, belt: Array) -> None:
         """Shear the ground by the motion of the robots `rows` (R,) in a period; see `Shear.advance`
@@ -200,22 +230,37 @@ class FleetGround(Restorable):
 
         `drawbar` (R,) is the backward towing force at a `height` [m], relative to the normal force
         [-].
+
+        All forces are relative to the robot's normal force. On a slope, the ground pushes the robot
+        uphill by (a, c), along and across its tracks. With the centre of mass at (f, l, u), the
+        robot stands if the normal forces of the ground act at the centre of pressure
+
+            (f - u a - height drawbar, l - u c),
+
+        and if the ground turns the robot by the moment f c - l a. The loads are assumed linear in
+        the points' positions (x, y); the moment is spread as forces (-y, x) times a constant, as in
+        the engine, which treats all points alike. Both assume that positions have the mean 0.
         """
         if self._shear is None:
             return
-        slope, uphill = np.tan(self.slope[rows]), self.uphill[rows] - heading
-        along, across = slope * np.cos(uphill), slope * np.sin(uphill)
+        steepness = np.tan(self.slope[rows])
+        bearing = self.uphill[rows] - heading
+        along = steepness * np.cos(bearing)
+        across = steepness * np.sin(bearing)
         forwards, left, up = self.centre_of_mass(rows).T
         x, y = self._robot.pad_position.T
-        # loads are linear in position; forces are spread as in the engine, where all points are
-        # treated alike
-        lean_x, lean_y = forwards - up * along - height * drawbar, left - up * across
-        load = 1 + lean_x[:, None] * x / np.mean(x**2) + lean_y[:, None] * y / np.mean(y**2)
-        turn = (forwards * across - left * along)[:, None] / np.mean(x**2 + y**2)
-        push = np.stack(
-            [(along + drawbar)[:, None] - turn * y, across[:, None] + turn * x], axis=-1
-        )
-        load = np.maximum(load, _LIGHTEST)
+
+        pressure_x = forwards - up * along - height * drawbar
+        pressure_y = left - up * across
+        by_x = pressure_x[:, None] * x / np.mean(x**2)
+        by_y = pressure_y[:, None] * y / np.mean(y**2)
+        load = np.maximum(1 + by_x + by_y, _LIGHTEST)
+
+        moment = forwards * across - left * along
+        turn = moment[:, None] / np.mean(x**2 + y**2)
+        push_along = (along + drawbar)[:, None] - turn * y
+        push_across = across[:, None] + turn * x
+        push = np.stack([push_along, push_across], axis=-1)
         self._shear.rest(rows, heading, load, push / load[..., None], self._surface[rows])
         self.share(rows)
 
@@ -223,7 +268,8 @@ class FleetGround(Restorable):
         """Centres of mass of the robots `rows` (R,) in the robots' frames [m]: (R, 3), or (3,) if
         all are equal.
         """
-        chassis, moved = self._robot.model.body("chassis").id, self._batch.expanded("body_ipos")
+        chassis = self._robot.model.body("chassis").id
+        moved = self._batch.expanded("body_ipos")
         return self._robot.model.body_ipos[chassis] if moved is None else moved[rows, chassis]
 
 
@@ -235,10 +281,11 @@ def require_at_rest(
     The robots are on `grounds` (R,) with a `heading` [rad], `speed` [m/s] and `lean` [rad], each
     (R,).
     """
-    for k in map(int, np.flatnonzero(~(speed < _AT_REST) | ~(lean < _UPRIGHT))):
-        what = "slides" if lean[k] < _UPRIGHT else "tips over"
-        field, value = ("pull", pull.force) if pull.force > 0 else ("slope", grounds[k].slope)
-        allowed = (
-            f"less, to park with heading {round(float(heading[k]), 3) + 0:g} rad: the robot {what}"
-        )
-        require(False, field, value, allowed)
+    rests = (speed < _AT_REST) & (lean < _UPRIGHT)  # False if the simulation diverged
+    for robot in np.flatnonzero(~rests).tolist():
+        what = "slides" if lean[robot] < _UPRIGHT else "tips over"
+        rounded = round(float(heading[robot]), 3) + 0  # never -0
+        allowed = f"less, to park with heading {rounded:g} rad: the robot {what}"
+        if pull.force > 0:
+            raise InvalidValueError("pull", pull.force, allowed)
+        raise InvalidValueError("slope", grounds[robot].slope, allowed)

@@ -2,42 +2,54 @@
 of the friction that it mobilises.
 
 An element of track touches down at the front of a belt that drives forwards and is carried to the
-rear. P_i(t) is the world position of the robot's point x_i, V the belt speed. In a period dt, the
-displacement at that point becomes
+rear. P(t, x) is the world position of the robot's point x, V the belt speed. In a period dt, the
+displacement at the point x_i becomes
 
-    j_i <- j(x_i + V dt) + P_i(t + dt) - P(t, x_i + V dt)
+    j_i <- j(x_i + V dt) + P(t + dt, x_i) - P(t, x_i + V dt)                                     (1)
 
 with j = 0 where elements touch down. Between points, j is a cubic through four points, one of them
-downstream; a parabola through three points would cause ripples that hardly decay. The share is the
-mean of 1 - exp(-a) over a point's cell, in which a = |j + tau dj/dt| / K varies linearly (Janosi
-and Hanamoto 1961, Wong and Chiang 2001). tau removes a speed ripple due to the servo's period;
-steady states don't depend on it.
+downstream; a parabola through three points would cause ripples that hardly decay. The share of the
+friction that acts at a point is the mean of
+
+    1 - exp(-a),    a = |j + tau dj/dt| / K                                                      (2)
+
+over the point's cell, in which a varies linearly (Janosi and Hanamoto 1961, Wong and Chiang 2001).
+tau removes a speed ripple due to the servo's period; steady states don't depend on it.
+
+Displacements are stored as arrays (p, 2, R, T): the p points of a patch from rear to front, x and y
+in the world, R robots and T patches. The points are on the first axis because (1) needs neighbours
+together.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 
-LARGEST = 20.0
+LARGEST: Final = 20.0
 """Largest stored displacement, relative to the shear modulus, at which friction is fully mobilised
 [-].
 """
-LEAST_SHARE = 1e-5
+LEAST_SHARE: Final = 1e-5
 """Smallest share of the friction, as the engine needs friction above zero [-]."""
-_AHEAD = 0.02  # tau [s]
-_COURANT = 0.5  # largest part of a cell by which an element moves in a step [-]
-_FLAT = 1e-6  # least variation over a cell, relative to the shear modulus, that has an effect
-_HELD = 1.02  # share of the friction at rest over the share needed, so that no point slides
-_MOST_AT_REST = 0.999
-_ROUNDS = 10
-_TINY = 1e-300
-_FRONT, _REAR = -1, 0
+_LEAD: Final = 0.02  # tau [s]
+_COURANT: Final = 0.5  # largest part of a cell by which an element moves in a step [-]
+# least variation over a cell, relative to the shear modulus, that has an effect; also the least
+# force and share that are divided by [-]
+_FLAT: Final = 1e-6
+_RESERVE: Final = 1.02  # friction mobilised at rest over the push, so that no point slides [-]
+_MOST_AT_REST: Final = 0.999  # largest share of the friction at rest [-]
+_ROUNDS: Final = 10
+_TINY: Final = 1e-300
+_FRONT: Final = -1
+_REAR: Final = 0
 _Rows = np.ndarray | slice
 
 
@@ -63,23 +75,24 @@ class Shear(Restorable):
             period: period of the servos [s].
             top_speed: largest speed of a belt [m/s].
         """
-        self._patches, points = patches, len(place) // (2 * patches)
-        along, across = (column.reshape(2 * patches, points) for column in place.T)
-        # (points of a patch, 1, patches), (patches,)
-        self._along, self._across = along.T[:, None], across[:, 0]
+        self._patches = patches
+        points = len(place) // (2 * patches)
+        by_patch = place.reshape(2 * patches, points, 2)
+        self._along = by_patch[..., 0].T[:, None]  # (p, 1, T) [m]
+        self._across = by_patch[:, 0, 1]  # (T,) [m]
         self._cell = length / points
         self._period = period
-        self._steps = max(1, math.ceil(top_speed * period / (_COURANT * self._cell)))
-        # x, y in the world; the first axis is a patch's points, from the rear, because neighbours
-        # are needed together
-        self._moved = np.zeros((points, 2, size, 2 * patches))
+        farthest = top_speed * period
+        self._steps = max(1, math.ceil(farthest / (_COURANT * self._cell)))
+        self._moved = np.zeros((points, 2, size, 2 * patches))  # displacements [m]
         self.share = np.ones((size, len(place)))
         """Share (N, P) of the friction that acts at each point in the next period [-]."""
 
     @property
     def displacement(self) -> Array:
         """Shear displacements (N, P, 2) along the world's axes [m]."""
-        return self._moved.transpose(2, 3, 0, 1).reshape(*self.share.shape, 2).copy()
+        by_robot = self._moved.transpose(2, 3, 0, 1)
+        return by_robot.reshape(*self.share.shape, 2).copy()
 
     @property
     def by_robot(self) -> tuple[Array, Array]:
@@ -88,7 +101,8 @@ class Shear(Restorable):
 
     def forget(self, rows: _Rows) -> None:
         """Mobilise the full friction under the robots `rows` (R,), as on Coulomb ground."""
-        self._moved[:, :, rows], self.share[rows] = 0.0, 1.0
+        self._moved[:, :, rows] = 0.0
+        self.share[rows] = 1.0
 
     def advance(
         self, rows: _Rows, before: Array, after: Array, belt: Array, modulus: Array
@@ -102,30 +116,50 @@ class Shear(Restorable):
             belt: belt speeds (R, 2), positive forwards [m/s].
             modulus: shear moduli (R, P) under the points [m].
         """
+        belt = belt.repeat(self._patches, axis=1)  # (R, T)
+        modulus = modulus.reshape(*belt.shape, -1).transpose(2, 0, 1)  # (p, R, T)
         old: Array = np.ascontiguousarray(self._moved[:, :, rows])
-        belt = belt.repeat(self._patches, axis=1)
-        travel = belt * (self._period / self._steps)
-        new: Array = old
-        place, part = before, (after - before) / self._steps
-        for _ in range(self._steps):  # a period's turn is so small that its chord suffices
-            new = self._carried(new, place, part, travel)
-            place = place + part
-        ahead = new + (new - old) * (_AHEAD / self._period)
-        by_patch = modulus.reshape(*belt.shape, -1).transpose(2, 0, 1)
-        size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_patch
-        new = new * np.where(size > most, most / np.maximum(size, _TINY), 1.0)[:, None]
-        self._moved[:, :, rows] = new
-        self.share[rows] = _share(np.sqrt(ahead[:, 0] ** 2 + ahead[:, 1] ** 2), by_patch, belt)
 
-    def _carried(self, moved: Array, place: Array, part: Array, travel: Array) -> Array:
-        """Displacements (p, 2, R, T) after belts travel by `travel` (R, T) [m] and places change by
-        `part` (4, R).
+        # equation (1) in steps so short that elements stay between neighbours; a period's turn is
+        # so small that its chord suffices
+        travel = belt * (self._period / self._steps)
+        change = (after - before) / self._steps
+        place = before
+        new: Array = old
+        for _ in range(self._steps):
+            new = self._carried(new, place, change, travel)
+            place = place + change
+
+        # equation (2)
+        ahead = new + (new - old) * (_LEAD / self._period)
+        self.share[rows] = _share(_size(ahead), modulus, belt)
+
+        # far beyond full friction, displacements have no effect
+        size = _size(new)
+        largest = LARGEST * modulus
+        shortened = np.where(size > largest, largest / np.maximum(size, _TINY), 1.0)
+        self._moved[:, :, rows] = new * shortened[:, None]
+
+    def _carried(self, moved: Array, place: Array, change: Array, travel: Array) -> Array:
+        """Displacements (p, 2, R, T) after a step of equation (1), in which belts travel by
+        `travel` (R, T) [m] and places (4, R) change by `change` (4, R).
+
+        A point s ahead of the robot's origin and l to its left is in the world at
+
+            (x + s cos - l sin,    y + s sin + l cos).
+
+        The element that the belt carries there was at s + v before, with the travel v. By (1), its
+        displacement changes by
+
+            (dx - l dsin - v cos) + s dcos,    (dy + l dcos - v sin) + s dsin.
         """
         new = _interpolated(moved, travel / self._cell)
         _, _, cos, sin = place[..., None]
-        x, y, more_cos, more_sin = part[..., None]
-        new[:, 0] += (x - self._across * more_sin - cos * travel) + more_cos * self._along
-        new[:, 1] += (y + self._across * more_cos - sin * travel) + more_sin * self._along
+        x_change, y_change, cos_change, sin_change = change[..., None]
+        x_moved = x_change - self._across * sin_change - cos * travel
+        y_moved = y_change + self._across * cos_change - sin * travel
+        new[:, 0] += x_moved + cos_change * self._along
+        new[:, 1] += y_moved + sin_change * self._along
         return new
 
     def rest(
@@ -133,6 +167,11 @@ class Shear(Restorable):
     ) -> None:
         """Shear the ground under resting robots `rows` (R,) by the smallest displacement that holds
         them.
+
+        Friction acts within an ellipse: the share that a point needs is the length of its push in
+        units of the friction along and across. All points mobilise 2 % more than they need. Points
+        at their limits can't, and leave the rest to the others, whose share is raised until the sum
+        of the forces is reached.
 
         Args:
             rows: indices of the robots.
@@ -143,58 +182,98 @@ class Shear(Restorable):
             surface: friction along and across, and shear modulus, (R, P, 3) at the points [-, -,
                 m].
         """
-        friction, modulus = surface[..., :2], surface[..., 2]
-        needed = np.sqrt(((push / friction) ** 2).sum(axis=-1))
+        friction = surface[..., :2]
+        modulus = surface[..., 2]
+        needed = np.sqrt(((push / friction) ** 2).sum(axis=-1))  # share of the friction
         force = load * np.sqrt((push**2).sum(axis=-1))
-        more = np.full((len(rows), 1), _HELD)
-        for _ in range(_ROUNDS):  # points at their limits leave the rest to other points
-            held = np.minimum(more, _MOST_AT_REST / np.maximum(needed, _FLAT))
-            exerted = (force * held).sum(axis=1) / np.maximum(force.sum(axis=1), _FLAT)
-            more = more * np.where(exerted > 0, _HELD / np.maximum(exerted, _FLAT), 1.0)[:, None]
-        share = np.minimum(more * needed, _MOST_AT_REST)
-        to = -push / friction**2  # direction in which an element slides, by maximum dissipation
-        size = np.sqrt((to**2).sum(axis=-1))
-        moved = to * (-modulus * np.log1p(-share) / np.where(size > 0, size, 1.0))[..., None]
-        world = se2.rotate(heading[:, None], moved).swapaxes(1, 2)  # (R, 2, P)
-        self._moved[:, :, rows] = world.reshape(len(rows), 2, 2 * self._patches, -1).transpose(
-            3, 1, 0, 2
-        )
+        whole = np.maximum(force.sum(axis=1), _FLAT)
+        factor = np.full((len(rows), 1), _RESERVE)  # mobilised over needed
+        for _ in range(_ROUNDS):
+            possible = np.minimum(factor, _MOST_AT_REST / np.maximum(needed, _FLAT))
+            exerted = (force * possible).sum(axis=1) / whole
+            raised = np.where(exerted > 0, _RESERVE / np.maximum(exerted, _FLAT), 1.0)
+            factor = factor * raised[:, None]
+        share = np.minimum(factor * needed, _MOST_AT_REST)
+
+        # the displacement that mobilises a share, from equation (2) at rest, in the direction in
+        # which an element slides, by maximum dissipation
+        distance = -modulus * np.log1p(-share)
+        direction = -push / friction**2
+        length = np.sqrt((direction**2).sum(axis=-1))
+        moved = direction * (distance / np.where(length > 0, length, 1.0))[..., None]
+
+        in_world = se2.rotate(heading[:, None], moved)  # (R, P, 2)
+        by_patch = in_world.reshape(len(rows), 2 * self._patches, -1, 2)
+        self._moved[:, :, rows] = by_patch.transpose(2, 3, 0, 1)
         self.share[rows] = np.where(modulus > 0, np.maximum(share, LEAST_SHARE), 1.0)
 
 
+def _size(moved: Array) -> Array:
+    """Sizes (p, R, T) of displacements (p, 2, R, T) [m]."""
+    return np.asarray(np.sqrt(moved[:, 0] ** 2 + moved[:, 1] ** 2))
+
+
 def _interpolated(moved: Array, c: Array) -> Array:
-    """Displacements (p, 2, R, T) at `c` (R, T) cells ahead of the points, along the robot [m]."""
+    """Displacements (p, 2, R, T) at `c` (R, T) cells ahead of the points, along the robot [m].
+
+    With the values a, m, b at a point and its neighbours behind and ahead, the parabola is
+
+        (1 - c^2) m + (c^2 + c) / 2 b + (c^2 - c) / 2 a.
+
+    Newton's form of the cubic adds the third difference of the values times c (c^2 - 1) / 6.
+    """
+    forwards = c > 0
+    backwards = c < 0
     padded = np.empty((len(moved) + 2, *moved.shape[1:]))
     padded[1:-1] = moved
-    forwards, backwards = c > 0, c < 0
-    for end, inwards, enters in ((_FRONT, -1, forwards), (_REAR, 1, backwards)):
-        first, second, third = (moved[end + k * inwards] for k in range(3))
-        # parabolas through the end of the contact, where j = 0, or extended beyond the last point
-        padded[end] = np.where(enters, second / 3 - 2 * first, 3 * (first - second) + third)
+    padded[_FRONT] = _beyond(moved[-1], moved[-2], moved[-3], forwards)
+    padded[_REAR] = _beyond(moved[0], moved[1], moved[2], backwards)
+
     square = c * c
     new = (1 - square) * moved
     new += ((square + c) / 2) * padded[2:]
     new += ((square - c) / 2) * padded[:-2]
+
+    # from parabola to cubic by a second point upstream
     slope = padded[1:] - padded[:-1]
     bend = slope[1:] - slope[:-1]
-    # from parabola to cubic by a second point upstream
-    third = (bend[1:] - bend[:-1]) * (c * (square - 1) / 6)
-    new[:-1] += np.where(forwards, third, 0.0)
-    new[1:] += np.where(backwards, third, 0.0)
+    cubic = (bend[1:] - bend[:-1]) * (c * (square - 1) / 6)
+    new[:-1] += np.where(forwards, cubic, 0.0)
+    new[1:] += np.where(backwards, cubic, 0.0)
     return new
+
+
+def _beyond(first: Array, second: Array, third: Array, enters: NDArray[np.bool_]) -> Array:
+    """Displacements (2, R, T) a cell beyond the end of a patch, from those at its first three
+    points.
+
+    Where elements enter (R, T), they are on the parabola through the first two points and j = 0 at
+    the end of the contact, half a cell beyond the first point; elsewhere, on the parabola through
+    all three.
+    """
+    entering = second / 3 - 2 * first
+    leaving = 3 * (first - second) + third
+    return np.where(enters, entering, leaving)
 
 
 def _share(distance: Array, modulus: Array, belt: Array) -> Array:
     """Shares (R, P) of the friction at displacements and moduli (p, R, T) [m], under belts with
     speeds (R, T) [m/s].
+
+    If a in equation (2) varies by h to either side of a point within its cell, the mean is
+
+        1 - (exp(h - a) - exp(-h - a)) / (2 h).
+
+    In this form, no exponential exceeds 1, however firm the ground, because h <= a.
     """
     a = distance / np.where(modulus > 0, modulus, 1.0)
-    half = np.empty_like(a)  # half the change over a cell
+    half = np.empty_like(a)  # h
     half[1:-1] = (a[2:] - a[:-2]) / 4
-    half[_FRONT] = np.where(belt > 0, a[_FRONT], (a[-1] - a[-2]) / 2)
-    half[_REAR] = np.where(belt < 0, a[_REAR], (a[1] - a[0]) / 2)
+    half[_FRONT] = np.where(belt > 0, a[-1], (a[-1] - a[-2]) / 2)
+    half[_REAR] = np.where(belt < 0, a[0], (a[1] - a[0]) / 2)
     half = np.maximum(np.minimum(np.abs(half), a), _FLAT)
-    # in this form, no exponential exceeds 1, however firm the ground
-    share = np.maximum(1 - (np.exp(half - a) - np.exp(-half - a)) / (2 * half), LEAST_SHARE)
+
+    mobilised = 1 - (np.exp(half - a) - np.exp(-half - a)) / (2 * half)
+    share = np.maximum(mobilised, LEAST_SHARE)
     share = np.where(modulus > 0, share, 1.0)
     return share.transpose(1, 2, 0).reshape(len(belt), -1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -19,7 +19,8 @@ from sim.learning.task import Element, Floats
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 from trackslip.restorable import Restorable
 
-_MOST, _MOST_THREADS = 100_000, 1024
+_MAX_ROBOTS: Final = 100_000
+_MAX_THREADS: Final = 1024
 
 
 class TaskInterface(Restorable):
@@ -46,7 +47,8 @@ class TaskInterface(Restorable):
     ) -> None:
         self.render_mode = render_mode
         self.task = self.kind(from_options(self.configuration, options), size, threads)
-        self.observed, self.commanded = self.task.observed, self.task.commanded
+        self.observed = self.task.observed
+        self.commanded = self.task.commanded
         self.metadata = {**self.metadata, "render_fps": round(1 / self.task.period)}
         self._renderer = self.drawing(self.task) if render_mode is not None else None
 
@@ -91,7 +93,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         allowed = 'None, "rgb_array" or "human"'
         require(render_mode in (None, "rgb_array", "human"), "render_mode", render_mode, allowed)
         self._make(options, 1, 1, render_mode)
-        self.observation_space, self.action_space = _box(self.observed), _box(self.commanded)
+        self.observation_space = _box(self.observed)
+        self.action_space = _box(self.commanded)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -103,7 +106,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         options and values out of range.
         """
         super().reset(seed=seed)
-        self.task.begin([0], [self.task.draw(self.np_random, {} if options is None else options)])
+        episode = self.task.draw(self.np_random, {} if options is None else options)
+        self.task.begin([0], [episode])
         if self._renderer is not None:
             self._renderer.begin([0])
             self._show()
@@ -116,8 +120,10 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         if self._renderer is not None:
             self._renderer.follow()
             self._show()
-        ends = bool(task.terminated[0]), bool(task.truncated[0])
-        return task.observation()[0], float(task.reward[0]), *ends, _only(task.info())
+        reward = float(task.reward[0])
+        terminated = bool(task.terminated[0])
+        truncated = bool(task.truncated[0])
+        return task.observation()[0], reward, terminated, truncated, _only(task.info())
 
     def render(self) -> Any:
         """Return an image (480, 640, 3), or update the window for "human"; raises TrackslipError if
@@ -162,35 +168,21 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         truncated after `max_episode_steps`; `options` are fields of `configuration`. Raises
         InvalidValueError for unknown options and values out of range.
         """
-        require(
-            render_mode in (None, "rgb_array"),
-            "render_mode",
-            render_mode,
-            'None or "rgb_array", for many robots',
-        )
-        require_whole("num_envs", num_envs, 1, _MOST)
-        require_whole("threads", threads, 0, _MOST_THREADS)
-        modes = [mode.value for mode in AutoresetMode]
-        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-        require(
-            isinstance(mode, str) and mode in modes,
-            "autoreset_mode",
-            mode,
-            f"one of {', '.join(modes)}",
-        )
+        allowed = 'None or "rgb_array", for many robots'
+        require(render_mode in (None, "rgb_array"), "render_mode", render_mode, allowed)
+        require_whole("num_envs", num_envs, 1, _MAX_ROBOTS)
+        require_whole("threads", threads, 0, _MAX_THREADS)
         if max_episode_steps is not None:
             require_whole("max_episode_steps", max_episode_steps, 1)
         self._longest = np.inf if max_episode_steps is None else max_episode_steps
         # steps (N,) in each robot's episode
         self._steps: NDArray[np.int_] = np.zeros(num_envs, int)
         self.num_envs = num_envs
-        self.autoreset_mode = AutoresetMode(mode)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self._make(options, num_envs, threads, render_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        self.single_observation_space, self.single_action_space = (
-            _box(self.observed),
-            _box(self.commanded),
-        )
+        self.single_observation_space = _box(self.observed)
+        self.single_action_space = _box(self.commanded)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
@@ -215,31 +207,28 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})
-        mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
-        valid = (
-            isinstance(mask, np.ndarray)
-            and mask.dtype == bool
-            and mask.shape == (self.num_envs,)
-            and mask.any()
-        )
-        require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
+        mask = self._mask(options.pop("reset_mask", np.ones(self.num_envs, bool)))
         rows = np.flatnonzero(mask)
         seeds = self._seeds(seed)
         for row in rows:
             own = seeds[row]
             if own is not None or self._generators[row] is None:
-                self._generators[row], self._seeds_used[row] = seeding.np_random(
-                    None if own is None else int(own)
-                )
-        require(
-            self._begun or len(rows) == self.num_envs,
-            "reset_mask",
-            "not all robots",
-            "all, the first time",
-        )
+                seeded = seeding.np_random(None if own is None else int(own))
+                self._generators[row], self._seeds_used[row] = seeded
+        is_whole = len(rows) == self.num_envs
+        require(self._begun or is_whole, "reset_mask", "not all robots", "all, the first time")
         self._begin(rows, options)
         self._begun = True
         return self.task.observation(), self._infos(mask)
+
+    def _mask(self, given: Any) -> NDArray[np.bool_]:
+        """The mask (N,) of robots to reset; raises InvalidValueError for other values than that."""
+        is_mask = isinstance(given, np.ndarray) and given.dtype == bool
+        valid = is_mask and given.shape == (self.num_envs,) and given.any()
+        allowed = f"an array ({self.num_envs},) of bool, one of them true"
+        require(valid, "reset_mask", given, allowed)
+        mask: NDArray[np.bool_] = given
+        return mask
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
@@ -276,10 +265,8 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             raise TrackslipError("step: reset() comes first")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
             waiting = np.flatnonzero(self._ended).tolist()
-            raise TrackslipError(
-                f"step: robots {waiting} have ended; reset(options={{'reset_mask': ...}}) comes "
-                "first"
-            )
+            what = "reset(options={'reset_mask': ...}) comes first"
+            raise TrackslipError(f"step: robots {waiting} have ended; {what}")
         task = self.task
         task.step(actions)
         self._steps += 1
@@ -288,7 +275,8 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             self._begin(np.flatnonzero(self._ended), {})
         if self._renderer is not None:
             self._renderer.follow()
-        reward, terminated = task.reward.copy(), task.terminated.copy()
+        reward = task.reward.copy()
+        terminated = task.terminated.copy()
         truncated = task.truncated | (self._steps >= self._longest)
         self._ended = terminated | truncated
         last: dict[str, Any] = {}
@@ -317,29 +305,23 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for row in rows:
             generator = self._generators[row]
             assert generator is not None
-            given = {
-                k: v for k, v in options.items() if not isinstance(v, list) or v[row] is not None
-            }
-            own = {
-                name: value[row] if isinstance(value, list) else value
-                for name, value in given.items()
-            }
-            episodes.append(self.task.draw(generator, own))
+            episodes.append(self.task.draw(generator, _own_options(options, row)))
         self.task.begin(rows.tolist(), episodes)
-        self._ended[rows], self._steps[rows] = False, 0
+        self._ended[rows] = False
+        self._steps[rows] = 0
         if self._renderer is not None:
             self._renderer.begin(rows.tolist())
 
     def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
         """Entries `final_obs` and `final_info` for the robots whose episodes have `ended` (N,)."""
-        observation = np.full(self.num_envs, None, dtype=object)
-        for row, values in zip(np.flatnonzero(ended), self.task.observation()[ended], strict=True):
-            observation[row] = values
-        infos = self._infos(ended)
+        observation = self.task.observation()
+        final = np.full(self.num_envs, None, dtype=object)
+        for row in np.flatnonzero(ended):
+            final[row] = observation[row]
         return {
-            "final_obs": observation,
+            "final_obs": final,
             "_final_obs": ended.copy(),
-            "final_info": infos,
+            "final_info": self._infos(ended),
             "_final_info": ended.copy(),
         }
 
@@ -352,7 +334,8 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for name, values in self.task.info().items():
             own = values.copy()
             own[others] = None if values.dtype == object else 0
-            infos[name], infos[f"_{name}"] = own, whose.copy()
+            infos[name] = own
+            infos[f"_{name}"] = whose.copy()
         return infos
 
 
@@ -361,9 +344,28 @@ def _box(elements: Sequence[Element]) -> Any:
     return gymnasium.spaces.Box(-bound, bound)
 
 
+def _autoreset_mode(given: Any) -> AutoresetMode:
+    """A mode from itself or its name; raises InvalidValueError for other values."""
+    modes = [mode.value for mode in AutoresetMode]
+    name = given.value if isinstance(given, AutoresetMode) else given
+    valid = isinstance(name, str) and name in modes
+    require(valid, "autoreset_mode", name, f"one of {', '.join(modes)}")
+    return AutoresetMode(name)
+
+
+def _own_options(options: Mapping[str, Any], row: int) -> dict[str, Any]:
+    """The options of the robot `row`: lists have an entry per robot, in which None means drawn."""
+    own = {}
+    for name, value in options.items():
+        given = value[row] if isinstance(value, list) else value
+        if given is not None or not isinstance(value, list):
+            own[name] = given
+    return own
+
+
 def _only(info: dict[str, Any]) -> dict[str, Any]:
     """Entries of `info` for a single robot: numbers, texts and arrays."""
-    return {
-        name: values[0].copy() if values.ndim > 1 else values.item()
-        for name, values in info.items()
-    }
+    only = {}
+    for name, values in info.items():
+        only[name] = values[0].copy() if values.ndim > 1 else values.item()
+    return only

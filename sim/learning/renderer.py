@@ -20,8 +20,10 @@ class TaskRenderer(ABC):
     """
 
     def __init__(self, looks: RobotLooks) -> None:
-        # data: state of the robot being drawn
-        self.looks, self.data = looks, mujoco.MjData(looks.model)
+        self.looks = looks
+        """How the robots look."""
+        self.data = mujoco.MjData(looks.model)
+        """State of the robot being drawn."""
         self._window: Window | None = None
         self._pictures: Pictures | None = None
 
@@ -52,7 +54,8 @@ class TaskRenderer(ABC):
         self.pose(row)
         if self._pictures is None:
             quality = self.looks.model.vis.quality  # low enough for drawing in 60 ms on a CPU
-            quality.offsamples = quality.shadowsize = 0
+            quality.offsamples = 0
+            quality.shadowsize = 0
             self._pictures = Pictures(self.looks.model, 640, 480)
         return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
 
@@ -73,4 +76,5 @@ class TaskRenderer(ABC):
         for shown in (self._window, self._pictures):
             if shown is not None:
                 shown.close()
-        self._window = self._pictures = None
+        self._window = None
+        self._pictures = None

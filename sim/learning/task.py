@@ -16,7 +16,7 @@ import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,9 +26,9 @@ from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 
 Floats = NDArray[np.float32]
-MAX_WEIGHT = 1e6
+MAX_WEIGHT: Final = 1e6
 """Largest weight in a reward [-]."""
-BOUND = 10.0
+BOUND: Final = 10.0
 """Largest magnitude of a user's own observation element, in units of its scale [-]."""
 
 
@@ -62,10 +62,10 @@ class OwnTerms(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         scales = self.own_observations | self.privileged
-        for name, weight in (*self.own_rewards.items(), *scales.items()):
+        for name, number in (*self.own_rewards.items(), *scales.items()):
             function(name)
-            valid = isinstance(weight, int | float) and abs(weight) <= MAX_WEIGHT
-            require(valid, name, weight, f"a number up to {MAX_WEIGHT:g}")
+            valid = isinstance(number, int | float) and abs(number) <= MAX_WEIGHT
+            require(valid, name, number, f"a number up to {MAX_WEIGHT:g}")
         for name, scale in scales.items():
             require_positive(name, scale)
 
@@ -103,24 +103,29 @@ class Task(Restorable, ABC):
         """Set up a task with observed elements `observed`, followed by the user's own; see the
         attributes.
         """
-        self.config = config  # the options, with `reward` and `OwnTerms`
-        self.size = size  # number of robots
-        self.period = period  # control period [s]
+        self.config = config
+        """The options, with `reward` and `OwnTerms`."""
+        self.size = size
+        """Number of robots."""
+        self.period = period
+        """Control period [s]."""
         own = (Element(name, "", scale, BOUND) for name, scale in config.own_observations.items())
-        self.observed = (*observed, *own)  # the n elements of an observation
-        self.commanded = commanded  # the A elements of an action, each in [-1, 1]
+        self.observed = (*observed, *own)
+        """The n elements of an observation."""
+        self.commanded = commanded
+        """The A elements of an action, each in [-1, 1]."""
         names = (*config.own_rewards, *config.own_observations, *config.privileged)
         self._functions = {name: function(name) for name in names}
-        self._rewards = tuple(
-            f"reward_{term}" for term in (*config.reward.TERMS, *config.own_rewards)
-        )
+        terms = (*config.reward.TERMS, *config.own_rewards)
+        self._rewards = tuple(f"reward_{term}" for term in terms)
         self._terms: Array = np.zeros((len(self._rewards), size))
         self._action: Array = np.zeros((size, len(commanded)))
-        self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
-        # mask (N,) of episodes that have terminated
+        self.reward: Array = np.zeros(size)
+        """Rewards (N,) of the last step."""
         self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
-        # mask (N,) of episodes that have been truncated
+        """Mask (N,) of episodes that have terminated."""
         self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
+        """Mask (N,) of episodes that have been truncated."""
 
     @abstractmethod
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
@@ -149,34 +154,24 @@ class Task(Restorable, ABC):
 
     def observation(self) -> Floats:
         """Observations (N, n), float32."""
-        return np.concatenate(
-            [self._observed(), self._scaled(self.config.own_observations)], axis=1
-        )
+        own = self._scaled(self.config.own_observations)
+        return np.concatenate([self._observed(), own], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
         """Further quantities (N, ...) by name, some of them the task's own arrays; the names are
         always the same.
         """
-        privileged = self.config.privileged
-        rewards = dict(zip(self._rewards, self._terms, strict=True))
-        return (
-            self._quantities()
-            | rewards
-            | ({"privileged": self._scaled(privileged)} if privileged else {})
-        )
+        info = self._quantities() | dict(zip(self._rewards, self._terms, strict=True))
+        if self.config.privileged:
+            info["privileged"] = self._scaled(self.config.privileged)
+        return info
 
     def _clear(self, rows: NDArray[np.int_], *states: NDArray[Any]) -> None:
         """Zero the state of the robots `rows` (R,), and their rows in additional `states` (N,
         ...).
         """
-        for state in (
-            self._action,
-            self.reward,
-            self.terminated,
-            self.truncated,
-            *self._terms,
-            *states,
-        ):
+        own = (self._action, self.reward, self.terminated, self.truncated, *self._terms)
+        for state in (*own, *states):
             state[rows] = 0
 
     def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
@@ -188,49 +183,42 @@ class Task(Restorable, ABC):
             action = np.asarray(actions, float)
         except (TypeError, ValueError, OverflowError) as error:
             raise InvalidValueError("action", actions, "an array of finite numbers") from error
-        require(
-            action.shape == shape,
-            "action",
-            f"an array of shape {action.shape}",
-            f"of shape {shape}",
-        )
-        if np.count_nonzero(np.isfinite(action)) < action.size:
-            row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+        given = f"an array of shape {action.shape}"
+        require(action.shape == shape, "action", given, f"of shape {shape}")
+        is_finite = np.isfinite(action)
+        if np.count_nonzero(is_finite) < action.size:
+            row = int(np.flatnonzero(~is_finite.all(axis=1))[0])
             raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-        before, self._action = self._action, np.minimum(np.maximum(action, -1.0), 1.0)
+        before = self._action
+        self._action = np.minimum(np.maximum(action, -1.0), 1.0)
         return self._action, self._action - before
 
     def _earn(self, terms: Iterable[Array], running: NDArray[np.bool_] | bool = True) -> None:
         """Set rewards from `terms` (N,) and the user's own terms, which are 0 for robots that
         aren't `running`.
         """
-        own = [
-            np.where(running, weight * self._values(name), 0.0)
-            for name, weight in self.config.own_rewards.items()
-        ]
-        self._terms = np.array([*terms, *own])
+        every = list(terms)
+        for name, weight in self.config.own_rewards.items():
+            every.append(np.where(running, weight * self._values(name), 0.0))
+        self._terms = np.array(every)
         # added in order: bitwise identical for any number of robots
         self.reward = np.add.accumulate(self._terms)[-1]
 
     def _scaled(self, scales: Mapping[str, float]) -> Floats:
         """The user's own elements (N, k), scaled and clipped."""
-        columns = [
-            np.clip(self._values(name) / scale, -BOUND, BOUND) for name, scale in scales.items()
-        ]
-        return np.column_stack([np.empty((self.size, 0)), *columns]).astype(np.float32)
+        elements = np.empty((self.size, len(scales)), np.float32)
+        for k, (name, scale) in enumerate(scales.items()):
+            elements[:, k] = np.clip(self._values(name) / scale, -BOUND, BOUND)
+        return elements
 
     def _values(self, name: str) -> Array:
         """Values (N,) of a function; raises InvalidValueError unless it returns one finite number
         per robot.
         """
-        given = np.asarray(self._functions[name](self), float)
-        require(
-            given.shape == (self.size,),
-            name,
-            f"an array of shape {given.shape}",
-            f"of shape {(self.size,)}",
-        )
-        require(
-            bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite"
-        )
-        return given
+        values = np.asarray(self._functions[name](self), float)
+        shape = (self.size,)
+        given = f"an array of shape {values.shape}"
+        require(values.shape == shape, name, given, f"of shape {shape}")
+        is_finite = np.isfinite(values)
+        require(bool(is_finite.all()), name, values[~is_finite][:1].tolist(), "finite")
+        return values

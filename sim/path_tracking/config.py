@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -30,15 +30,17 @@ from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 from trackslip.online.compensation import KNOWN_LAWS
 
-PERIOD = 0.05
+PERIOD: Final = 0.05
 """Control period: the time between actions and between scans [s]."""
-_ACTIONS = ("sprockets", "twist")
-_POSE_SOURCES = ("truth", "noisy", "scanner")
-_MAX_PREVIEWS = 100
-_MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m]; in the scale's own unit
-_MAX_PREVIEW = 20.0  # longest look-ahead of previews [s]
-_BOUND = 2.0
-_LOAD, _WHERE = 0.5, ("ahead", "to the left")
+_ACTIONS: Final = ("sprockets", "twist")
+_POSE_SOURCES: Final = ("truth", "noisy", "scanner")
+_MAX_PREVIEWS: Final = 100
+_MIN_OFF_PATH: Final = 0.001  # [m]
+_MIN_SCALE: Final = 1e-6  # in the scale's own unit
+_MAX_PREVIEW: Final = 20.0  # longest look-ahead of previews [s]
+_BOUND: Final = 2.0  # of most elements [-]
+_LOAD_SCALE: Final = 0.5  # traction per normal force at which an element is 1 [-]
+_ROUNDING: Final = 1e-9  # tolerance on times, and on shares of a period
 
 
 @dataclass(frozen=True)
@@ -155,55 +157,50 @@ class EnvConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, choices in (("action", _ACTIONS), ("pose_source", _POSE_SOURCES)):
-            require(
-                getattr(self, name) in choices,
-                name,
-                getattr(self, name),
-                f"one of {', '.join(choices)}",
-            )
-        used = self.action == "twist" or self.compensation == "none"
-        require(used, "compensation", self.compensation, '"none" unless action is "twist"')
-        needed = isinstance(self.compensation, str) and self.compensation not in (
-            *KNOWN_LAWS,
-            "online_cold",
-        )
-        require(
-            self.laws is None or needed,
-            "laws",
-            self.laws,
-            "None unless compensation names a law in a file",
-        )
+        _require_choice("action", self.action, _ACTIONS)
+        _require_choice("pose_source", self.pose_source, _POSE_SOURCES)
+        self._require_compensation()
         for name, names in (("reference", self.reference), ("ground", self.ground)):
             valid = names and all(isinstance(value, str) for value in _several(names))
             require(valid, name, names, "a name, or a tuple of names")
         for ground in self.grounds:
             self.load_ground(ground)
+        self._require_periods()
+        self._require_randomization()
+
+    def _require_compensation(self) -> None:
+        """Raise InvalidValueError for a compensation or a file of laws without an effect."""
+        is_used = self.action == "twist" or self.compensation == "none"
+        require(is_used, "compensation", self.compensation, '"none" unless action is "twist"')
+        is_named = isinstance(self.compensation, str)
+        in_file = is_named and self.compensation not in (*KNOWN_LAWS, "online_cold")
+        allowed = "None unless compensation names a law in a file"
+        require(self.laws is None or in_file, "laws", self.laws, allowed)
+
+    def _require_periods(self) -> None:
+        """Raise InvalidValueError for scales, previews and a scanner that don't fit the period."""
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_within("twist_scale", scale, _MIN_SCALE, 100.0)
         spacing = self.preview_spacing
-        multiple = self.stride >= 1 and abs(self.stride * PERIOD - spacing) <= 1e-9
-        require(multiple, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
+        is_multiple = self.stride >= 1 and abs(self.stride * PERIOD - spacing) <= _ROUNDING
+        require(is_multiple, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
         require_at_most("previews * preview_spacing", self.previews * spacing, _MAX_PREVIEW, "s")
         rate = self.scanner.rate
-        require(
-            abs(rate * PERIOD - 1) <= 1e-9,
-            "scanner.rate",
-            rate,
-            f"{1 / PERIOD:g} Hz, once in a control period",
-        )
-        known = self.randomization is None or isinstance(self.randomization, Randomization)
-        known = known or self.randomization == "typical"
+        is_once = abs(rate * PERIOD - 1) <= _ROUNDING
+        require(is_once, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
+
+    def _require_randomization(self) -> None:
+        """Raise InvalidValueError for a randomization that makes robots tip over or begin off the
+        path.
+        """
+        named = self.randomization in (None, "typical")
+        known = named or isinstance(self.randomization, Randomization)
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
-        require(
-            distance[1] < self.off_path,
-            "start_distance",
-            distance,
-            f"less than off_path = {self.off_path} m",
-        )
+        allowed = f"less than off_path = {self.off_path} m"
+        require(distance[1] < self.off_path, "start_distance", distance, allowed)
 
     @cached_property
     def _robot_file(self) -> tuple[RobotParameters, Ground]:
@@ -234,9 +231,9 @@ class EnvConfig(OwnTerms):
     def shears(self) -> bool:
         """Whether any of the grounds shears."""
         drawn = self.drawn.shear
-        return any(self.load_ground(name).largest_shear > 0 for name in self.grounds) or (
-            drawn is not None and drawn[1] > 0
-        )
+        if drawn is not None and drawn[1] > 0:
+            return True
+        return any(self.load_ground(name).largest_shear > 0 for name in self.grounds)
 
     @property
     def stride(self) -> int:
@@ -251,36 +248,45 @@ class EnvConfig(OwnTerms):
         return Randomization() if self.randomization is None else Randomization.typical()
 
 
+def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    require(value in choices, name, value, f"one of {', '.join(choices)}")
+
+
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
 class TrackingLayout:
-    """The 9 + 2K elements of an observation."""
+    """The 9 + 2K elements of an observation, and 2 more with loads."""
 
     def __init__(self, config: EnvConfig, top_speed: float) -> None:
         """Determine the elements for sprockets with this `top_speed` [rad/s]."""
         self.steps = np.arange(config.previews + 1) * config.stride
         """Look-ahead times of the observed reference twists (K + 1,) [control periods]."""
-        speed, rate = config.twist_scale
-        twists = ("speed", "m/s", speed), ("yaw rate", "rad/s", rate)
-        times = ["now" if step == 0 else f"in {step * PERIOD:g} s" for step in self.steps]
-        self.elements = (
+        speed_scale, rate_scale = config.twist_scale
+        elements = [
             Element("position error, ahead", "m", config.off_path, _BOUND),
             Element("position error, to the left", "m", config.off_path, _BOUND),
             Element("heading error", "rad", np.pi),
-            *(
-                Element(f"reference {n} {time}", unit, scale, _BOUND)
-                for time in times
-                for n, unit, scale in twists
-            ),
-            *(
-                Element(f"{side} sprocket speed", "rad/s", top_speed, _BOUND)
-                for side in ("left", "right")
-            ),
-            *(Element(f"last action, {which}", "-", 1.0) for which in ("first", "second")),
-            *(Element(f"load, {where}", "-", _LOAD, _BOUND) for where in _WHERE if config.loads),
-        )
+        ]
+        for step in self.steps:
+            time = "now" if step == 0 else f"in {step * PERIOD:g} s"
+            elements += [
+                Element(f"reference speed {time}", "m/s", speed_scale, _BOUND),
+                Element(f"reference yaw rate {time}", "rad/s", rate_scale, _BOUND),
+            ]
+        elements += [
+            Element("left sprocket speed", "rad/s", top_speed, _BOUND),
+            Element("right sprocket speed", "rad/s", top_speed, _BOUND),
+            Element("last action, first", "-", 1.0),
+            Element("last action, second", "-", 1.0),
+        ]
+        if config.loads:
+            elements += [
+                Element("load, ahead", "-", _LOAD_SCALE, _BOUND),
+                Element("load, to the left", "-", _LOAD_SCALE, _BOUND),
+            ]
+        self.elements = tuple(elements)
         """Names, units, scales and bounds of the elements."""
         self._scale = np.array([[element.scale for element in self.elements]])  # (1, n)
         self._bound = np.array([element.bound for element in self.elements], np.float32)
@@ -291,12 +297,8 @@ class TrackingLayout:
         """Observations (N, n) for errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and
         loads (N, 2).
         """
-        parts = (
-            error,
-            twist.reshape(len(error), -1),
-            omega,
-            action,
-            *(() if load is None else (load,)),
-        )
-        whole = np.concatenate(parts, axis=1) / self._scale
-        return np.minimum(np.maximum(whole.astype(np.float32), -self._bound), self._bound)
+        parts = [error, twist.reshape(len(error), -1), omega, action]
+        if load is not None:
+            parts.append(load)
+        scaled = (np.concatenate(parts, axis=1) / self._scale).astype(np.float32)
+        return np.minimum(np.maximum(scaled, -self._bound), self._bound)

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 from trackslip.trajectory.named import load_reference
 
-_OPTIONS = {
+_OPTIONS: Final = {
     "reference": str,
     "ground": str | Ground,
     "start_error": object,
@@ -32,6 +32,7 @@ _OPTIONS = {
     "lag": float,
     "latency": int,
 }
+_ROUNDING: Final = 1e-9  # tolerance on the number of control periods
 Index = NDArray[np.int_]
 
 
@@ -60,57 +61,65 @@ def draw(
     and `latency` [control periods]. Raises InvalidValueError for unknown options and values out of
     range.
     """
-    options, drawn = options_of("options", options, _OPTIONS), config.drawn
+    options = options_of("options", options, _OPTIONS)
+    drawn = config.drawn
     chosen = config.references[generator.integers(len(config.references))]
     reference = table.index(options.get("reference", chosen))
     base = config.load_ground(config.grounds[generator.integers(len(config.grounds))])
     setup = drawn.setup(generator, config.parameters, base, table.path(reference))
-    ground = setup.ground
+    latency = int(generator.integers(*drawn.latency, endpoint=True))
+    error = _start_error(drawn, generator)
+
+    changes: dict[str, Any] = {}
     if "ground" in options:
-        ground = (
-            options["ground"]
-            if isinstance(options["ground"], Ground)
-            else config.load_ground(options["ground"])
-        )
-        shear, allowed = (
-            ground.largest_shear,
-            "0 in an environment that is made without ground that shears",
-        )
-        require(shear == 0 or config.shears, "ground.shear", shear, allowed)
-    latency = generator.integers(*drawn.latency, endpoint=True)
-    distance, bearing = (
-        uniform(generator, drawn.start_distance, 0.0),
-        generator.uniform(-math.pi, math.pi),
-    )
-    turned = uniform(generator, drawn.start_heading, 0.0)
-    error, weight = (
-        (distance * math.cos(bearing), distance * math.sin(bearing), turned),
-        setup.com_offset,
-    )
-    given = {
-        name: options[name]
-        for name in ("radius_error", "mass", "lag", "latency")
-        if name in options
-    }
-    for name, value in given.items():
-        require_within(name, value, *Randomization.limits(name))
+        changes["ground"] = _given_ground(config, options["ground"])
+    for name in ("radius_error", "mass", "lag", "latency"):
+        if name in options:
+            require_within(name, options[name], *Randomization.limits(name))
+    for name in ("radius_error", "mass", "lag"):
+        if name in options:
+            changes[name] = options[name]
+    if "latency" in options:
+        latency = int(options["latency"])
     if "start_error" in options:
         error = _finite("start_error", options["start_error"], 3)
-        require_at_most(
-            "distance of start_error",
-            math.hypot(*error[:2]),
-            config.off_path,
-            "m, which is off_path",
-        )
+        distance = math.hypot(*error[:2])
+        unit = "m, which is off_path"
+        require_at_most("distance of start_error", distance, config.off_path, unit)
     if "com" in options:
-        weight = _finite("com", options["com"], 2)
-        Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(
-            config.parameters
-        )
-    latency = given.pop("latency", latency)
-    start = tuple(se2.compose(setup.start, error).tolist())
-    setup = dataclasses.replace(setup, start=start, ground=ground, com_offset=weight, **given)
-    return Episode(reference, setup, int(latency), noise=int(generator.integers(2**63)))
+        changes["com_offset"] = _given_com_offset(config, options["com"])
+    changes["start"] = tuple(se2.compose(setup.start, error).tolist())
+    setup = dataclasses.replace(setup, **changes)
+    return Episode(reference, setup, latency, noise=int(generator.integers(2**63)))
+
+
+def _start_error(drawn: Randomization, generator: np.random.Generator) -> tuple[float, ...]:
+    """Draw the offset (3,) from the reference's start: forwards, to the left, heading [m, m,
+    rad].
+    """
+    distance = uniform(generator, drawn.start_distance, 0.0)
+    bearing = generator.uniform(-math.pi, math.pi)
+    heading = uniform(generator, drawn.start_heading, 0.0)
+    return distance * math.cos(bearing), distance * math.sin(bearing), heading
+
+
+def _given_ground(config: EnvConfig, given: str | Ground) -> Ground:
+    """A ground from itself or its name; raises InvalidValueError for ground that shears unless the
+    environment allows it.
+    """
+    ground = given if isinstance(given, Ground) else config.load_ground(given)
+    shear = ground.largest_shear
+    allowed = "0 in an environment that is made without ground that shears"
+    require(shear == 0 or config.shears, "ground.shear", shear, allowed)
+    return ground
+
+
+def _given_com_offset(config: EnvConfig, given: Any) -> Any:
+    """A centre of mass (2,); raises InvalidValueError if the robot would tip over with it."""
+    offset = _finite("com", given, 2)
+    x, y = offset
+    Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)
+    return offset
 
 
 def _finite(name: str, values: Any, n: int) -> Any:
@@ -148,11 +157,11 @@ class ReferenceTable(Restorable):
         """
         if name not in self.names:
             reference = load_reference(name)
-            last = math.ceil(reference.duration / PERIOD - 1e-9)
+            last = math.ceil(reference.duration / PERIOD - _ROUNDING)
             now = np.arange(last + self._steps[-1] + 1)  # after its end, the reference stands still
+            later = np.minimum(now[:, None] + self._steps, now[-1])
             time = now * PERIOD
             self._pose = _stacked(self._pose, reference.pose(time))
-            later = np.minimum(now[:, None] + self._steps, now[-1])
             self._twists = _stacked(self._twists, reference.twist(time)[later])
             self.last = np.append(self.last, last)
             self.names += (name,)
@@ -178,8 +187,8 @@ def _stacked(table: Array, row: Array) -> Array:
     values.
     """
     length = max(table.shape[1], len(row))
-    every = [
-        part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1)
-        for part in (table, row[None])
-    ]
-    return np.concatenate(every)
+
+    def extended(part: Array) -> Array:
+        return part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1)
+
+    return np.concatenate([extended(table), extended(row[None])])

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -19,9 +20,9 @@ from trackslip.kinematics import Array
 Range = tuple[float, float]
 """Smallest and largest value of a uniform distribution."""
 
-MAX_LATENCY = 2
+MAX_LATENCY: Final = 2
 """Largest latency of the actions [control periods]."""
-PARKING = 0.6
+PARKING: Final = 0.6
 """Ratio of the steepest drawn slope to the smallest friction angle [-]."""
 
 
@@ -99,47 +100,61 @@ class Randomization(Checked):
     ) -> RunSetup:
         """Draw ground, radius error, mass and lag for a robot at the start of `path` (T, 3) [m, m,
         rad].
+
+        The order of the draws is that in which the seeds of stored episodes were used.
         """
+        drawn_ground = self._ground(generator, ground, path)
+        radius_error = uniform(generator, self.radius_error, robot.radius_error)
+        com_x = uniform(generator, self.com_x, 0.0)
+        com_y = uniform(generator, self.com_y, 0.0)
+        lag = uniform(generator, self.lag, or_tireless(robot.drive).lag)
+        mass = 1.0
+        if self.mass != (1.0, 1.0):
+            mass = uniform(generator, self.mass, 1.0)
         return RunSetup(
             start=tuple(path[0].tolist()),
-            ground=self._ground(generator, ground, path),
-            radius_error=uniform(generator, self.radius_error, robot.radius_error),
-            com_offset=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
-            lag=uniform(generator, self.lag, or_tireless(robot.drive).lag),
-            # keeps old seeds' draws
-            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),
+            ground=drawn_ground,
+            radius_error=radius_error,
+            lag=lag,
+            com_offset=(com_x, com_y),
+            mass=mass,
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
+        """Draw friction, patches, slope and shear of a ground around `path` (T, 3)."""
         ratio = uniform(generator, self.friction_ratio, 1.0)
-        patches = []
-        for _ in range(generator.integers(*self.patches, endpoint=True)):
-            x, y = path[generator.integers(len(path)), :2]
-            half = uniform(generator, self.patch_size, 0.0) / 2
-            along = base.along * uniform(generator, self.patch_friction, 1.0)
-            across = along * (
-                base.across / base.along * uniform(generator, self.friction_ratio, 1.0)
-            )
-            patches.append(Patch((x - half, x + half), (y - half, y + half), along, across))
-        slope, uphill = (
-            uniform(generator, self.slope, base.slope),
-            generator.uniform(-math.pi, math.pi),
-        )
-        changes = tuple(
+        count = generator.integers(*self.patches, endpoint=True)
+        patches = [self._patch(generator, base, path) for _ in range(count)]
+        slope = uniform(generator, self.slope, base.slope)
+        uphill = generator.uniform(-math.pi, math.pi)
+        changes = [
             dataclasses.replace(change, across=change.across * ratio) for change in base.changes
+        ]
+        ground = dataclasses.replace(
+            base,
+            across=base.across * ratio,
+            changes=tuple(changes),
+            patches=(*base.patches, *patches),
         )
-        across, every = base.across * ratio, (*base.patches, *patches)
-        ground = dataclasses.replace(base, across=across, changes=changes, patches=every)
         if self.shear is not None:
             ground = dataclasses.replace(ground, shear=uniform(generator, self.shear, 0.0))
         if self.slope is None:
             return ground
         least = min(
-            ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches)
+            ground.along,
+            ground.across,
+            *(min(patch.along, patch.across) for patch in ground.patches),
         )
-        return dataclasses.replace(
-            ground, slope=min(slope, PARKING * math.atan(least)), uphill=uphill
-        )
+        steepest = PARKING * math.atan(least)
+        return dataclasses.replace(ground, slope=min(slope, steepest), uphill=uphill)
+
+    def _patch(self, generator: np.random.Generator, base: Ground, path: Array) -> Patch:
+        """Draw a square patch around a point of `path` (T, 3)."""
+        x, y = path[generator.integers(len(path)), :2]
+        half = uniform(generator, self.patch_size, 0.0) / 2
+        along = base.along * uniform(generator, self.patch_friction, 1.0)
+        ratio = base.across / base.along * uniform(generator, self.friction_ratio, 1.0)
+        return Patch((x - half, x + half), (y - half, y + half), along, along * ratio)
 
     def require_standing(self, robot: RobotParameters) -> None:
         """Raise InvalidValueError if the robot would tip over with some of the drawn centres of

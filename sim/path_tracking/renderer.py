@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -14,10 +15,24 @@ from sim.path_tracking.tracking import PathTracking
 from sim.robot.looks import robot_looks
 from trackslip.kinematics import Array
 
-_SPACING = 0.03  # smallest length of a drawn segment [m]
-# height above the ground and half width [m], and colour of a line
-_PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
-_DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # camera behind a robot [m, deg, deg]
+_SPACING: Final = 0.03  # smallest length of a drawn segment [m]
+
+
+class _Line(NamedTuple):
+    """How a line is drawn."""
+
+    height: float  # above the ground [m]
+    half_width: float  # [m]
+    colour: tuple[float, float, float, float]  # red, green, blue, opacity
+
+
+_PATH: Final = _Line(0.004, 0.012, (0.10, 0.36, 0.85, 1.0))
+_TRAIL: Final = _Line(0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
+# camera behind a robot
+_DISTANCE: Final = 2.6  # [m]
+_AZIMUTH: Final = 140.0  # [deg]
+_ELEVATION: Final = -35.0  # [deg]
+_LOOK_AT: Final = 0.2  # height of the point in the middle of the picture [m]
 
 
 class PathRenderer(TaskRenderer):
@@ -42,8 +57,10 @@ class PathRenderer(TaskRenderer):
     def camera(self, row: int) -> mujoco.MjvCamera:
         """The camera that follows the robot `row`."""
         camera = mujoco.MjvCamera()
-        camera.lookat[:] = (*self.data.qpos[:2], 0.2)
-        camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
+        camera.lookat[:] = (*self.data.qpos[:2], _LOOK_AT)
+        camera.distance = _DISTANCE
+        camera.azimuth = _AZIMUTH
+        camera.elevation = _ELEVATION
         return camera
 
     def pose(self, row: int) -> None:
@@ -54,23 +71,26 @@ class PathRenderer(TaskRenderer):
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append tracks, path and trail of the robot `row` to a scene."""
-        travel = (
-            self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
-        )
+        radius = self._tracking.config.parameters.sprocket_radius
+        travel = self._tracking.fleet.drive.angle[row] * radius
         self.looks.draw(scene, self.data, travel[self.looks.track_side])
-        path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
-        for points, (height, width, colour) in ((path, _PATH), (self._trails[row], _TRAIL)):
-            for start, end in pairwise(_thinned(points)):
-                if scene.ngeom == scene.maxgeom:
-                    return
-                geom = scene.geoms[scene.ngeom]
-                mujoco.mjv_initGeom(
-                    geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour)
-                )
-                mujoco.mjv_connector(
-                    geom, kind, width, np.append(start, height), np.append(end, height)
-                )
-                scene.ngeom += 1
+        _draw_line(scene, self._tracking.path(row)[:, :2], _PATH)
+        _draw_line(scene, self._trails[row], _TRAIL)
+
+
+def _draw_line(scene: mujoco.MjvScene, points: Array | list[Array], line: _Line) -> None:
+    """Append a line through points (2,) to a scene, as far as the scene has room."""
+    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+    for start, end in pairwise(_thinned(points)):
+        if scene.ngeom == scene.maxgeom:
+            return
+        geom = scene.geoms[scene.ngeom]
+        colour = np.array(line.colour)
+        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+        first = np.append(start, line.height)
+        second = np.append(end, line.height)
+        mujoco.mjv_connector(geom, kind, line.half_width, first, second)
+        scene.ngeom += 1
 
 
 def _thinned(points: Array | list[Array]) -> Iterator[Array]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,36 +27,32 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import LOST, body_errors
 from trackslip.online.compensation import Compensation, SensesLoad, known_law, named_compensation
 
-_TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
-_STANDING = 0.05  # sprocket speed below which a track's slip counts as 0 [rad/s]
+_TIPPED: Final = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
+_STANDING: Final = 0.05  # sprocket speed below which a track's slip counts as 0 [rad/s]
 
 
 class PathTracking(Task):
     """The task in which robots follow references."""
 
     STATE = (
-        *(
-            "fleet",
-            "table",
-            "_source",
-            "_reference",
-            "last",
-            "_k",
-            "_latency",
-            "_line",
-            "_angle",
-            "_omega",
-            "_pose",
-        ),
-        *(
-            "_measured",
-            "_error",
-            "_seen_error",
-            "_success",
-            "_compensation",
-            "_load",
-            *Task.STATE,
-        ),
+        "fleet",
+        "table",
+        "_source",
+        "_reference",
+        "last",
+        "_k",
+        "_latency",
+        "_line",
+        "_angle",
+        "_omega",
+        "_pose",
+        "_measured",
+        "_error",
+        "_seen_error",
+        "_success",
+        "_compensation",
+        "_load",
+        *Task.STATE,
     )
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
@@ -64,12 +60,17 @@ class PathTracking(Task):
         their episodes.
         """
         robot = load_robot(parameters=config.parameters)
-        self.table = ReferenceTable(
-            config.references, np.arange(config.previews + 1) * config.stride
+        previews = np.arange(config.previews + 1) * config.stride
+        self.table = ReferenceTable(config.references, previews)
+        begin = np.tile(self.table.path(0)[0], (size, 1))
+        self.fleet = Fleet(
+            robot,
+            begin,
+            radius_error=0.0,
+            threads=threads,
+            pull=config.pull,
+            shears=config.shears,
         )
-        start = self.table.path(0)[0]
-        begin = np.tile(start, (size, 1))
-        self.fleet = Fleet(robot, begin, None, 0.0, None, threads, config.pull, config.shears)
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         commanded = _commanded(config, self.fleet.drive.limit)
         super().__init__(config, size, PERIOD, self.layout.elements, commanded)
@@ -133,7 +134,8 @@ class PathTracking(Task):
         self._latency[where] = [episode.latency for episode in episodes]
         self._clear(where, self._k, self._line, self._angle, self._omega)
         self._source.begin(where, [episode.noise for episode in episodes], self.last[where])
-        self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
+        self._pose = self.fleet.pose()
+        desired = self.table.pose(self._reference, self._k)
         self._measured[where] = self._source.start(where)
         self._error[where] = body_errors(self._pose, desired)[where]
         self._compensation.restart(where, self._pose[where])
@@ -143,28 +145,35 @@ class PathTracking(Task):
     def step(self, actions: ArrayLike) -> None:
         """Simulate one control period; see Task."""
         action, change = self._clipped(actions)
+
+        # set points reach the servos after the latency
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._set_points(action)
         self.fleet.drive.command(self._line[self._rows, self._latency])
         self.fleet.advance(PERIOD)
         self._k += 1
+
+        # what the robots measure
         angle = self.fleet.drive.encoder_angle()
         self._omega = (angle - self._angle) / PERIOD
         self._angle = angle
-        self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
+        self._pose = self.fleet.pose()
         estimate = self._source.estimate(self._k, self._omega, self._pose, PERIOD)
         self._measured = estimate.pose
         self._compensation.observe(self._omega, PERIOD, estimate)
         seen = self._seen_pose()
+        desired = self.table.pose(self._reference, self._k)
         self._error = body_errors(self._pose, desired)
-        exact = seen is self._pose  # whether the truth is observed
-        self._seen_error = self._error if exact else body_errors(seen, desired)
+        is_exact = seen is self._pose  # whether the truth is observed
+        self._seen_error = self._error if is_exact else body_errors(seen, desired)
+
+        # what is true, for the reward and the end of the episode
         ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
-        self.terminated = ~(
-            (distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED)
-        )
+        is_on_path = distance <= self.config.off_path
+        is_upright = self.fleet.state.upright > _TIPPED
+        self.terminated = ~(is_on_path & is_upright)
         self.truncated = (self._k >= self.last) & ~self.terminated
         self._earn(self.config.reward.terms(distance, turn, change, self.terminated))
 
@@ -173,13 +182,13 @@ class PathTracking(Task):
         return cast(SensesLoad, self._compensation) if self._senses_load else None
 
     def _set_points(self, action: Array) -> Array:
+        """Set points (N, 2) of the sprockets for actions (N, 2) [rad/s]."""
         wanted = action * self._unit
         if self.config.action == "sprockets":
             return wanted
         law = self._compensation.law()
-        return limit_sprocket_speeds(
-            law.sprocket_speeds(wanted, self.fleet.robot.geometry), self.fleet.drive.limit
-        )
+        omega = law.sprocket_speeds(wanted, self.fleet.robot.geometry)
+        return limit_sprocket_speeds(omega, self.fleet.drive.limit)
 
     def _seen_pose(self) -> Array:
         """Observed poses (N, 3), with headings corrected by the crab angles that the compensation
@@ -201,21 +210,14 @@ class PathTracking(Task):
         return self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
 
     def _quantities(self) -> dict[str, NDArray[Any]]:
-        twist, geometry, omega = (
-            self.fleet.twist(),
-            self.fleet.robot.geometry,
-            self.fleet.drive.omega,
-        )
-        rests = np.abs(omega) < _STANDING
-        tracks = track_speeds(twist[:, ::2], geometry.half_gauge)
-        slip = ~rests * (1 - tracks / (geometry.sprocket_radius * omega + rests))
+        twist = self.fleet.twist()
         return {
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference,  # index in `table.names`
             "true_pose": self._pose,  # (N, 3) [m, m, rad]
             "true_twist": twist,  # (N, 3) forwards, to the left [m/s], yaw rate [rad/s]
             "true_error": self._error,  # (N, 3) in the robot's frame [m, m, rad]
-            "true_slip": slip,  # (N, 2); 0 where a sprocket is at rest [-]
+            "true_slip": self._slip(twist),  # (N, 2); 0 where a sprocket is at rest [-]
             "measured_pose": self._measured,  # (N, 3) [m, m, rad]
             "measured_omega": self._omega,  # (N, 2) [rad/s]
             "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
@@ -227,13 +229,22 @@ class PathTracking(Task):
             "success": self._success,
         }
 
+    def _slip(self, twist: Array) -> Array:
+        """Slips (N, 2) of the tracks of robots with twists (N, 3) [-]."""
+        omega = self.fleet.drive.omega
+        geometry = self.fleet.robot.geometry
+        tracks = track_speeds(twist[:, ::2], geometry.half_gauge)
+        rests = np.abs(omega) < _STANDING
+        belts = geometry.sprocket_radius * omega + rests  # 1 more at rest, to divide by
+        return ~rests * (1 - tracks / belts)
+
 
 def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
     """The elements of an action; `limit` is the sprockets' top speed [rad/s]."""
     if config.action == "sprockets":
-        return Element("left sprocket speed", "rad/s", limit), Element(
-            "right sprocket speed", "rad/s", limit
-        )
+        left = Element("left sprocket speed", "rad/s", limit)
+        right = Element("right sprocket speed", "rad/s", limit)
+        return left, right
     speed, rate = config.twist_scale
     return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
 
@@ -242,9 +253,8 @@ def _pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
     if config.pose_source == "truth":
         return TruePose(fleet)
     if config.pose_source == "noisy":
-        return NoisyPose(
-            fleet, (config.position_noise, config.position_noise, config.heading_noise)
-        )
+        position = config.position_noise
+        return NoisyPose(fleet, (position, position, config.heading_noise))
     return ScannedPose(fleet, ScannerFeed(config.scanner, fleet), PlateLocator(fleet.robot.plate))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -25,14 +25,14 @@ from trackslip.se2 import Mounting
 
 Inputs = Literal["encoders", "commands"]
 """Inputs to the simulated robots: measured sprocket speeds, or commands to the drive."""
-RUN_UP = 0.5
+RUN_UP: Final = 0.5
 """Time for which a robot drives at the first measured sprocket speeds before its log begins [s]."""
-_FIRST = 0.3  # duration of the first poses, which determine the initial twist [s]
-_BEYOND = 1e4  # time for which the last sprocket speeds continue after a log's end [s]
-_ROUNDING = 1e-9  # [s]
-MAX_SPEED = 9.9
+_FIRST: Final = 0.3  # duration of the first poses, which determine the initial twist [s]
+_BEYOND: Final = 1e4  # time for which the last sprocket speeds continue after a log's end [s]
+_ROUNDING: Final = 1e-9  # tolerance on times [s]
+MAX_SPEED: Final = 9.9
 """Belt speed up to which drives can be replayed [m/s]."""
-_MARGIN = 1.01  # ratio of a replaying drive's top speed to the largest measured speed [-]
+_MARGIN: Final = 1.01  # ratio of a replaying drive's top speed to the largest measured speed [-]
 
 
 @dataclass(frozen=True)
@@ -58,20 +58,21 @@ class Replay:
         """A log of the robot's motion, with the rows of `of` and metadata `about`; for the rest,
         see `replay`.
         """
-        known = np.flatnonzero(of.has_heading)
-        row, first = (int(known[0]), of.pose[known[0]]) if len(known) else (0, np.zeros(3))
+        measured = np.flatnonzero(of.has_heading)
+        row = int(measured[0]) if len(measured) else 0
+        first = of.pose[row] if len(measured) else np.zeros(3)
         seen = self.sensor_at(robot, sensor, of.time + clock)
         # pose of the simulated world in the measured one
         frame = se2.compose(first, se2.inverse(seen[row]))
         truth = Truth(
-            se2.compose(frame, self.at(robot, of.time)), self._at(self.twist, robot, of.time)
+            pose=se2.compose(frame, self.at(robot, of.time)),
+            twist=self._at(self.twist, robot, of.time),
         )
-        pose = se2.compose(frame, seen)
         return RunLog(
             run=of.run,
             time=of.time,
             omega=of.omega,
-            pose=pose,
+            pose=se2.compose(frame, seen),
             command=of.command,
             read=of.read,
             truth=truth,
@@ -79,8 +80,10 @@ class Replay:
         )
 
     def _at(self, states: Array, robot: Any, time: Array) -> Array:
-        place = np.clip((time - self.begin[robot]) / self.period, 0, len(states) - 1)
-        before = np.minimum(place.astype(int), len(states) - 2)
+        """States (n, 3) of robots at times (n,), interpolated in `states` (P + 1, N, 3)."""
+        last = len(states) - 1
+        place = np.clip((time - self.begin[robot]) / self.period, 0, last)
+        before = np.minimum(place.astype(int), last - 1)
         share = (place - before)[:, None]
         return np.asarray((1 - share) * states[before, robot] + share * states[before + 1, robot])
 
@@ -126,8 +129,9 @@ def replay(
     ground = ground or own
     logs = [_placed(log, parameters.geometry) for log in logs]
     motion = Replayer(logs, inputs).run(parameters, ground, threads)
+    sensor = sensor or Mounting()
     about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
-    return [motion.log(k, log, sensor or Mounting(), clock, about) for k, log in enumerate(logs)]
+    return [motion.log(k, log, sensor, clock, about) for k, log in enumerate(logs)]
 
 
 def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[RunLog]]:
@@ -137,14 +141,12 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
     identification refuses.
     """
     look = first_look(drives_of(logs)[0], geometry)
-    return [
-        [
-            replace(log, valid=np.isin(log.time, part.time))
-            for part in look.drives
-            if part.name == log.run
-        ]
-        for log in logs
-    ]
+
+    def parts(log: RunLog) -> list[RunLog]:
+        own = [drive for drive in look.drives if drive.name == log.run]
+        return [replace(log, valid=np.isin(log.time, drive.time)) for drive in own]
+
+    return [parts(log) for log in logs]
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
@@ -162,21 +164,54 @@ class Replayer:
 
     def __init__(self, logs: Sequence[RunLog], inputs: Inputs = "encoders") -> None:
         """Prepare logs for replays; `inputs` are those of `replay`."""
-        self.logs, self.inputs = list(logs), inputs
+        if inputs not in ("encoders", "commands"):
+            raise InvalidValueError("inputs", inputs, "encoders or commands")
         if inputs == "commands":
             for log in logs:
-                if log.command is None or not np.isfinite(log.command).all():
-                    needed = "needs omega_cmd_l and omega_cmd_r in every row to replay commands"
-                    raise LogError(f"run {log.run!r}: {needed}")
-        elif inputs != "encoders":
-            raise InvalidValueError("inputs", inputs, "encoders or commands")
+                _require_commands(log)
+        self.logs = list(logs)
+        self.inputs = inputs
         # (N,) start of each log's run-up [s]
         self.begin = np.array([log.time[0] - RUN_UP for log in logs])
         self._turned = [_turned(log) for log in logs]
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
 
     def run(self, parameters: RobotParameters, ground: Ground, threads: int = 0) -> Replay:
-        """Simulate the motion of a robot on a ground."""
+        """Simulate the motion of a robot on a ground.
+
+        During the run-up, and if the inputs are encoders, the sprockets turn as measured.
+        Otherwise the drive follows the commands.
+        """
+        fleet = self._fleet(parameters, ground, threads)
+        twist = np.array([first_twist(log, fleet.robot.geometry) for log in self.logs])
+        fleet.launch(twist)
+        period = fleet.period
+        longest = max(log.time[-1] - log.time[0] for log in self.logs)
+        periods = round((longest + 2 * RUN_UP) / period)
+        edges = self.begin[:, None] + period * np.arange(periods + 1)  # (N, P + 1)
+        measured = self._measured(edges, period)
+        commanded = self._commands(edges[:, :-1]) if self.inputs == "commands" else None
+
+        poses = np.empty((periods + 1, fleet.size, 3))
+        twists = np.empty((periods + 1, fleet.size, 3))
+        poses[0] = fleet.pose()
+        twists[0] = fleet.twist()
+        for k in range(periods):
+            if commanded is not None and k * period >= RUN_UP:
+                fleet.command(commanded[k])
+                fleet.advance(period)
+            else:
+                fleet.follow(measured[k : k + 1])
+            if k + 1 == round(RUN_UP / period):  # a sliding robot has slowed down meanwhile
+                fleet.launch(twist)
+            poses[k + 1] = fleet.pose()
+            twists[k + 1] = fleet.twist()
+        return Replay(self.begin, period, poses, twists)
+
+    def _fleet(self, parameters: RobotParameters, ground: Ground, threads: int) -> Fleet:
+        """One robot per log, with motors that follow any measured speed if the inputs are
+        encoders.
+        """
         robot = compiled(parameters)
         fastest = self._fastest * robot.geometry.sprocket_radius
         if not fastest < MAX_SPEED:
@@ -186,34 +221,18 @@ class Replayer:
         drive = or_tireless(parameters.drive)
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
-        fleet = Fleet(
-            robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads
-        )
-        twist = np.array([first_twist(log, robot.geometry) for log in self.logs])
-        fleet.launch(twist)
-        period = fleet.period
-        periods = round(
-            (max(log.time[-1] - log.time[0] for log in self.logs) + 2 * RUN_UP) / period
-        )
-        poses, twists = np.empty((2, periods + 1, fleet.size, 3))
-        poses[0], twists[0] = fleet.pose(), fleet.twist()
-        edges = self.begin[:, None] + period * np.arange(periods + 1)  # (N, P + 1)
-        turned = [
-            [np.interp(at, *side) for side in sides]
-            for sides, at in zip(self._turned, edges, strict=True)
-        ]
-        measured = np.moveaxis(np.diff(turned), -1, 0) / period  # (P, N, 2)
-        commanded = self._commands(edges[:, :-1]) if self.inputs == "commands" else measured
-        for k in range(periods):
-            if self.inputs == "commands" and k * period >= RUN_UP:
-                fleet.command(commanded[k])
-                fleet.advance(period)
-            else:
-                fleet.follow(measured[k : k + 1])
-            if k + 1 == round(RUN_UP / period):  # a sliding robot has slowed down meanwhile
-                fleet.launch(twist)
-            poses[k + 1], twists[k + 1] = fleet.pose(), fleet.twist()
-        return Replay(self.begin, period, poses, twists)
+        start = np.zeros((len(self.logs), 3))
+        return Fleet(robot, start, ground, parameters.radius_error, drive, threads)
+
+    def _measured(self, edges: Array, period: float) -> Array:
+        """Mean measured speeds (P, N, 2) in the periods between the times `edges` (N, P + 1)
+        [rad/s].
+        """
+        means = []
+        for sides, time in zip(self._turned, edges, strict=True):
+            angles = [np.interp(time, known, angle) for known, angle in sides]
+            means.append(np.diff(angles).T / period)
+        return np.stack(means, axis=1)
 
     def _commands(self, time: Array) -> Array:
         """Commands (P, N, 2) at times (N, P) [rad/s]."""
@@ -223,6 +242,12 @@ class Replayer:
             row = np.searchsorted(log.time, at + _ROUNDING, side="right") - 1
             held.append(log.command[np.maximum(row, 0)])
         return np.stack(held, axis=1)
+
+
+def _require_commands(log: RunLog) -> None:
+    if log.command is None or not np.isfinite(log.command).all():
+        needed = "needs omega_cmd_l and omega_cmd_r in every row to replay commands"
+        raise LogError(f"run {log.run!r}: {needed}")
 
 
 def _turned(log: RunLog) -> list[tuple[Array, Array]]:
@@ -244,14 +269,19 @@ def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
 
     If the sprockets are at rest during this time, the twist is 0.
     """
-    if not log.omega[log.time - log.time[0] <= _FIRST].any():
+    is_first = log.time - log.time[0] <= _FIRST
+    if not log.omega[is_first].any():
         return np.zeros(3)
     rows = np.flatnonzero(log.has_heading)
-    rows = rows[log.time[rows] - log.time[rows[:1]] <= _FIRST] if len(rows) else rows
+    if len(rows):
+        rows = rows[log.time[rows] - log.time[rows[0]] <= _FIRST]
     if len(rows) < 2:
         v, w = body_twist(log.omega[0], 0.0, geometry)
         return np.array([v, 0.0, w])
-    time, pose = log.time[rows], log.pose[rows]
+
+    # a line through the poses
+    time = log.time[rows] - log.time[rows].mean()
+    pose = log.pose[rows]
     pose[:, 2] = np.unwrap(pose[:, 2])
-    moved = np.polynomial.polynomial.polyfit(time - time.mean(), pose, 1)
-    return np.append(se2.rotate(-moved[0, 2], moved[1, :2]), moved[1, 2])
+    mean, rate = np.polynomial.polynomial.polyfit(time, pose, 1)
+    return np.append(se2.rotate(-mean[2], rate[:2]), rate[2])

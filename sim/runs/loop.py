@@ -4,6 +4,7 @@ fleet.
 
 from __future__ import annotations
 
+import itertools
 import math
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -11,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -31,8 +33,9 @@ from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
 """Function that is called with the simulated time since the last call [s]."""
-PERIOD = LaserScanner().period
+PERIOD: Final = LaserScanner().period
 """Time between rows in a run without a scanner [s]."""
+_ROUNDING: Final = 1e-9  # tolerance on the number of rows
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,8 @@ class Pilot:
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
         """Slip law for row k, after the compensation has observed the motion up to then."""
         if k > 0:
-            self.compensation.observe(
-                record.omega[k, self.robots], record.period, record.estimated(k, self.robots)
-            )
+            omega = record.omega[k, self.robots]
+            self.compensation.observe(omega, record.period, record.estimated(k, self.robots))
         if self._loaded is not None:
             self._loaded.sense(record.load[k, self.robots])
         law = self.compensation.law()
@@ -77,8 +79,9 @@ class Pilot:
         """Twists (R, 2) that the controller requests in row k; raises RunFailedError if the
         controller fails.
         """
+        time = float(record.time[k])
         pose: Array = record.pose[k, self.robots]
-        omega, time = record.omega[k, self.robots], float(record.time[k])
+        omega = record.omega[k, self.robots]
         geometry = record.fleet.robot.geometry
         # the robots' direction of motion, and their poses when the command takes effect
         if self._loaded is not None:
@@ -88,9 +91,8 @@ class Pilot:
         with self._failing(record, time):
             if self._sensing is not None:
                 self._sensing.sense(omega)
-            twist = np.asarray(
-                self.controller.twist(time + self.preview, pose, reference), dtype=float
-            )
+            requested = self.controller.twist(time + self.preview, pose, reference)
+            twist = np.asarray(requested, dtype=float)
         record.wanted(k, self.robots, twist)
         return twist
 
@@ -102,9 +104,14 @@ class Pilot:
         except (Exception, SystemExit) as error:
             # without this frame and that of the call
             frames = traceback.extract_tb(error.__traceback__)[2:]
-            where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
-            what = f"its controller fails at {time:g} s ({type(error).__name__}: {error}){where}"
-            raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
+            where = ""
+            if frames:
+                where = f", {Path(frames[0].filename).name} line {frames[0].lineno}"
+            run = record.name(self.robots[0])
+            cause = f"{type(error).__name__}: {error}"
+            raise RunFailedError(
+                f"run {run!r}: its controller fails at {time:g} s ({cause}){where}"
+            ) from error
 
 
 def open_loop(
@@ -138,7 +145,7 @@ def open_loop(
     """
     watch = watch or Stopwatch()
     period = period if feed is None else feed.period
-    rows = int(duration / period + 1e-9) + 1
+    rows = int(duration / period + _ROUNDING) + 1
     require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
     record = RunRecorder(fleet, rows, period, descriptions)
     localization = PoseEstimation(record, TruePose(fleet))
@@ -177,16 +184,12 @@ def closed_loop(
     """
     if not isinstance(pilots, Sequence):
         pilots = [Pilot(pilots, range(fleet.size))]
-    valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
-    require(
-        valid,
-        "pilots",
-        [list(pilot.robots) for pilot in pilots],
-        f"each robot 0..{fleet.size - 1} once",
-    )
+    steered = [list(pilot.robots) for pilot in pilots]
+    valid = sorted(itertools.chain(*steered)) == list(range(fleet.size))
+    require(valid, "pilots", steered, f"each robot 0..{fleet.size - 1} once")
     period = PERIOD if feed is None else feed.period
     # the last is at the reference's end or just after
-    rows = math.ceil(reference.duration / period - 1e-9) + 1
+    rows = math.ceil(reference.duration / period - _ROUNDING) + 1
     record = RunRecorder(fleet, rows, period, descriptions)
     localization = PoseEstimation(record, TruePose(fleet))
     if feed is not None and locator is not None:
@@ -215,7 +218,8 @@ def _drive(
     """Drive, scan, localize, steer and record each row; `steer` returns a row's sprocket speeds (N,
     2) [rad/s].
     """
-    fleet, watch = record.fleet, watch or Stopwatch()
+    fleet = record.fleet
+    watch = watch or Stopwatch()
     try:
         for k in range(len(record.time)):
             with watch.stage("physics"):

@@ -5,6 +5,7 @@ of scans.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,8 @@ from trackslip.restorable import Restorable
 
 Index = NDArray[np.int_]
 
-# largest number of scans in a block, of all robots and of each robot
-_AT_ONCE, _MOST_AT_ONCE = 2500, 400
+_SCANS_AT_ONCE: Final = 2500  # largest number of scans in a block, of all robots
+_OWN_SCANS_AT_ONCE: Final = 400  # and of each robot
 
 
 class TruePose(Restorable):
@@ -72,8 +73,9 @@ class NoisyPose(TruePose):
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
         """Draw the noise of new runs; see TruePose."""
-        longer = max(0, int(last.max()) + 1 - self._noise.shape[1])
-        self._noise = np.pad(self._noise, ((0, 0), (0, longer), (0, 0)))
+        stored = self._noise.shape[1]
+        missing = max(0, int(last.max()) + 1 - stored)
+        self._noise = np.pad(self._noise, ((0, 0), (0, missing), (0, 0)))
         for row, seed, end in zip(rows, seeds, last, strict=True):
             drawn = np.random.default_rng(seed).standard_normal((end + 1, 3))
             self._noise[row, : end + 1] = drawn * self._deviation
@@ -84,7 +86,8 @@ class NoisyPose(TruePose):
 
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
         """Noisy poses in rows `k`; see TruePose."""
-        noise = self._noise[np.arange(len(true)), np.minimum(k, self._noise.shape[1] - 1)]
+        last = self._noise.shape[1] - 1
+        noise = self._noise[np.arange(len(true)), np.minimum(k, last)]
         return super().estimate(k, omega, true + noise, duration)
 
 
@@ -97,7 +100,8 @@ class ScannedPose(TruePose):
 
     def __init__(self, fleet: Fleet, feed: ScannerFeed, locator: Locator) -> None:
         super().__init__(fleet)
-        self.feed, self._locator = feed, locator
+        self.feed = feed
+        self._locator = locator
         self.tracker = Tracker(fleet.pose(), fleet.robot.geometry)
         self.scans: list[np.ndarray] = []  # ranges (N, B) in each scan, if all are kept [m]
 
@@ -109,7 +113,8 @@ class ScannedPose(TruePose):
     def estimate(self, k: Index | int, omega: Array, true: Array, duration: float) -> PoseEstimate:
         """Tracked poses in rows `k`; see TruePose."""
         predicted = self.tracker.predict(omega, duration)
-        return self.tracker.update(self._locator.locate(self.feed.scan(self.scan()), predicted))
+        scan = self.feed.scan(self.scan())
+        return self.tracker.update(self._locator.locate(scan, predicted))
 
     def scan(self) -> Array:
         """Ranges (N, B) in the next scan [m]."""
@@ -122,22 +127,22 @@ class ScannedPose(TruePose):
         """All scans, with the parts that were recognised as the plate; see TruePose."""
         if not self.scans or not len(pose):
             return None
-        scans = [self.feed.scan(full.astype(float)) for full in self._full(len(pose))]
-        plate = self._fleet.robot.plate
-        clusters = [
-            extract_plate(scan, plate, scan.from_world(pose[:, k])) for k, scan in enumerate(scans)
-        ]
+        clusters = []
+        for robot, ranges in enumerate(self._full(len(pose))):
+            scan = self.feed.scan(ranges.astype(float))
+            seen_from = scan.from_world(pose[:, robot])
+            clusters.append(extract_plate(scan, self._fleet.robot.plate, seen_from))
         return self.logged(clusters, len(pose))
 
     def logged(self, clusters: Sequence[Cluster], rows: int) -> list[ScanLog]:
         """Scans for the robots' logs: the parts recognised as plates, `clusters`, and all ranges if
         they were kept.
         """
-        empty, plate = (
-            self.feed.scan(np.empty((0, len(self.feed.bearings)))),
-            self._fleet.robot.plate,
-        )
-        full = self._full(rows) if self.scans else [None] * len(clusters)
+        plate = self._fleet.robot.plate
+        empty = self.feed.scan(np.empty((0, len(self.feed.bearings))))
+        if not self.scans:
+            return [ScanLog(empty, plate, cluster) for cluster in clusters]
+        full = self._full(rows)
         return [ScanLog(empty, plate, *own) for own in zip(clusters, full, strict=True)]
 
     def _full(self, rows: int) -> list[np.ndarray]:
@@ -149,13 +154,15 @@ class PoseEstimation:
     """Pose estimation row by row, as closed loops need it."""
 
     def __init__(self, record: RunRecorder, source: TruePose) -> None:
-        self._record, self._source = record, source
+        self._record = record
+        self._source = source
 
     def estimate(self, k: int) -> None:
         """Estimate the poses in row k."""
         record = self._record
         duration = record.period if k > 0 else 0.0
-        record.estimate(k, self._source.estimate(k, record.omega[k], record.fleet.pose(), duration))
+        estimate = self._source.estimate(k, record.omega[k], record.fleet.pose(), duration)
+        record.estimate(k, estimate)
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
         """One log of complete rows per run; `failure` is the reason if the runs ended early."""
@@ -172,11 +179,13 @@ class ScanBlocks(PoseEstimation):
         """Estimate poses with `locator`; `watch` measures the stages "scans" and "localization"."""
         super().__init__(record, source)
         self._scanned = source
-        self._watch, self._follower = watch, Follower(locator, source.tracker)
+        self._watch = watch
+        self._follower = Follower(locator, source.tracker)
         size = record.fleet.size
-        block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
-        # `_waiting` are valid
-        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))
+        wanted = min(_SCANS_AT_ONCE // size, _OWN_SCANS_AT_ONCE)
+        block = max(wanted // EVERY * EVERY, EVERY)  # a multiple of EVERY
+        # ranges of which the first `_waiting` scans are valid
+        self._ranges = np.empty((size, block, len(source.feed.bearings)))
         self._waiting = 0
         self._located = 0  # number of rows with estimated poses
         self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
@@ -193,21 +202,42 @@ class ScanBlocks(PoseEstimation):
         """One log per run, see PoseEstimation, with the parts of the scans that show the plate."""
         if self._waiting:
             self._locate()
-        if not self._record.complete:
+        rows = self._record.complete
+        if not rows:
             return []
         clusters = [Cluster.joined(parts) for parts in self._clusters]
-        return self._record.logs(self._scanned.logged(clusters, self._record.complete), failure)
+        return self._record.logs(self._scanned.logged(clusters, rows), failure)
 
     def _locate(self) -> None:
-        record, feed, n = self._record, self._scanned.feed, self._waiting
-        rows, ranges = slice(self._located, self._located + n), self._ranges[:, :n]
+        """Estimate the poses in the waiting scans, and find the plates in them."""
         with self._watch.stage("localization"):
-            angle = record.omega[rows].swapaxes(0, 1) * feed.period
-            followed = vars(self._follower.follow(feed.scan(ranges), angle)).values()
-            record.estimate(rows, PoseEstimate(*(values.swapaxes(0, 1) for values in followed)))
-            scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
-            pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
-            cluster = extract_plate(scan, record.fleet.robot.plate, pose)
-            for k, parts in enumerate(self._clusters):
-                parts.append(cluster.take(np.arange(k * n, (k + 1) * n)))
-        self._located, self._waiting = rows.stop, 0
+            rows = slice(self._located, self._located + self._waiting)
+            ranges = self._ranges[:, : self._waiting]
+            self._follow(rows, ranges)
+            self._extract(rows, ranges)
+        self._located = rows.stop
+        self._waiting = 0
+
+    def _follow(self, rows: slice, ranges: Array) -> None:
+        """Estimate poses in some rows (T) from ranges (N, T, B) [m]."""
+        record = self._record
+        feed = self._scanned.feed
+        turned = record.omega[rows].swapaxes(0, 1) * feed.period
+        followed = self._follower.follow(feed.scan(ranges), turned)
+        by_row = PoseEstimate(
+            pose=followed.pose.swapaxes(0, 1),
+            covariance=followed.covariance.swapaxes(0, 1),
+            valid=followed.valid.swapaxes(0, 1),
+        )
+        record.estimate(rows, by_row)
+
+    def _extract(self, rows: slice, ranges: Array) -> None:
+        """Find the plates in ranges (N, T, B) [m], near the poses estimated in the rows (T)."""
+        record = self._record
+        scan = self._scanned.feed.scan(ranges.reshape(-1, ranges.shape[-1]))
+        pose = record.pose[rows].swapaxes(0, 1).reshape(-1, 3)
+        cluster = extract_plate(scan, record.fleet.robot.plate, scan.from_world(pose))
+        count = ranges.shape[1]
+        for robot, parts in enumerate(self._clusters):
+            first = robot * count
+            parts.append(cluster.take(np.arange(first, first + count)))

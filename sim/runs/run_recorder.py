@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,12 +19,19 @@ from trackslip.laws.base import SlipLaw
 from trackslip.localization.pose_estimate import PoseEstimate
 from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
-FAILURE = "failure"
+FAILURE: Final = "failure"
 """Key in a log's metadata for the reason if the run ended early."""
-SATURATION = "saturation"
+SATURATION: Final = "saturation"
 """Key in a log's metadata for its `Saturation`, if a motor was at its limit."""
-_SIDES = ("left", "right")
-_UPRIGHT = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
+_SIDES: Final = ("left", "right")
+_ICR: Final = ("offset", "radius_error")  # attributes of laws that record their ICRs
+_UPRIGHT: Final = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
+# data of a contact sensor
+_LOAD: Final = 0
+_FORCE: Final = slice(1, 3)
+_POSITION: Final = slice(3, 5)
+_RISING: Final = 6
+_VELOCITY: Final = slice(7, 9)
 
 
 @dataclass(frozen=True)
@@ -43,15 +50,14 @@ class Contacts:
 def read_contacts(fleet: Fleet) -> Contacts:
     """Read the contacts of a fleet, whose robot must have been loaded with contact sensors."""
     sensed = _of_points(fleet, fleet.batch.bind("sensordata"))
+    pad_belts = fleet.belts / np.abs(fleet.robot.pad_sign)
     return Contacts(
-        load=sensed[..., 0].copy(),
-        force=sensed[..., 1:3].copy(),
-        velocity=sensed[..., 7:9].copy(),
-        rising=sensed[..., 6].copy(),
-        belt=np.repeat(
-            fleet.belts / np.abs(fleet.robot.pad_sign), fleet.robot.points_per_pad, axis=1
-        ),
-        position=se2.from_world(fleet.pose()[:, None], sensed[..., 3:5]),
+        load=sensed[..., _LOAD].copy(),
+        force=sensed[..., _FORCE].copy(),
+        velocity=sensed[..., _VELOCITY].copy(),
+        rising=sensed[..., _RISING].copy(),
+        belt=np.repeat(pad_belts, fleet.robot.points_per_pad, axis=1),
+        position=se2.from_world(fleet.pose()[:, None], sensed[..., _POSITION]),
     )
 
 
@@ -63,9 +69,11 @@ def pad_forces(fleet: Fleet) -> Array:
     """
     sensed = _of_points(fleet, fleet.sensed)
     points = fleet.robot.points_per_pad
-    along_across = sensed[..., 1:3] * np.repeat(np.sign(fleet.robot.pad_sign), points)[:, None]
-    at_points = np.concatenate([along_across, sensed[..., :1]], axis=-1)
-    return at_points.reshape(fleet.size, -1, points, 3).sum(axis=2)
+    direction = np.repeat(np.sign(fleet.robot.pad_sign), points)  # pads may point backwards
+    tangential = sensed[..., _FORCE] * direction[:, None]
+    normal = sensed[..., _LOAD, None]
+    of_points = np.concatenate([tangential, normal], axis=-1)
+    return of_points.reshape(fleet.size, -1, points, 3).sum(axis=2)
 
 
 def _of_points(fleet: Fleet, sensed: Array) -> Array:
@@ -73,7 +81,8 @@ def _of_points(fleet: Fleet, sensed: Array) -> Array:
     (N, S).
     """
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
-    return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
+    of_contacts = sensed[:, -points * CONTACT_WIDTH :]
+    return of_contacts.reshape(fleet.size, points, CONTACT_WIDTH)
 
 
 @dataclass(frozen=True)
@@ -106,10 +115,15 @@ class Saturation:
         if not share.any():
             return None
         side = int(share.argmax())
-        at_limit = np.where(saturated[:, side] > 0, np.abs(needed[:, side]), 0.0)
+        is_limited = saturated[:, side] > 0
+        at_limit = np.where(is_limited, np.abs(needed[:, side]), 0.0)
         worst = int(at_limit.argmax())
-        at_hand = abs(float(torque[worst, side]))
-        return cls(_SIDES[side], float(share[side]), at_hand, float(at_limit[worst]))
+        return cls(
+            motor=_SIDES[side],
+            share=float(share[side]),
+            torque=abs(float(torque[worst, side])),
+            needed=float(at_limit[worst]),
+        )
 
 
 class RunRecorder:
@@ -131,7 +145,9 @@ class RunRecorder:
             f"{len(descriptions)} descriptions",
             f"{n}, one per robot",
         )
-        self.fleet, self.period, self._descriptions = fleet, period, descriptions
+        self.fleet = fleet
+        self.period = period
+        self._descriptions = descriptions
         self._angle = fleet.drive.encoder_angle()
         # whether its ground shears
         self._yields = [ground.largest_shear > 0 for ground in fleet.ground]
@@ -155,20 +171,28 @@ class RunRecorder:
     def measure(self, k: int) -> None:
         """Record encoders and truth for row k; raises RunFailedError if a robot has tipped over."""
         fleet = self.fleet
+        drive = fleet.drive
         self._require_upright(k)
-        drive, angle = fleet.drive, fleet.drive.encoder_angle()
+        angle = drive.encoder_angle()
         self.omega[k] = (angle - self._angle) / self.period
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        # for twists and lean
-        row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}
-        row |= {"traction": fleet.mean_traction, "torque": drive.torque, "needed": drive.needed}
-        row |= {"energy": drive.energy, "saturated_time": drive.saturated_time}
+        row = {
+            "qpos": fleet.state.qpos,  # for twists and lean
+            "qvel": fleet.state.qvel,
+            "pose": fleet.pose(),
+            "traction": fleet.mean_traction,
+            "torque": drive.torque,
+            "needed": drive.needed,
+            "energy": drive.energy,
+            "saturated_time": drive.saturated_time,
+        }
         if self._in_detail:
             row["contact"] = pad_forces(fleet).astype(np.float32)
         if self._in_detail and fleet.shear is not None:
-            row["shear"] = np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32)
+            size = np.linalg.norm(fleet.shear.displacement, axis=-1)
+            row["shear"] = size.astype(np.float32)
         self._truth.append({name: values.copy() for name, values in row.items()})
 
     def _require_upright(self, k: int) -> None:
@@ -190,11 +214,9 @@ class RunRecorder:
 
     def estimate(self, rows: int | slice, estimate: PoseEstimate) -> None:
         """Record poses estimated for a row (N,) or for T rows (T, N)."""
-        self.pose[rows], self._covariance[rows], self._valid[rows] = (
-            estimate.pose,
-            estimate.covariance,
-            estimate.valid,
-        )
+        self.pose[rows] = estimate.pose
+        self._covariance[rows] = estimate.covariance
+        self._valid[rows] = estimate.valid
 
     def name(self, robot: int) -> str:
         """Name of the run of a robot, given by its index."""
@@ -210,22 +232,22 @@ class RunRecorder:
         """Record the twists (R, 2) that a controller requests in row k; raises RunFailedError for
         non-finite twists.
         """
-        if twist.shape != (len(robots), 2):
-            what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
+        expected = (len(robots), 2)
+        if twist.shape != expected:
+            what = f"twists have the shape {twist.shape}: must be {expected}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
-        if np.count_nonzero(np.isfinite(twist)) < twist.size:
-            i = int(np.flatnonzero(~np.isfinite(twist).all(axis=1))[0])
-            what = (
-                f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be "
-                "finite"
-            )
+        is_finite = np.isfinite(twist)
+        if np.count_nonzero(is_finite) < twist.size:
+            i = int(np.flatnonzero(~is_finite.all(axis=1))[0])
+            returned = tuple(twist[i].tolist())
+            what = f"returns the twist {returned} at {self.time[k]:g} s: must be finite"
             raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
         self._twist_command[k, robots] = twist
 
     def compensated(self, k: int, robots: Sequence[int], law: SlipLaw) -> None:
         """Record the law that converts the twists of R robots into sprocket speeds in row k."""
         if law.records_icr:
-            for column, name in enumerate(("offset", "radius_error")):
+            for column, name in enumerate(_ICR):
                 self._icr[k, robots, column] = getattr(law, name)
 
     def logs(
@@ -239,25 +261,27 @@ class RunRecorder:
         if self.complete < 2:
             return []
         rows = self._truth[: self.complete]
-        truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
-        states = States(truth.pop("qpos"), truth.pop("qvel"))
-        truth |= {"twist": states.twist, "lean": states.lean(self.fleet.robot.lrf_height)}
-        # means since the previous row
-        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):
-            sums = truth.pop(total)
-            truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period
+        truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}  # (T, N, ...)
         needed = truth.pop("needed")
-        saturations = [
-            Saturation.of(truth["saturated"][:, i], truth["torque"][:, i], needed[:, i])
-            for i in range(self.fleet.size)
-        ]
-        truths = [
-            Truth(**{name: values[:, i] for name, values in truth.items()})
-            for i in range(self.fleet.size)
-        ]
-        scans = scans or [None] * len(truths)
-        of_runs = zip(truths, scans, saturations, strict=True)
-        return [self._log(i, *own, failure) for i, own in enumerate(of_runs)]
+        states = States(truth.pop("qpos"), truth.pop("qvel"))
+        truth["twist"] = states.twist
+        truth["lean"] = states.lean(self.fleet.robot.lrf_height)
+        truth["power"] = self._rates(truth.pop("energy"))
+        truth["saturated"] = self._rates(truth.pop("saturated_time"))
+
+        logs = []
+        for i in range(self.fleet.size):
+            own = {name: values[:, i] for name, values in truth.items()}
+            saturation = Saturation.of(own["saturated"], own["torque"], needed[:, i])
+            own_scans = scans[i] if scans else None
+            logs.append(self._log(i, Truth(**own), own_scans, saturation, failure))
+        return logs
+
+    def _rates(self, total: Array) -> Array:
+        """Mean rates (T, N, 2) since the previous row, 0 in the first, of what adds up to `total`
+        (T, N, 2).
+        """
+        return np.diff(total, axis=0, prepend=total[:1]) / self.period
 
     def _log(
         self,
@@ -267,21 +291,21 @@ class RunRecorder:
         saturation: Saturation | None,
         failure: str | None,
     ) -> RunLog:
-        rows, description = slice(self.complete), self._descriptions[i]
+        rows = slice(self.complete)
+        description = self._descriptions[i]
         metadata = dict(description.metadata)
         if saturation is not None:
             metadata[SATURATION] = vars(saturation)
         if failure is not None:
             metadata[FAILURE] = failure
-        twist_command, icr = self._twist_command[rows, i], self._icr[rows, i]
         return RunLog(
             run=description.run,
             time=self.time[rows],
             omega=self.omega[rows, i],
             pose=self.pose[rows, i],
             command=self._command[rows, i],
-            twist_command=None if np.isnan(twist_command).any() else twist_command,
-            icr=None if np.isnan(icr).any() else icr,
+            twist_command=_complete(self._twist_command[rows, i]),
+            icr=_complete(self._icr[rows, i]),
             covariance=self._covariance[rows, i],
             valid=self._valid[rows, i],
             load=self.load[rows, i] if self._yields[i] else None,
@@ -289,3 +313,8 @@ class RunRecorder:
             scans=scans,
             metadata=metadata,
         )
+
+
+def _complete(values: Array) -> Array | None:
+    """The values (T, ...), or None unless all of them have been recorded."""
+    return None if np.isnan(values).any() else values

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,12 +13,15 @@ from sim.terrain.pieces import HEIGHT, LENGTH, MAX_LENGTH, MAX_NUMBER, NUMBER, P
 from sim.terrain.solids import STONE, WOOD, Box, Level, Solid
 from trackslip.errors import Checked, checked, require, require_within
 
-_MAX_YAW = 0.8  # [rad]
+_MAX_YAW: Final = 0.8  # [rad]
 # a European pallet: its blocks, and the boards above and below them, form three solid bearers [m]
-_WIDTH, _DEPTH, _HEIGHT, _BOARD = 1.2, 0.8, 0.144, 0.022
+_WIDTH: Final = 1.2
+_DEPTH: Final = 0.8
+_HEIGHT: Final = 0.144
+_BOARD: Final = 0.022  # thickness of a board
 # x, width
-_BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))
-_BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # y, width
+_BOARDS: Final = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))
+_BEARERS: Final = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # y, width
 
 
 @dataclass(frozen=True)
@@ -35,12 +39,8 @@ class Beams(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(
-            self.spacing > self.size,
-            "spacing",
-            self.spacing,
-            f"greater than the beams' size, {self.size:g} m",
-        )
+        allowed = f"greater than the beams' size, {self.size:g} m"
+        require(self.spacing > self.size, "spacing", self.spacing, allowed)
 
     def place(self, site: Site) -> Placed:
         """Place the beams at `site`; see `Piece`."""
@@ -49,12 +49,13 @@ class Beams(Checked):
         margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)
         end = site.x + 2 * margin + (self.number - 1) * self.spacing
         yaw = site.rng.uniform(-self.yaw, self.yaw, self.number)
-        size, x = (half, site.width / 2, half), site.x + margin
-        beams = tuple(
-            Box((x + k * self.spacing, 0.0, site.z + half), size, _turned(angle), WOOD)
-            for k, angle in enumerate(yaw.tolist())
-        )
-        return Placed((Level(site.x, end, site.width / 2, site.z), *beams), end, site.z)
+        size = (half, site.width / 2, half)
+        first = site.x + margin
+        solids: list[Solid] = [Level(site.x, end, site.width / 2, site.z)]
+        for k, angle in enumerate(yaw.tolist()):
+            centre = (first + k * self.spacing, 0.0, site.z + half)
+            solids.append(Box(centre, size, _turned(angle), WOOD))
+        return Placed(tuple(solids), end, site.z)
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,8 @@ class Blocks(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(
-            1 <= len(self.blocks) <= MAX_NUMBER,
-            "blocks",
-            f"{len(self.blocks)} blocks",
-            f"1 to {MAX_NUMBER}",
-        )
+        count = len(self.blocks)
+        require(1 <= count <= MAX_NUMBER, "blocks", f"{count} blocks", f"1 to {MAX_NUMBER}")
         for block in self.blocks:
             require(np.shape(block) == (6,), "blocks", block, "x, y, length, width, height and yaw")
             x, y, along, across, height, yaw = block
@@ -89,16 +86,12 @@ class Blocks(Checked):
     def place(self, site: Site) -> Placed:
         """Place the blocks at `site`; see `Piece`."""
         end = site.x + self.length
-        solids = (
-            Box(
-                (site.x + x, y, site.z + height / 2),
-                (along / 2, across / 2, height / 2),
-                _turned(yaw),
-                STONE,
-            )
-            for x, y, along, across, height, yaw in self.blocks
-        )
-        return Placed((Level(site.x, end, site.width / 2, site.z), *solids), end, site.z)
+        solids: list[Solid] = [Level(site.x, end, site.width / 2, site.z)]
+        for x, y, along, across, height, yaw in self.blocks:
+            centre = (site.x + x, y, site.z + height / 2)
+            half = (along / 2, across / 2, height / 2)
+            solids.append(Box(centre, half, _turned(yaw), STONE))
+        return Placed(tuple(solids), end, site.z)
 
 
 @dataclass(frozen=True)
@@ -119,44 +112,43 @@ class Pallets(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         depth, _ = self._reach
-        require(
-            self.spacing > depth,
-            "spacing",
-            self.spacing,
-            f"greater than the depth of a pallet, {depth:.3g} m",
-        )
+        allowed = f"greater than the depth of a pallet, {depth:.3g} m"
+        require(self.spacing > depth, "spacing", self.spacing, allowed)
 
     @property
     def _reach(self) -> tuple[float, float]:
         """Largest extent of a turned pallet along and across the course [m]."""
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        cos = math.cos(self.yaw)
+        sin = math.sin(self.yaw)
         return _DEPTH * cos + _WIDTH * sin, _WIDTH * cos + _DEPTH * sin
 
     def place(self, site: Site) -> Placed:
         """Place the pallets at `site`; see `Piece`."""
-        width = self._reach[1]
+        _, width = self._reach
         beside = int((site.width / width - 1) / 2)  # to either side of the middle
         y = np.arange(-beside, beside + 1) * width
         x = site.x + (np.arange(self.number) + 0.5) * self.spacing
         yaw = site.rng.uniform(-self.yaw, self.yaw, (self.number, len(y)))
         end = site.x + self.number * self.spacing
-        pallets = [
-            part
-            for row, column in np.ndindex(yaw.shape)
-            for part in _pallet(float(x[row]), float(y[column]), site.z, float(yaw[row, column]))
-        ]
-        return Placed((Level(site.x, end, site.width / 2, site.z), *pallets), end, site.z)
+        solids: list[Solid] = [Level(site.x, end, site.width / 2, site.z)]
+        for row, column in np.ndindex(yaw.shape):
+            angle = float(yaw[row, column])
+            solids += _pallet(float(x[row]), float(y[column]), site.z, angle)
+        return Placed(tuple(solids), end, site.z)
 
 
 def _pallet(x: float, y: float, z: float, yaw: float) -> Iterator[Solid]:
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    """The boards and bearers of a pallet with its centre at x, y on ground at the height z [m]."""
+    cos = math.cos(yaw)
+    sin = math.sin(yaw)
+    turned = _turned(yaw)
     under = _HEIGHT - _BOARD
-    for along, across in _BOARDS:
-        middle = x + along * cos, y + along * sin, z + under + _BOARD / 2
-        yield Box(middle, (across / 2, _WIDTH / 2, _BOARD / 2), _turned(yaw), WOOD)
-    for along, across in _BEARERS:
-        middle = x - along * sin, y + along * cos, z + under / 2
-        yield Box(middle, (_DEPTH / 2, across / 2, under / 2), _turned(yaw), WOOD)
+    for along, width in _BOARDS:
+        centre = (x + along * cos, y + along * sin, z + under + _BOARD / 2)
+        yield Box(centre, (width / 2, _WIDTH / 2, _BOARD / 2), turned, WOOD)
+    for across, width in _BEARERS:
+        centre = (x - across * sin, y + across * cos, z + under / 2)
+        yield Box(centre, (_DEPTH / 2, width / 2, under / 2), turned, WOOD)
 
 
 def _turned(yaw: float) -> tuple[float, float, float, float]:

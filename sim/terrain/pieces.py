@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -24,26 +24,27 @@ from trackslip.errors import (
 )
 from trackslip.kinematics import Array
 
-_THICKNESS = 0.1  # thickness of the boxes that form slopes [m]
-_BLEND_CELL = 0.1  # largest cell of the twisted ground next to a side slope [m]
-MAX_LENGTH = 200.0
+_THICKNESS: Final = 0.1  # thickness of the boxes that form slopes [m]
+_BLEND_CELL: Final = 0.1  # largest cell of the twisted ground next to a side slope [m]
+MAX_LENGTH: Final = 200.0
 """Largest length and width of any part of a course [m]."""
-MAX_NUMBER = 500
+MAX_NUMBER: Final = 500
 """Largest number of stairs, beams, blocks or pallets in a piece."""
-LENGTH = require_within, 0.001, MAX_LENGTH, "m"
+LENGTH: Final = (require_within, 0.001, MAX_LENGTH, "m")
 """Check for lengths and widths on a course, as a function and its arguments."""
-_MIN_HEIGHT = 1e-4  # of any part of a course [m]
-_MAX_HEIGHT = 10.0  # [m]
-HEIGHT = require_within, _MIN_HEIGHT, _MAX_HEIGHT, "m"
+_MIN_HEIGHT: Final = 1e-4  # of any part of a course [m]
+_MAX_HEIGHT: Final = 10.0  # [m]
+HEIGHT: Final = (require_within, _MIN_HEIGHT, _MAX_HEIGHT, "m")
 """Check for heights above the ground, as a function and its arguments."""
-NUMBER = require_whole, 1, MAX_NUMBER
+NUMBER: Final = (require_whole, 1, MAX_NUMBER)
 """Check for the number of parts in a piece, as a function and its arguments."""
-_ANGLE = require_within, -1.2, 1.2, "rad (69 degrees)"  # of a ramp or a side slope
-_MAX_EXPONENT = 8.0
-_MAX_SAMPLES = 1_000_000  # in a height field
+# of a ramp or a side slope
+_ANGLE: Final = (require_within, -1.2, 1.2, "rad (69 degrees)")
+_MAX_EXPONENT: Final = 8.0
+_MAX_SAMPLES: Final = 1_000_000  # in a height field
 # largest side of rough ground [samples]; its spectrum takes four times the square of this
-_MAX_SIDE = 2000
-_MIN_CELL = 0.005  # [m]
+_MAX_SIDE: Final = 2000
+_MIN_CELL: Final = 0.005  # [m]
 
 
 def _require_width(field: str, value: float) -> None:
@@ -93,7 +94,8 @@ class Flat(Checked):
     def place(self, site: Site) -> Placed:
         """Place the ground at `site`; see `Piece`."""
         end = site.x + self.length
-        return Placed((Level(site.x, end, site.width / 2, site.z),), end, site.z)
+        ground = Level(site.x, end, site.width / 2, site.z)
+        return Placed((ground,), end, site.z)
 
 
 @dataclass(frozen=True)
@@ -107,15 +109,19 @@ class Ramp(Checked):
 
     def place(self, site: Site) -> Placed:
         """Place the slope at `site`; see `Piece`."""
-        cos, sin = math.cos(self.angle), math.sin(self.angle)
-        end, height = site.x + self.length * cos, site.z + self.length * sin
+        cos = math.cos(self.angle)
+        sin = math.sin(self.angle)
+        end = site.x + self.length * cos
+        height = site.z + self.length * sin
+        # the middle of the slope, which is the box's upper face, and the box below it
+        x = (site.x + end) / 2
+        z = (site.z + height) / 2
         half = _THICKNESS / 2
-        centre = ((site.x + end) / 2 + half * sin, 0.0, (site.z + height) / 2 - half * cos)
+        centre = (x + half * sin, 0.0, z - half * cos)
         # about -y: nose up
         turned = (math.cos(self.angle / 2), 0.0, -math.sin(self.angle / 2), 0.0)
-        return Placed(
-            (Box(centre, (self.length / 2, site.width / 2, half), turned, SLATE),), end, height
-        )
+        slope = Box(centre, (self.length / 2, site.width / 2, half), turned, SLATE)
+        return Placed((slope,), end, height)
 
 
 @dataclass(frozen=True)
@@ -129,8 +135,10 @@ class Step(Checked):
 
     def place(self, site: Site) -> Placed:
         """Place the step at `site`; see `Piece`."""
-        end, height = site.x + self.length, site.z + self.height
-        return Placed((Level(site.x, end, site.width / 2, height, SLATE),), end, height)
+        end = site.x + self.length
+        height = site.z + self.height
+        ground = Level(site.x, end, site.width / 2, height, SLATE)
+        return Placed((ground,), end, height)
 
 
 @dataclass(frozen=True)
@@ -149,19 +157,13 @@ class Stairs(Checked):
     def place(self, site: Site) -> Placed:
         """Place the stairs at `site`; see `Piece`."""
         half_width = min(self.width, site.width) / 2
-        edges = site.x + self.run * np.arange(self.number + 1)
-        heights = site.z + self.rise * np.arange(1, self.number + 1)
-        treads = tuple(
-            Level(
-                float(edges[k]),
-                float(edges[k + 1]),
-                half_width,
-                float(heights[k]),
-                STONE if k % 2 else SLATE,
-            )
-            for k in range(self.number)
-        )
-        return Placed(treads, treads[-1].x1, treads[-1].z)
+        edges = (site.x + self.run * np.arange(self.number + 1)).tolist()
+        heights = (site.z + self.rise * np.arange(1, self.number + 1)).tolist()
+        treads = []
+        for k, height in enumerate(heights):
+            colour = STONE if k % 2 else SLATE
+            treads.append(Level(edges[k], edges[k + 1], half_width, height, colour))
+        return Placed(tuple(treads), edges[-1], heights[-1])
 
 
 @dataclass(frozen=True)
@@ -176,9 +178,8 @@ class Gap(Checked):
     def place(self, site: Site) -> Placed:
         """Place the gap at `site`; see `Piece`."""
         end = site.x + self.length
-        return Placed(
-            (Level(site.x, end, site.width / 2, site.z - self.depth, SLATE),), end, site.z
-        )
+        bottom = Level(site.x, end, site.width / 2, site.z - self.depth, SLATE)
+        return Placed((bottom,), end, site.z)
 
 
 @dataclass(frozen=True)
@@ -198,18 +199,32 @@ class SideSlope(Checked):
         """Place the slope at `site`, see `Piece`; the course's centre line stays level."""
         begin = site.x + self.blend
         end = begin + self.length
-        cos, sin, half = math.cos(self.angle), math.sin(self.angle), _THICKNESS / 2
-        turned = (math.cos(self.angle / 2), math.sin(self.angle / 2), 0.0, 0.0)
-        centre = ((begin + end) / 2, half * sin, site.z - half * cos)
-        slope = Box(centre, (self.length / 2, site.width / 2 / cos, half), turned, SLATE)
-        columns, rows = (
-            max(2, math.ceil(size / _BLEND_CELL) + 1) for size in (self.blend, site.width)
-        )
-        across = np.linspace(-site.width / 2, site.width / 2, rows)[:, None] * math.tan(self.angle)
-        twisted = site.z + across * smooth_step(np.linspace(0.0, 1.0, columns))
+        twisted = self._twisted(site)
         before = Grid(site.x, self.blend, site.width, twisted)
         behind = Grid(end, self.blend, site.width, twisted[:, ::-1])
-        return Placed((before, slope, behind), end + self.blend, site.z)
+        return Placed((before, self._slope(site, begin, end), behind), end + self.blend, site.z)
+
+    def _slope(self, site: Site, begin: float, end: float) -> Box:
+        """The slope from `begin` to `end` along the course [m], the upper face of a box."""
+        cos = math.cos(self.angle)
+        sin = math.sin(self.angle)
+        half = _THICKNESS / 2
+        centre = ((begin + end) / 2, half * sin, site.z - half * cos)
+        turned = (math.cos(self.angle / 2), math.sin(self.angle / 2), 0.0, 0.0)
+        return Box(centre, (self.length / 2, site.width / 2 / cos, half), turned, SLATE)
+
+    def _twisted(self, site: Site) -> Array:
+        """Heights (rows, columns) of the ground from level to the slope [m]."""
+        columns = _samples(self.blend)
+        rows = _samples(site.width)
+        left = np.linspace(-site.width / 2, site.width / 2, rows)[:, None]
+        share = smooth_step(np.linspace(0.0, 1.0, columns))
+        return site.z + left * math.tan(self.angle) * share
+
+
+def _samples(size: float) -> int:
+    """Number of samples in a twisted stretch of this size [m], along one side."""
+    return max(2, math.ceil(size / _BLEND_CELL) + 1)
 
 
 def smooth_step(share: Array) -> Array:
@@ -246,17 +261,19 @@ class Rough(Checked):
 
     def place(self, site: Site) -> Placed:
         """Place the rough ground at `site`; see `Piece`."""
-        columns, rows = (max(2, round(size / self.cell)) + 1 for size in (self.length, site.width))
+        columns = max(2, round(self.length / self.cell)) + 1
+        rows = max(2, round(site.width / self.cell)) + 1
         require_at_most("cells along a side of rough ground", max(rows, columns), _MAX_SIDE)
         require_at_most("samples of rough ground", rows * columns, _MAX_SAMPLES)
         waves = _noise(rows, columns, self.exponent, site.rng)
         if self.blend > 0:
             x = np.linspace(0.0, self.length, columns)
-            waves = waves * smooth_step(np.minimum(x, x[::-1]) / self.blend)
+            from_ends = np.minimum(x, x[::-1])
+            waves = waves * smooth_step(from_ends / self.blend)
         waves[:, [0, -1]] = 0.0  # flush with adjacent pieces
         heights = site.z + waves * (self.amplitude / np.ptp(waves))
-        end = site.x + self.length
-        return Placed((Grid(site.x, self.length, site.width, heights),), end, site.z)
+        ground = Grid(site.x, self.length, site.width, heights)
+        return Placed((ground,), site.x + self.length, site.z)
 
 
 def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -> Array:
@@ -269,8 +286,9 @@ def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -
     size = 2 * max(rows, columns)
     wave_number = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
     wave_number[0, 0] = np.inf
-    spectrum = np.fft.rfft2(rng.standard_normal((size, size))) * wave_number ** (-exponent / 2)
-    noise = np.fft.irfft2(spectrum, (size, size))[:rows, :columns]
+    amplitude = wave_number ** (-exponent / 2)
+    white = np.fft.rfft2(rng.standard_normal((size, size)))
+    noise = np.fft.irfft2(white * amplitude, (size, size))[:rows, :columns]
     return noise - noise.mean()
 
 
@@ -294,13 +312,10 @@ class HeightField(Checked):
             values = np.asarray(self.heights, float)
         except (TypeError, ValueError):  # also for rows of different lengths
             values = np.array(np.nan)
-        fits = values.ndim == 2 and min(values.shape) >= 2 and bool(np.isfinite(values).all())
-        require(
-            fits,
-            "heights",
-            f"of shape {values.shape}",
-            "finite numbers in rows and columns, two of each at least",
-        )
+        is_grid = values.ndim == 2 and min(values.shape) >= 2
+        valid = is_grid and bool(np.isfinite(values).all())
+        allowed = "finite numbers in rows and columns, two of each at least"
+        require(valid, "heights", f"of shape {values.shape}", allowed)
         require_at_most("samples of heights", values.size, _MAX_SAMPLES)
         require_at_most("range of heights", float(np.ptp(values)), MAX_LENGTH, "m")
         super().__post_init__()
@@ -308,9 +323,7 @@ class HeightField(Checked):
     def place(self, site: Site) -> Placed:
         """Place the height field at `site`; see `Piece`."""
         heights = np.asarray(self.heights, float)
-        width = site.width if self.width == math.inf else self.width
         heights = heights + (site.z - heights[:, 0].mean())
-        end = site.x + self.length
-        return Placed(
-            (Grid(site.x, self.length, width, heights),), end, float(heights[:, -1].mean())
-        )
+        width = site.width if self.width == math.inf else self.width
+        ground = Grid(site.x, self.length, width, heights)
+        return Placed((ground,), site.x + self.length, float(heights[:, -1].mean()))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -26,17 +26,19 @@ from trackslip import se2
 from trackslip.errors import Checked, checked, require, require_non_negative, require_range
 from trackslip.kinematics import Array
 
-AHEAD = np.linspace(-0.5, 0.9, 15)
+AHEAD: Final = np.linspace(-0.5, 0.9, 15)
 """Distances of the map's columns ahead of the robot [m]."""
-ASIDE = np.array([-0.22, 0.0, 0.22])
+ASIDE: Final = np.array([-0.22, 0.0, 0.22])
 """Distances of the map's rows to the left of the robot [m]."""
-_AXES = ("forward", "left", "up")
-SAMPLE = 0.02
+SAMPLE: Final = 0.02
 """Time between changes in the belt speeds [s]."""
-MASSES = 0.2, 5.0
+MASSES: Final = (0.2, 5.0)
 """Smallest and largest factor on the chassis' mass [-]."""
-_ACTIONS = ("direct", "correction")
-_FLIPPERS = ("each", "pairs")
+_ACTIONS: Final = ("direct", "correction")
+_FLIPPERS: Final = ("each", "pairs")
+_QUARTER: Final = np.pi / 2  # flipper angle at which an element is 1 [rad]
+_MAX_PERIOD: Final = 1.0  # [s]
+_ROUNDING: Final = 1e-9  # tolerance on shares of a sample
 
 
 @dataclass(frozen=True)
@@ -66,30 +68,7 @@ class CrossingLayout:
 
     def __init__(self, world: Traverse, noise: SensorNoise) -> None:
         """Determine the elements for the robots in `world`, whose sensors have this `noise`."""
-        flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
-        observed = (
-            *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
-            *(
-                (Element(f"{rate} rate", "rad/s", 2.0, 2.0), noise.rate)
-                for rate in ("roll", "pitch", "yaw")
-            ),
-            (Element("distance from the middle, to the left", "m", 1.0, 2.0), noise.position),
-            (Element("heading on the course", "rad", np.pi), noise.heading),
-            *(
-                (Element(f"{side} belt speed", "m/s", world.top_speed), noise.speed)
-                for side in ("left", "right")
-            ),
-            *((Element(f"{name} angle", "rad", quarter, 2.0), noise.flipper) for name in flippers),
-            *((Element(f"{name} set point", "rad", quarter, 2.0), 0.0) for name in flippers),
-            *(
-                (
-                    Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0),
-                    noise.height,
-                )
-                for y in ASIDE
-                for x in AHEAD
-            ),
-        )
+        observed = _observed(world, noise)
         self.elements = tuple(element for element, _ in observed)
         """Names, units, scales and bounds of the elements."""
         self._noise = np.array([deviation for _, deviation in observed])
@@ -104,40 +83,69 @@ class CrossingLayout:
         since each run began.
         """
         state = world.state
-        heading, position = state.heading, state.position
+        heading = state.heading
+        position = state.position
         around = position[:, None, :2] + se2.rotate(heading[:, None], self._around)
         heights = world.elevation(around) - position[:, 2:] - self._lowest
-        whole = np.concatenate(
-            [
-                *(state.rotation[:, 2], state.rate, position[:, 1:2], heading[:, None]),
-                *(
-                    world.servo.speed,
-                    world.tracked.flipper_angles(state.qpos),
-                    world.flipper_servo.angle,
-                    heights,
-                ),
-            ],
-            axis=1,
+        parts = (
+            state.rotation[:, 2],
+            state.rate,
+            position[:, 1:2],
+            heading[:, None],
+            world.servo.speed,
+            world.tracked.flipper_angles(state.qpos),
+            world.flipper_servo.angle,
+            heights,
         )
+        observed = np.concatenate(parts, axis=1)
         if self._noise.any():
-            steps = np.rint(world.time / world.period).astype(int)
-            generators = map(np.random.default_rng, zip(seeds, steps, strict=True))
-            whole += self._noise * [
-                generator.standard_normal(len(self._noise)) for generator in generators
-            ]
-        return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)
+            observed += self._drawn(world, seeds)
+        scaled = (observed / self._scale).astype(np.float32)
+        return np.clip(scaled, -self._bound, self._bound)
+
+    def _drawn(self, world: Traverse, seeds: Sequence[int]) -> Array:
+        """Noise (N, n), drawn anew in each step."""
+        steps = np.rint(world.time / world.period).astype(int)
+        generators = [np.random.default_rng(key) for key in zip(seeds, steps, strict=True)]
+        count = len(self._noise)
+        return self._noise * [generator.standard_normal(count) for generator in generators]
+
+
+def _observed(world: Traverse, noise: SensorNoise) -> list[tuple[Element, float]]:
+    """The elements of an observation in their order, each with the deviation of its noise."""
+    flippers = [flipper.body for flipper in world.tracked.robot.flippers]
+    observed = []
+    for axis in ("forward", "left", "up"):
+        observed.append((Element(f"vertical, {axis}", "-", 1.0), noise.attitude))
+    for name in ("roll", "pitch", "yaw"):
+        observed.append((Element(f"{name} rate", "rad/s", 2.0, 2.0), noise.rate))
+    aside = Element("distance from the middle, to the left", "m", 1.0, 2.0)
+    observed.append((aside, noise.position))
+    observed.append((Element("heading on the course", "rad", np.pi), noise.heading))
+    for side in ("left", "right"):
+        observed.append((Element(f"{side} belt speed", "m/s", world.top_speed), noise.speed))
+    for name in flippers:
+        observed.append((Element(f"{name} angle", "rad", _QUARTER, 2.0), noise.flipper))
+    for name in flippers:
+        observed.append((Element(f"{name} set point", "rad", _QUARTER, 2.0), 0.0))
+    for y in ASIDE:
+        for x in AHEAD:
+            place = f"({round(x, 2) + 0.0:g}, {y:g})"  # never -0
+            observed.append((Element(f"height at {place} m", "m", 0.3, 3.0), noise.height))
+    return observed
 
 
 @dataclass(frozen=True)
 class CrossingReward(Checked):
     """Reward for a step: a sum of terms, which `info` lists by name.
 
-    progress            weight_progress times the distance gained towards the goal [m] energy
-    -weight_energy times the belts' work on the ground over the robot's weight [m] time
-    -weight_time times the control period change              -weight_change times the mean square
-    of the change in the action end                 weight_reached if the robot has crossed the
-    course; -weight_failed if it tips over, falls,
-                        explodes or is stuck; 0 if time runs out, which truncates the episode
+        progress    weight_progress times the distance gained towards the goal [m]
+        energy      -weight_energy times the belts' work on the ground over the robot's weight [m]
+        time        -weight_time times the control period [s]
+        change      -weight_change times the mean square of the change in the action
+        end         weight_reached if the robot has crossed the course; -weight_failed if it tips
+                    over, falls, explodes or is stuck; 0 if time runs out, which truncates the
+                    episode
 
     A failure costs less than standing still for the rest of the episode, even if rewards are
     discounted by a factor of 0.97 per step: a robot that tries and fails earns more than a robot
@@ -168,13 +176,16 @@ class CrossingReward(Checked):
         (N,) [m], the time passed (N,) [s], the changes in the actions (N, A) and the outcomes of
         this step (N,).
         """
-        failed = (
-            (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME) & (outcome != Outcome.REACHED)
-        )
+        has_reached = outcome == Outcome.REACHED
+        goes_on = (outcome == Outcome.DRIVING) | (outcome == Outcome.TIME)
+        has_failed = ~has_reached & ~goes_on
+        square = one_by_one(change**2)
         return (
-            *(self.weight_progress * gain, -self.weight_energy * work, -self.weight_time * took),
-            -self.weight_change * one_by_one(change**2) / change.shape[1],
-            self.weight_reached * (outcome == Outcome.REACHED) - self.weight_failed * failed,
+            self.weight_progress * gain,
+            -self.weight_energy * work,
+            -self.weight_time * took,
+            -self.weight_change * square / change.shape[1],
+            self.weight_reached * has_reached - self.weight_failed * has_failed,
         )
 
 
@@ -229,13 +240,8 @@ class TraverseConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, choices in (("action", _ACTIONS), ("flippers", _FLIPPERS)):
-            require(
-                getattr(self, name) in choices,
-                name,
-                getattr(self, name),
-                f"one of {', '.join(choices)}",
-            )
+        _require_choice("action", self.action, _ACTIONS)
+        _require_choice("flippers", self.flippers, _FLIPPERS)
         valid = self.courses and all(isinstance(course, str | Course) for course in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
@@ -245,16 +251,16 @@ class TraverseConfig(OwnTerms):
         for kind in self.kinds:
             require(kind in OBSTACLES, "kinds", kind, f"some of {', '.join(OBSTACLES)}")
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
-        allowed = f"a multiple of {SAMPLE} s, up to 1 s"
-        require(0 < self.period <= 1, "period", self.period, allowed)
-        require(
-            abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9,
-            "period",
-            self.period,
-            allowed,
-        )
+        is_within = 0 < self.period <= _MAX_PERIOD
+        samples = self.period / SAMPLE
+        is_multiple = is_within and abs(samples - round(samples)) < _ROUNDING
+        require(is_multiple, "period", self.period, f"a multiple of {SAMPLE} s, up to 1 s")
 
     @property
     def courses(self) -> tuple[str | Course, ...]:
         """Courses from which episodes draw."""
         return (self.course,) if isinstance(self.course, str | Course) else tuple(self.course)
+
+
+def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    require(value in choices, name, value, f"one of {', '.join(choices)}")

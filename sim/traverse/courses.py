@@ -10,42 +10,57 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from sim.terrain import Beams, Blocks, Course, Flat, Gap, Piece, Ramp, Stairs, Step
 from trackslip.errors import require, require_within
 
-RANDOM = "random"
+RANDOM: Final = "random"
 """Name for courses with random obstacles."""
-MAX_BOXES = 9
+MAX_BOXES: Final = 9
 """Largest number of boxes on a course with random obstacles."""
-OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
+OBSTACLES: Final = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
 """Kinds of obstacles on courses with random obstacles."""
-WIDTH = 2.0
+WIDTH: Final = 2.0
 """Width of drawn courses [m]."""
-APART = 0.7
+APART: Final = 0.7
 """Length of level ground between two obstacles and behind a step [m]."""
-_START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind the obstacles [m]
-_SEEDS = 2**31
-KINDS = (
-    *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
-    *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
+_START: Final = 1.6  # length of the platform before the obstacles [m]
+_GOAL: Final = 1.2  # and behind them [m]
+_SEEDS: Final = 2**31
+KINDS: Final = (
+    "steps_up",
+    "steps_down",
+    "uplifts",
+    "one_sided",
+    "plum_piles",
+    "waves",
+    "rails",
+    "stairs_up",
+    "stairs_down",
+    "mixed",
 )
 """Kinds of courses from FTR-Bench."""
-PUBLISHED = "_published"
-FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
+_MIXED: Final = tuple(kind for kind in KINDS if kind not in ("plum_piles", "mixed"))
+_PARTS: Final = 2  # number of obstacles on a mixed course
+PUBLISHED: Final = "_published"
+"""End of the names of FTR-Bench courses with the published sizes."""
+FTR_COURSES: Final = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
 """Names of the FTR-Bench courses."""
-DRAWN = (RANDOM, *FTR_COURSES)
+DRAWN: Final = (RANDOM, *FTR_COURSES)
 """Names of courses that are drawn anew for each run."""
-FTR_BOXES = 18
+FTR_BOXES: Final = 18
 """Largest number of boxes on an FTR-Bench course."""
-_RADIUS = 0.1  # radius of the FTR-Bench robot's track wheels [m]
-# numbers of obstacle parts, and a rail's thickness [m]
-_PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1
+_RADIUS: Final = 0.1  # radius of the FTR-Bench robot's track wheels [m]
+_PILES: Final = 4  # number of piles along and across
+_WAVES: Final = 3
+_STEPS: Final = 4
+_RAIL_THICKNESS: Final = 0.1  # [m]
 # smallest ratio of the friction coefficient to the steepest slope's tangent at which robots can
 # climb [-]
-_GRIP = 1.15
+_GRIP: Final = 1.15
 
 
 def draw_course(
@@ -66,26 +81,41 @@ def draw_course(
     """
     require(name in DRAWN, "course", name, f"one of {', '.join(DRAWN)}")
     require_within("difficulty", difficulty, 0.0, 1.0)
+    drawn = []
     if name == RANDOM:
-        drawn = [
-            _obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng)
-            for _ in range(obstacles)
-        ]
+        for _ in range(obstacles):
+            kind = kinds[int(rng.integers(len(kinds)))]
+            drawn.append(_obstacle(kind, difficulty, rng))
     else:
         kind = name.removesuffix(PUBLISHED)
-        scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
+        is_published = name != kind
+        largest = max(radius for _, _, radius in hull)
+        scale = 1.0 if is_published else largest / _RADIUS
         parts = [kind]
         if kind == "mixed":
-            parts = rng.choice(
-                [each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False
-            ).tolist()
-        drawn = [_ftr_obstacle(each, difficulty, scale, rng) for each in parts]
-    pieces = [piece for obstacle in drawn for piece in (Flat(APART), *obstacle)][1:]
-    slopes = [abs(math.tan(piece.angle)) for piece in pieces if isinstance(piece, Ramp)]
-    slopes += [abs(piece.rise / piece.run) for piece in pieces if isinstance(piece, Stairs)]
-    friction = max(float(rng.uniform(0.6, 0.9)), _GRIP * max(slopes, default=0.0))
+            parts = rng.choice(_MIXED, _PARTS, replace=False).tolist()
+        drawn = [_ftr_obstacle(part, difficulty, scale, rng) for part in parts]
+
+    pieces: list[Piece] = []
+    for obstacle in drawn:
+        if pieces:
+            pieces.append(Flat(APART))
+        pieces += obstacle
+    enough = _GRIP * max(_slopes(pieces), default=0.0)
+    friction = max(float(rng.uniform(0.6, 0.9)), enough)
     seed = int(rng.integers(_SEEDS))
     return Course(tuple(pieces), WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
+
+
+def _slopes(pieces: Sequence[Piece]) -> list[float]:
+    """Tangents of the slopes of ramps and stairs."""
+    slopes = []
+    for piece in pieces:
+        if isinstance(piece, Ramp):
+            slopes.append(abs(math.tan(piece.angle)))
+        if isinstance(piece, Stairs):
+            slopes.append(abs(piece.rise / piece.run))
+    return slopes
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
@@ -97,8 +127,11 @@ def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Pi
     def between(easiest: float, hardest: float) -> float:
         return easiest + float(size) * (hardest - easiest)
 
-    run, number = float(rng.uniform(0.26, 0.34)), int(rng.integers(2, 5))
-    step, rise = between(0.02, 0.32), between(0.02, 0.24)
+    # drawn for every kind
+    run = float(rng.uniform(0.26, 0.34))
+    number = int(rng.integers(2, 5))
+    step = between(0.02, 0.32)
+    rise = between(0.02, 0.24)
     match kind:
         case "ramp":
             angle = between(0.05, math.radians(35))
@@ -112,11 +145,8 @@ def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Pi
         case "stairs down":
             return [Stairs(-rise, run, number)]
         case "beams":
-            return [
-                Beams(
-                    between(0.02, 0.2), float(rng.uniform(0.45, 0.7)), number, yaw=between(0.0, 0.5)
-                )
-            ]
+            spacing = float(rng.uniform(0.45, 0.7))
+            return [Beams(between(0.02, 0.2), spacing, number, yaw=between(0.0, 0.5))]
         case _:
             return [Gap(between(0.05, 0.5))]
 
@@ -124,6 +154,8 @@ def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Pi
 def _ftr_obstacle(
     kind: str, difficulty: float, scale: float, rng: np.random.Generator
 ) -> list[Piece]:
+    """An obstacle whose `kind` is in `KINDS`, other than mixed, on a `scale` [-]."""
+
     def harder(easiest: float, hardest: float) -> float:
         return scale * (easiest + difficulty * (hardest - easiest))
 
@@ -140,25 +172,31 @@ def _ftr_obstacle(
             height = harder(0.2, 0.4)
             return [Step(height, any_size(0.2, 0.5)), Step(-height, APART)]
         case "one_sided":
-            return [Blocks(((0.6, side * WIDTH / 4, 1.2, WIDTH / 2, harder(0.1, 0.3), 0.0),), 1.2)]
+            block = (0.6, side * WIDTH / 4, 1.2, WIDTH / 2, harder(0.1, 0.3), 0.0)
+            return [Blocks((block,), 1.2)]
         case "plum_piles":
-            size, lowest, highest = any_size(0.2, 0.5), 0.01 * scale, harder(0.05, 0.3)
+            size = any_size(0.2, 0.5)
+            lowest = 0.01 * scale
+            highest = harder(0.05, 0.3)
             place = (np.arange(_PILES) + 0.5) * size
-            piles = [
-                (float(x), float(y), size, size, float(rng.uniform(lowest, highest)), 0.0)
-                for x in place
-                for y in place - place.mean()
-            ]
+            piles = []
+            for x in place.tolist():
+                for y in (place - place.mean()).tolist():
+                    height = float(rng.uniform(lowest, highest))
+                    piles.append((x, y, size, size, height, 0.0))
             return [Blocks(tuple(piles), _PILES * size)]
         case "waves":
             height = harder(0.1, 0.4)
             half = max(any_size(0.25, 1.0) / 2, height)  # at most 45 degrees steep
-            angle, slope = math.atan2(height, half), math.hypot(height, half)
+            angle = math.atan2(height, half)
+            slope = math.hypot(height, half)
             return [Ramp(angle, slope), Ramp(-angle, slope)] * _WAVES
         case "rails":
-            yaw, thickness = side * math.radians(10 + 35 * difficulty), _THICKNESS * scale
+            yaw = side * math.radians(10 + 35 * difficulty)
+            thickness = _RAIL_THICKNESS * scale
             length = 2 * APART + WIDTH * math.sin(abs(yaw))
-            return [Blocks(((length / 2, 0.0, thickness, WIDTH, harder(0.2, 0.3), yaw),), length)]
+            block = (length / 2, 0.0, thickness, WIDTH, harder(0.2, 0.3), yaw)
+            return [Blocks((block,), length)]
         case _:
             tread = any_size(0.2, 0.3)
             rise = tread * math.tan(math.radians(20 + 25 * difficulty))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -24,20 +24,25 @@ from sim.terrain.course import Course, add_lines
 from sim.terrain.solids import LINES
 from trackslip.errors import require
 
-_FIELDS = (
-    *("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb"),
-    *("geom_sameframe", "geom_dataid", "geom_friction"),
+# fields of a model that place a geom
+_FIELDS: Final = (
+    "geom_pos",
+    "geom_quat",
+    "geom_size",
+    "geom_rbound",
+    "geom_aabb",
+    "geom_sameframe",
+    "geom_dataid",
+    "geom_friction",
 )
-_BOX, _FIELD, _PLANE = (
-    mujoco.mjtGeom.mjGEOM_BOX,
-    mujoco.mjtGeom.mjGEOM_HFIELD,
-    mujoco.mjtGeom.mjGEOM_PLANE,
-)
-_AWAY = -1000.0  # height of unused slots [m]
-_TINY = 0.01  # half size of unused slots [m]
+_BOX: Final = mujoco.mjtGeom.mjGEOM_BOX
+_FIELD: Final = mujoco.mjtGeom.mjGEOM_HFIELD
+_PLANE: Final = mujoco.mjtGeom.mjGEOM_PLANE
+_AWAY: Final = -1000.0  # height of unused slots [m]
+_TINY: Final = 0.01  # half size of unused slots [m]
 # distance of a robot from the first piece; heights are looked up in cells of 2 cm [m]
-_BEFORE = 0.05
-_BESIDE = 1.5  # least ratio of a course's width to the robot's [-]
+_BEFORE: Final = 0.05
+_BESIDE: Final = 1.5  # least ratio of a course's width to the robot's [-]
 
 
 class Slots:
@@ -62,29 +67,23 @@ class Slots:
 
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body in `spec`; return the names of their geoms."""
-        for model, first in zip(
-            (course.model for course in self._listed), self._first_field, strict=False
-        ):
-            for k in range(model.nhfield):
-                adr, rows, columns = model.hfield_adr[k], model.hfield_nrow[k], model.hfield_ncol[k]
-                data = model.hfield_data[adr : adr + rows * columns]
-                size = list(model.hfield_size[k])
-                spec.add_hfield(
-                    name=f"field{first + k}", nrow=rows, ncol=columns, size=size, userdata=data
-                )
+        for course, first in zip(self._listed, self._first_field, strict=False):
+            _add_fields(spec, course.model, first)
         add_lines(spec)
-        kinds = [{"type": _BOX, "size": [_TINY] * 3}] * self._boxes
+        kinds: list[dict[str, Any]] = []
+        kinds += [{"type": _BOX, "size": [_TINY] * 3}] * self._boxes
         kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
         kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
         for name, kind in zip(self._names, kinds, strict=True):
-            place = {
-                "pos": [0.0, 0.0, _AWAY],
-                "condim": 3,
-                "contype": 1,
-                "conaffinity": 1,
-                "material": LINES,
-            }
-            spec.worldbody.add_geom(name=name, **place, **kind)
+            spec.worldbody.add_geom(
+                name=name,
+                pos=[0.0, 0.0, _AWAY],
+                condim=3,
+                contype=1,
+                conaffinity=1,
+                material=LINES,
+                **kind,
+            )
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
 
@@ -108,20 +107,18 @@ class Slots:
         """
         listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model
-        boxes, fields = _count(model, _BOX), _count(model, _FIELD)
+        boxes = _count(model, _BOX)
+        fields = _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
-        require(
-            listed is not None or not fields,
-            "course",
-            f"{fields} height fields",
-            "without, unless it is listed",
-        )
-        where = self._slots_of(model)
+        is_known = listed is not None or not fields
+        require(is_known, "course", f"{fields} height fields", "without, unless it is listed")
+        slots = self._slots_of(model)
         for name in _FIELDS:
             values = self._empty[name].copy()
-            values[where] = getattr(model, name)
+            values[slots] = getattr(model, name)
             if name == "geom_dataid" and listed is not None:
-                values[where] += np.where(model.geom_type == _FIELD, self._first_field[listed], 0)
+                # the model has the height fields of all listed courses
+                values[slots] += np.where(model.geom_type == _FIELD, self._first_field[listed], 0)
             self._batch[name][row, self._ids] = values
 
     def show(self, row: int, course: Course, model: mujoco.MjModel) -> None:
@@ -135,15 +132,31 @@ class Slots:
 
     def _slots_of(self, course: mujoco.MjModel) -> NDArray[np.int_]:
         """Indices of the slots for the geoms of a course."""
+        first = {_BOX: 0, _FIELD: self._boxes, _PLANE: self._boxes + self._fields}
         slots = np.full(course.ngeom, -1)
-        for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
+        for kind, begin in first.items():
             own = np.flatnonzero(course.geom_type == kind)
-            slots[own] = first + np.arange(len(own))
+            slots[own] = begin + np.arange(len(own))
         return slots
 
 
 def _count(model: mujoco.MjModel, kind: int) -> int:
     return int((model.geom_type == kind).sum())
+
+
+def _add_fields(spec: mujoco.MjSpec, course: mujoco.MjModel, first: int) -> None:
+    """Add the height fields of a course to `spec`; their numbers begin with `first`."""
+    for k in range(course.nhfield):
+        begin = course.hfield_adr[k]
+        rows = course.hfield_nrow[k]
+        columns = course.hfield_ncol[k]
+        spec.add_hfield(
+            name=f"field{first + k}",
+            nrow=rows,
+            ncol=columns,
+            size=list(course.hfield_size[k]),
+            userdata=course.hfield_data[begin : begin + rows * columns],
+        )
 
 
 @dataclass(frozen=True)
@@ -160,26 +173,25 @@ class Footprint:
         given.
         """
         x, _, radius = np.array(robot.hull).T
-        ahead, behind, aside = (
-            [(x + radius).max()],
-            [(radius - x).max()],
-            [robot.half_gauge + robot.width / 2],
-        )
+        ahead = (x + radius).max()
+        behind = (radius - x).max()
+        aside = robot.half_gauge + robot.width / 2
         if robot.flippers:
             flippers = flippers or build_tracked(robot).flippers
+            hinge = flippers.hinge
             reach = flippers.length + flippers.radius
-            ahead += list(flippers.hinge[:, 0] + np.where(flippers.front, reach, 0.0))
-            behind += list(np.where(flippers.front, 0.0, reach) - flippers.hinge[:, 0])
-            aside += [
-                abs(y) + each.width / 2
-                for y, each in zip(flippers.hinge[:, 1], robot.flippers, strict=True)
-            ]
-        return cls(float(max(ahead)), float(max(behind)), float(max(aside)))
+            ahead = max(ahead, (hinge[:, 0] + np.where(flippers.front, reach, 0.0)).max())
+            behind = max(behind, (np.where(flippers.front, 0.0, reach) - hinge[:, 0]).max())
+            half_width = np.array([flipper.width / 2 for flipper in robot.flippers])
+            aside = max(aside, (np.abs(hinge[:, 1]) + half_width).max())
+        return cls(float(ahead), float(behind), float(aside))
 
     @property
     def turning(self) -> float:
         """Length of a platform that is large enough for the robot at any heading [m]."""
-        return math.hypot(self.ahead, self.aside) + math.hypot(self.behind, self.aside) + _BEFORE
+        front = math.hypot(self.ahead, self.aside)
+        rear = math.hypot(self.behind, self.aside)
+        return front + rear + _BEFORE
 
     def start(self, course: Course, heading: float = 0.0) -> float:
         """Start position x of a robot on a course: `Course.start`, or further back if the robot is
@@ -187,11 +199,13 @@ class Footprint:
 
         Raises InvalidValueError for a course whose start platform is too small for the robot.
         """
-        ahead, behind = (
-            (self.ahead, self.behind) if math.cos(heading) >= 0 else (self.behind, self.ahead)
-        )
-        cos, corner = abs(math.cos(heading)), self.aside * abs(math.sin(heading))
-        front, rear = ahead * cos + corner + _BEFORE, behind * cos + corner
+        looks_ahead = math.cos(heading) >= 0
+        towards = self.ahead if looks_ahead else self.behind
+        away = self.behind if looks_ahead else self.ahead
+        cos = abs(math.cos(heading))
+        corner = self.aside * abs(math.sin(heading))
+        front = towards * cos + corner + _BEFORE
+        rear = away * cos + corner
         for name, least in (("start_length", front + rear), ("width", 2 * self.aside)):
             allowed = f"at least {least:.3g} m for this robot to stand before the first piece"
             require(getattr(course, name) >= least, name, getattr(course, name), allowed)
@@ -205,10 +219,8 @@ class Footprint:
 
     def fit(self, course: Course) -> Course:
         """The course, or a wider copy with longer ends if the robot needs it."""
-        start, goal = (
-            max(course.start_length, self.turning),
-            max(course.goal_length, self.ahead + self.behind),
-        )
+        start = max(course.start_length, self.turning)
+        goal = max(course.goal_length, self.ahead + self.behind)
         width = max(course.width, 2 * _BESIDE * self.aside)
         if (start, goal, width) == (course.start_length, course.goal_length, course.width):
             return course

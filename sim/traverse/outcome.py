@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -18,8 +19,10 @@ from trackslip.restorable import Restorable
 
 Outcomes = NDArray[np.int_]
 """Outcomes (N,), as the numbers in `Outcome`."""
-_WAITING = 0.1  # mean travel of left and right belts below which a robot is waiting or turning [m]
-_SHARE = 0.1  # ratio of a robot's displacement to its belt travel below which it is stuck [-]
+# mean travel of left and right belts below which a robot is waiting or turning [m]
+_WAITING: Final = 0.1
+# ratio of a robot's displacement to its belt travel below which it is stuck [-]
+_STUCK: Final = 0.1
 
 
 class Outcome(IntEnum):
@@ -86,8 +89,9 @@ class StuckWatch(Restorable):
         self._age += 1
         moved = np.linalg.norm(position - self._position[0], axis=1)
         travelled = np.abs(self._travelled - self._travel[0])
-        idle = (travelled < _WAITING) | (moved >= _SHARE * travelled)
-        return (self._age > self._history) & ~idle
+        is_waiting = travelled < _WAITING
+        is_moving = moved >= _STUCK * travelled
+        return (self._age > self._history) & ~is_waiting & ~is_moving
 
 
 class ContactPoints:
@@ -105,20 +109,25 @@ class ContactPoints:
         The state consists of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and
         the flippers' set points (F,), tips up [rad].
         """
-        model, data = self._world.model, self._data
-        data.qpos[:], data.qvel[:] = qpos, qvel
+        model = self._world.model
+        data = self._data
+        data.qpos[:] = qpos
+        data.qvel[:] = qvel
         data.ctrl[self._world.flipper_motor] = self._world.flipper_control(flippers)
         self._belts.set(belt)
         with engine_errors(self._world.robot.model):
             mujoco.mj_forward(model, data)
         contact = data.contact
         # (n, 2), whether each geom belongs to the world
-        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0
-        chosen = np.flatnonzero(fixed.any(axis=1) & (contact.efc_address >= 0))
-        force, points = np.zeros((len(chosen), 3)), contact.pos[chosen].copy()
+        is_fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0
+        is_active = contact.efc_address >= 0
+        chosen = np.flatnonzero(is_fixed.any(axis=1) & is_active)
+        points = contact.pos[chosen].copy()
+        force = np.zeros((len(chosen), 3))
         wrench = np.zeros(6)
         for k, which in enumerate(chosen):
             mujoco.mj_contactForce(model, data, which, wrench)
             force[k] = wrench[:3] @ contact.frame[which].reshape(3, 3)
         # the engine reports the force on the second geom
-        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force
+        sign = np.where(is_fixed[chosen, 1:], -1.0, 1.0)
+        return points, sign * force

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -11,22 +11,22 @@ from sim.traverse.world import Command, Traverse
 from trackslip import se2
 from trackslip.kinematics import Array
 
-SAMPLES = np.array([1.0, 1.25, 1.5])
+SAMPLES: Final = np.array([1.0, 1.25, 1.5])
 """Distances from the hinge at which a reflex samples the ground, in flipper lengths."""
-OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period": 0.2}
+OPTIONS: Final[dict[str, Any]] = {"action": "correction", "flippers": "pairs", "period": 0.2}
 """Fields of `TraverseConfig` for the training of policies."""
-REACH = 1.3
+REACH: Final = 1.3
 """Largest angle of front flippers above the chassis' plane, and of rear flippers below it [rad]."""
-PUSH = 2.0
+PUSH: Final = 2.0
 """Angle by which rear flippers push down, per pitch beyond the ground's slope plus `TOLERATED`
 [-].
 """
-TOLERATED = 0.12
+TOLERATED: Final = 0.12
 """Pitch beyond the ground's slope at which rear flippers begin to push [rad]."""
-_SPEED = 0.4  # belt speed forwards [m/s]
-# belt speed per distance from the centre line [1/s], and per heading [m/s]
-_POSITION_GAIN, _HEADING_GAIN = 0.3, 0.45
-_TURN = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
+_SPEED: Final = 0.4  # belt speed forwards [m/s]
+_POSITION_GAIN: Final = 0.3  # belt speed per distance from the centre line [1/s]
+_HEADING_GAIN: Final = 0.45  # belt speed per heading [m/s]
+_TURN: Final = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
 
 
 def scripted(world: Traverse) -> Command:
@@ -34,22 +34,29 @@ def scripted(world: Traverse) -> Command:
     flippers.
     """
     state = world.state
-    aside = -_POSITION_GAIN * state.position[:, 1] - _HEADING_GAIN * state.heading
-    turn = np.clip(aside, -_TURN, _TURN)
-    return Command(_SPEED + turn[:, None] * np.array([-1.0, 1.0]), reflex(world))
+    wanted = -_POSITION_GAIN * state.position[:, 1] - _HEADING_GAIN * state.heading
+    turn = np.clip(wanted, -_TURN, _TURN)
+    speed = _SPEED + turn[:, None] * np.array([-1.0, 1.0])
+    return Command(speed, reflex(world))
 
 
 def reflex(world: Traverse) -> Array:
     """Set points (N, F) for the flipper angles of all robots in `world`, tips up [rad]; see
     `reflex_angles`.
     """
-    geometry, state = world.flippers, world.state
-    hinge = state.position[:, None] + np.einsum("nij,fj->nfi", state.rotation, geometry.hinge)
-    # (F, S)
-    away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]
-    points = hinge[:, :, None, :2] + away[..., None] * se2.direction(state.heading)[:, None, None]
-    ground = world.elevation(points.reshape(world.size, -1, 2)).reshape(world.size, *away.shape)
-    return reflex_angles(ground, state.pitch, hinge[..., 2], geometry)
+    geometry = world.flippers
+    state = world.state
+    offset = np.einsum("nij,fj->nfi", state.rotation, geometry.hinge)
+    hinge = state.position[:, None] + offset  # (N, F, 3)
+
+    # points on the ground ahead of front flippers, and behind rear ones
+    outwards = np.where(geometry.front, 1.0, -1.0)
+    distance = outwards[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
+    ahead = se2.direction(state.heading)[:, None, None]
+    points = hinge[:, :, None, :2] + distance[..., None] * ahead  # (N, F, S, 2)
+    ground = world.elevation(points.reshape(world.size, -1, 2))
+    by_flipper = ground.reshape(world.size, *distance.shape)
+    return reflex_angles(by_flipper, state.pitch, hinge[..., 2], geometry)
 
 
 def reflex_angles(
@@ -69,27 +76,36 @@ def reflex_angles(
         hinge_height: heights (N, F) of the hinges [m].
         geometry: shape of the F flippers.
     """
+    # angle, up from the hinge, of a flipper whose underside, `radius` below its centre line,
+    # touches this ground
     away = SAMPLES * geometry.length[:, None]  # (F, S)
     rise = ground - hinge_height[..., None]
     distance = np.hypot(away, rise)
-    # angle, up from the hinge, of a flipper whose underside, `radius` below its centre line,
-    # touches this ground
-    above = np.arcsin(np.minimum(geometry.radius[:, None] / distance, 1.0))
-    slope = (np.arctan2(rise, away) + above).max(axis=-1)
-    lift = slope - np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
-    low, high = np.where(geometry.front, 0.0, -REACH), np.where(geometry.front, REACH, 0.0)
-    steep = np.maximum(pitch - _grade(ground, geometry) - TOLERATED, 0.0)
-    push = np.where(geometry.front, 0.0, PUSH * steep[:, None])
-    return np.maximum(np.clip(lift, low, high) - push, low) - geometry.rest
+    above_ground = np.arcsin(np.minimum(geometry.radius[:, None] / distance, 1.0))
+    slope = (np.arctan2(rise, away) + above_ground).max(axis=-1)
+
+    # in the chassis' frame, within reach
+    outwards = np.where(geometry.front, 1.0, -1.0)
+    low = np.where(geometry.front, 0.0, -REACH)
+    high = np.where(geometry.front, REACH, 0.0)
+    lift = np.clip(slope - outwards * pitch[:, None], low, high)
+
+    # rear flippers push against a pitch that the ground doesn't explain
+    unexplained = np.maximum(pitch - _grade(ground, geometry) - TOLERATED, 0.0)
+    push = np.where(geometry.front, 0.0, PUSH * unexplained[:, None])
+    return np.maximum(lift - push, low) - geometry.rest
 
 
 def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
     """Slopes (N,) from the ground behind the rear flippers to the ground ahead of the front ones
     [rad].
     """
-    front, height = geometry.front, ground.mean(axis=-1)
+    front = geometry.front
     if front.all() or not front.any():
         return np.zeros(len(ground))
-    place = geometry.hinge[:, 0] + np.where(front, 1.0, -1.0) * SAMPLES.mean() * geometry.length
+    outwards = np.where(front, 1.0, -1.0)
+    place = geometry.hinge[:, 0] + outwards * SAMPLES.mean() * geometry.length
+    height = ground.mean(axis=-1)
     rise = height[:, front].mean(axis=1) - height[:, ~front].mean(axis=1)
-    return np.asarray(np.arctan2(rise, place[front].mean() - place[~front].mean()))
+    run = place[front].mean() - place[~front].mean()
+    return np.asarray(np.arctan2(rise, run))

@@ -18,12 +18,12 @@ class CourseRenderer(TaskRenderer):
     """Drawing of robots on their courses."""
 
     def __init__(self, task: Crossing) -> None:
-        super().__init__(
-            RobotLooks.of(build_tracked(task.world.tracked.robot, task.world.slots, looks=True))
-        )
+        world = task.world
+        drawn = build_tracked(world.tracked.robot, world.slots, looks=True)
+        super().__init__(RobotLooks.of(drawn))
         self._task = task
         # (N, T) belt travel in this episode [m]
-        self._travel = np.zeros(task.world.contact.belt.shape)
+        self._travel = np.zeros(world.contact.belt.shape)
 
     def begin(self, rows: Sequence[int]) -> None:
         """Reset the drawn belts of the robots `rows`."""
@@ -41,8 +41,10 @@ class CourseRenderer(TaskRenderer):
 
     def camera(self, row: int) -> mujoco.MjvCamera:
         """The camera that follows the robot `row`."""
-        ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
-        return self.looks.camera(self.data, float(ground))
+        world = self._task.world
+        position = world.state.position[:, None, :2]
+        ground = float(world.elevation(position)[row, 0])
+        return self.looks.camera(self.data, ground)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks of the robot `row` to a scene."""

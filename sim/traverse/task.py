@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,16 +24,18 @@ from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_range, require_within
 from trackslip.kinematics import Array
 
-_OPTIONS = {
+_OPTIONS: Final = {
     "course": str | Course,
     "difficulty": float,
     "start_offset": float,
     "start_heading": float,
     "mass": float,
 }
-_QUARTER = np.pi / 2  # flipper angle for an action of 1 [rad]
-_NOT_DRAWN = -1.0  # difficulty that is stored for courses that were not drawn
-_CORRECTION = 0.3, 0.8  # largest corrections to belt speeds [m/s] and to flipper angles [rad]
+_QUARTER: Final = np.pi / 2  # flipper angle for an action of 1 [rad]
+_NOT_DRAWN: Final = -1.0  # difficulty that is stored for courses that were not drawn
+_SPEED_CORRECTION: Final = 0.3  # largest correction to belt speeds [m/s]
+_ANGLE_CORRECTION: Final = 0.8  # largest correction to flipper angles [rad]
+_GRAVITY: Final = 9.81  # [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -51,31 +53,36 @@ class Actions:
     """Conversion of actions to set points for the robots in a world."""
 
     def __init__(self, config: TraverseConfig, world: Traverse) -> None:
-        self._config, self._world = config, world
-        names = each = [flipper.body for flipper in world.tracked.robot.flippers]
+        self._world = world
+        self._corrects = config.action == "correction"
+        # names of the actions for flippers, and the one that each flipper follows
+        names = [flipper.body for flipper in world.tracked.robot.flippers]
+        followed = names
         if config.flippers == "pairs":
-            names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
-            each = sorted(set(names))
-        # index of the action for each flipper
-        self._member = np.array([each.index(name) for name in names], int)
-        self._scale, kind = (world.top_speed, _QUARTER), "set point"
-        if config.action == "correction":
-            self._scale, kind = _CORRECTION, "correction"
-        speed, angle = self._scale
-        self.elements = (
-            *(Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right")),
-            *(Element(f"{name}, {kind}", "rad", angle) for name in each),
-        )
+            followed = [
+                f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")
+            ]
+            names = sorted(set(followed))
+        self._member = np.array([names.index(name) for name in followed], int)
+        self._speed_scale = _SPEED_CORRECTION if self._corrects else world.top_speed
+        self._angle_scale = _ANGLE_CORRECTION if self._corrects else _QUARTER
+        kind = "correction" if self._corrects else "set point"
+        elements = []
+        for side in ("left", "right"):
+            elements.append(Element(f"{side} belt speed, {kind}", "m/s", self._speed_scale))
+        for name in names:
+            elements.append(Element(f"{name}, {kind}", "rad", self._angle_scale))
+        self.elements = tuple(elements)
         """Names, units and scales of an action's elements (A)."""
 
     def command(self, action: Array) -> Command:
         """The set points for actions (N, A) in [-1, 1]."""
-        speed, angle = self._scale
-        belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
-        if self._config.action == "correction":
+        speed = self._speed_scale * action[:, :2]
+        angle = self._angle_scale * action[:, 2:][:, self._member]
+        if self._corrects:
             by_script = scripted(self._world)
-            return Command(by_script.speed + belts, by_script.flippers + flippers)
-        return Command(belts, flippers)
+            return Command(by_script.speed + speed, by_script.flippers + angle)
+        return Command(speed, angle)
 
 
 class Crossing(Task):
@@ -96,42 +103,40 @@ class Crossing(Task):
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts
         their episodes.
         """
-        self._drawn = [course for course in config.courses if course in DRAWN]
         robot = load_tracked(config.robot)
-        self._hull, self._footprint = robot.hull, Footprint.of(robot)
-        listed = [course for course in config.courses if course not in DRAWN]
-        self._listed = {
-            course: self._footprint.fit(load_course(course) if isinstance(course, str) else course)
-            for course in listed
-        }  # by name, or by the course itself
-        drawn = (
-            [self._footprint.fit(draw_course(RANDOM, 0.0, np.random.default_rng(0), self._hull))]
-            if self._drawn
-            else []
-        )
-        courses = [*self._listed.values(), *drawn]
+        self._hull = robot.hull
+        self._footprint = Footprint.of(robot)
+        self._drawn = [course for course in config.courses if course in DRAWN]
+        self._listed: dict[str | Course, Course] = {}  # by name, or by the course itself
+        for course in config.courses:
+            if course not in DRAWN:
+                loaded = load_course(course) if isinstance(course, str) else course
+                self._listed[course] = self._footprint.fit(loaded)
+        courses = list(self._listed.values())
+        if self._drawn:  # one of them, for the friction and the width
+            easiest = draw_course(RANDOM, 0.0, np.random.default_rng(0), self._hull)
+            courses.append(self._footprint.fit(easiest))
+        boxes = [MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn]
         widest = min(course.width for course in courses) / 2
-        require_at_most(
-            "start_offset", config.start_offset, widest, "m, half the width of a course"
-        )
+        unit = "m, half the width of a course"
+        require_at_most("start_offset", config.start_offset, widest, unit)
         self.world = Traverse(
             robot,
             courses,
             size,
-            boxes=max(
-                (MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn), default=0
-            ),
+            boxes=max(boxes, default=0),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,
             threads=threads,
         )
-        # of a robot [N]
-        self._weight = 9.81 * self.world.tracked.model.body_subtreemass[self.world.tracked.body]
+        tracked = self.world.tracked
+        self._weight = _GRAVITY * tracked.model.body_subtreemass[tracked.body]  # of a robot [N]
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
         super().__init__(config, size, config.period, self.layout.elements, self.actions.elements)
-        self.difficulty = config.difficulty  # range for the difficulty of later courses [-]
+        self.difficulty = config.difficulty
+        """Range for the difficulty of later courses [-]."""
         self._difficulty: Array = np.full(size, _NOT_DRAWN)
         self._seed: NDArray[np.int_] = np.zeros(size, int)  # seeds (N,) of the sensor noise
         self._length: Array = np.ones(size)  # distances (N,) from start to goal [m]
@@ -161,38 +166,52 @@ class Crossing(Task):
         """
         options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
-        config, (low, high) = self.config, self.difficulty
-        drawn = {
-            "course": config.courses[generator.integers(len(config.courses))],
-            "difficulty": low + (high - low) * float(generator.random()),
-            "start_offset": generator.uniform(-1.0, 1.0) * config.start_offset,
-            "start_heading": generator.uniform(-1.0, 1.0) * config.start_heading,
-        }
-        own = np.random.default_rng(seed)
-        # the mass is drawn after the seed's course, also if another one is given
-        self._course(drawn["course"], drawn["difficulty"], own)
-        drawn["mass"] = own.uniform(*config.mass)
-
-        drawn |= options
-        difficulty, offset, heading, mass = (
-            drawn[name] for name in ("difficulty", "start_offset", "start_heading", "mass")
-        )
+        chosen = self._drawn_values(generator, seed) | options
+        difficulty = chosen["difficulty"]
+        offset = chosen["start_offset"]
+        heading = chosen["start_heading"]
+        mass = chosen["mass"]
         require_within("difficulty", difficulty, 0.0, 1.0)
         require_within("start_heading", heading, -np.pi, np.pi, "rad")
         require_within("mass", mass, *MASSES)
-        course = self._course(drawn["course"], difficulty, np.random.default_rng(seed))
-        if drawn["course"] not in self._drawn:
+
+        course = self._course(chosen["course"], difficulty, np.random.default_rng(seed))
+        if chosen["course"] not in self._drawn:
             difficulty = _NOT_DRAWN
             names = [name for name in (*self._listed, *self._drawn) if isinstance(name, str)]
             valid = isinstance(course, Course) or course in names
             require(valid, "course", course, f"a course, or one of {', '.join(names)}")
         course = self._listed.get(course) or self._footprint.fit(course)
+
         _, y, _, ahead = course.start
         require_within("start_offset", offset, -course.width / 2, course.width / 2, "m")
-        x = self._footprint.start(course, ahead + heading)
+        heading = ahead + heading
+        x = self._footprint.start(course, heading)
         return CourseRun(
-            course, float(difficulty), (x, y + offset, ahead + heading), seed, float(mass)
+            course=course,
+            difficulty=float(difficulty),
+            start=(x, y + offset, heading),
+            seed=seed,
+            mass=float(mass),
         )
+
+    def _drawn_values(self, generator: np.random.Generator, seed: int) -> dict[str, Any]:
+        """Draw the values of all options; `seed` is that of the course."""
+        config = self.config
+        low, high = self.difficulty
+        course = config.courses[generator.integers(len(config.courses))]
+        difficulty = low + (high - low) * float(generator.random())
+        drawn = {
+            "course": course,
+            "difficulty": difficulty,
+            "start_offset": generator.uniform(-1.0, 1.0) * config.start_offset,
+            "start_heading": generator.uniform(-1.0, 1.0) * config.start_heading,
+        }
+        # the mass is drawn after the seed's course, also if another one is given
+        own = np.random.default_rng(seed)
+        self._course(course, difficulty, own)
+        drawn["mass"] = own.uniform(*config.mass)
+        return drawn
 
     def _course(
         self, course: str | Course, difficulty: float, generator: np.random.Generator
@@ -212,8 +231,10 @@ class Crossing(Task):
         where = np.asarray(rows, int)
         if not where.size:
             return
-        starts, masses = [run.start for run in episodes], [run.mass for run in episodes]
-        self.world.begin(where, [run.course for run in episodes], starts, mass=masses)
+        courses = [episode.course for episode in episodes]
+        starts = [episode.start for episode in episodes]
+        masses = [episode.mass for episode in episodes]
+        self.world.begin(where, courses, starts, mass=masses)
         self._difficulty[where] = [episode.difficulty for episode in episodes]
         self._seed[where] = [episode.seed for episode in episodes]
         self._length[where] = self.world.way[where]
@@ -225,19 +246,16 @@ class Crossing(Task):
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
         self.world.step(self.actions.command(action))
-        contact = self.world.contact
         work = np.where(running, one_by_one(self.world.work), 0.0)
         self._work += work
-        self._penetration = np.maximum(
-            self._penetration, np.where(running, contact.depth.max(axis=1), 0.0)
-        )
+        depth = np.where(running, self.world.contact.depth.max(axis=1), 0.0)
+        self._penetration = np.maximum(self._penetration, depth)
         gain = np.where(running, before - self.world.way, 0.0)
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
         change = np.where(running[:, None], change, 0.0)
-        self._earn(
-            self.config.reward.terms(gain, work / self._weight, took, change, ended), running
-        )
+        terms = self.config.reward.terms(gain, work / self._weight, took, change, ended)
+        self._earn(terms, running)
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
@@ -245,7 +263,8 @@ class Crossing(Task):
         return self.layout.observation(self.world, self._seed.tolist())
 
     def _quantities(self) -> dict[str, NDArray[Any]]:
-        world, contact = self.world, self.world.contact
+        world = self.world
+        contact = world.contact
         defined = np.isfinite(contact.slip)
         return {
             "time": world.time,  # [s]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from mujoco import mjtWarning
@@ -29,15 +29,17 @@ from trackslip import se2
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
-_BROKEN = [
-    int(warning)
-    for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
+# warnings of the engine about a state that diverges
+_DIVERGING: Final = [
+    int(mjtWarning.mjWARN_BADQPOS),
+    int(mjtWarning.mjWARN_BADQVEL),
+    int(mjtWarning.mjWARN_BADQACC),
 ]
-_DROP = 0.3  # depth below the course's lowest ground at which a robot has fallen [m]
-_LEAN = 1.3  # lean of the chassis beyond which a robot has tipped over [rad]
-_FASTEST = 10.0  # chassis speed beyond which the simulation has diverged [m/s]
-_GAP = 0.002  # height above the ground at which robots are placed [m]
-_SPACING = 0.05  # largest spacing of the points in a search for the highest ground [m]
+_DROP: Final = 0.3  # depth below the course's lowest ground at which a robot has fallen [m]
+_LEAN: Final = 1.3  # lean of the chassis beyond which a robot has tipped over [rad]
+_FASTEST: Final = 10.0  # chassis speed beyond which the simulation has diverged [m/s]
+_GAP: Final = 0.002  # height above the ground at which robots are placed [m]
+_SPACING: Final = 0.05  # largest spacing of the points in a search for the highest ground [m]
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,12 @@ class Traverse(Simulations):
         belts = self.tracked.belts
         with engine_errors(robot.model):
             super().__init__(model, size, threads, self.tracked.free)
-        self.period, self.sample = period, sample
+        self.period = period
+        """Time between set points [s]."""
+        self.sample = sample
+        """Time between changes in the belt speeds [s]."""
         self.limits = limits or Limits()
+        """The limits that end a run."""
         self._substeps = steps_in("sample", sample, "the physics step", float(model.opt.timestep))
         self._samples = steps_in("period", period, "sample", sample)
         self.track_names = belts.names
@@ -175,44 +181,40 @@ class Traverse(Simulations):
                 finite, and a robot that needs a larger start platform; see `Footprint.fit`.
         """
         where = np.asarray(rows, int)
-        if not where.size:
+        count = len(where)
+        if not count:
             return
         chosen = [self.course[row] for row in where] if courses is None else list(courses)
-        require(
-            len(chosen) == len(where),
-            "courses",
-            f"{len(chosen)} courses",
-            f"{len(where)}, one for each robot",
-        )
+        given = f"{len(chosen)} courses"
+        require(len(chosen) == count, "courses", given, f"{count}, one for each robot")
         if start is None:
-            start = [
-                (self.footprint.start(course), course.start[1], course.start[3])
-                for course in chosen
-            ]
+            start = [self._start(course) for course in chosen]
         poses = np.array(start, float)
-        valid = poses.shape == (len(where), 3) and np.isfinite(poses).all()
-        require(
-            valid,
-            "start",
-            poses.tolist(),
-            f"finite poses (x, y, heading), one for each of {len(where)} robots",
-        )
+        valid = poses.shape == (count, 3) and np.isfinite(poses).all()
+        allowed = f"finite poses (x, y, heading), one for each of {count} robots"
+        require(valid, "start", poses.tolist(), allowed)
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        self.servo.begin(where, [self._lag] * len(where))
+        self.servo.begin(where, [self._lag] * count)
         self.flipper_servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         for factor in factors:
             require_positive("mass", factor)
-        self._belts.set(np.ones((len(where), 2)), where)
+        self._belts.set(np.ones((count, 2)), where)  # `_load` needs moving belts
         with engine_errors(self.tracked.robot.model):
-            self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
+            self._load(where, self.tracked.body, factors, np.zeros((count, 2)))
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
-        self.contact.put(where, Reading.none(len(where), len(self.track_names)))
+        self.contact.put(where, Reading.none(count, len(self.track_names)))
         self.work[where] = 0.0
-        self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
+        self.outcome[where] = Outcome.DRIVING
+        self.time[where] = 0.0
+
+    def _start(self, course: Course) -> tuple[float, float, float]:
+        """Start pose (x, y, heading) on a course [m, m, rad]."""
+        _, y, _, heading = course.start
+        return self.footprint.start(course), y, heading
 
     def get_state(self) -> dict[str, Any]:
         """Return a copy of the state, see Restorable; courses given to the constructor are stored
@@ -229,24 +231,22 @@ class Traverse(Simulations):
         super().set_state(state)
         self._belts.set_state(state["belts"])
         self.contact.put(slice(None), Reading(**state["contact"]))
-        self.course = [
-            self._courses[course]
-            if isinstance(course, int)
-            else converted("course", course, Course)
-            for course in state["courses"]
-        ]
+        self.course = [self._stored_course(course) for course in state["courses"]]
+
+    def _stored_course(self, course: Any) -> Course:
+        """A course of a state: the index of one given to the constructor, or the course itself."""
+        if isinstance(course, int):
+            return self._courses[course]
+        stored: Course = converted("course", course, Course)
+        return stored
 
     def step(self, command: Command) -> None:
         """Simulate one control period for the robots whose runs have not ended.
 
         Raises InvalidValueError for set points that aren't finite or have a wrong shape.
         """
-        for name, values, state in (
-            ("speed", command.speed, self.servo.speed),
-            ("flippers", command.flippers, self.flipper_servo.angle),
-        ):
-            valid = np.shape(values) == state.shape and np.isfinite(values).all()
-            require(valid, name, np.asarray(values).tolist(), f"finite, of shape {state.shape}")
+        _require_set_points("speed", command.speed, self.servo.speed.shape)
+        _require_set_points("flippers", command.flippers, self.flipper_servo.angle.shape)
         self.work[:] = 0.0  # also of robots whose simulation diverges in this period
         rows = np.flatnonzero(self.outcome == Outcome.DRIVING)
         if not rows.size:
@@ -259,19 +259,19 @@ class Traverse(Simulations):
         with quietly(), engine_errors(self.tracked.robot.model):
             for _ in range(self._samples):
                 self.flipper_servo.advance(self.sample)
-                self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(
-                    self.flipper_servo.angle
-                )
+                control = self.tracked.flipper_control(self.flipper_servo.angle)
+                self.batch.ctrl[:, self.tracked.flipper_motor] = control
                 readings.append(self._drive(rows))
         self.time[rows] += self.period
+
+        # diverged runs return to their last finite state
         broken = self._broken(rows)
-        self.batch.state[broken] = before[broken]  # return diverged runs to their last finite state
+        self.batch.state[broken] = before[broken]
         fine = ~broken[rows]
         reading = Reading.joined(readings)[fine].complete(self.track_names)
         self.contact.put(rows[fine], reading.mean())
-        self.work[rows[fine]] = (reading.traction * reading.belt).sum(
-            axis=1
-        ) * self.tracked.model.opt.timestep
+        power = reading.traction * reading.belt
+        self.work[rows[fine]] = power.sum(axis=1) * self.tracked.model.opt.timestep
         self._judge(rows, broken)
 
     def _drive(self, rows: NDArray[np.int_]) -> Reading:
@@ -323,44 +323,59 @@ class Traverse(Simulations):
         below each of them.
         """
         self.batch.warning[rows] = 0
-        around = self.footprint
-        sides = (-around.behind, around.ahead), (-around.aside, around.aside)
-        x, y = (np.linspace(*ends, math.ceil((ends[1] - ends[0]) / _SPACING) + 1) for ends in sides)
-        under = se2.to_world(poses[:, None], np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-        ground = look_up([self.course[row] for row in rows], under).max(axis=1)
+        footprint = self.footprint
+        x = _spaced(-footprint.behind, footprint.ahead)
+        y = _spaced(-footprint.aside, footprint.aside)
+        in_robot = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        below = se2.to_world(poses[:, None], in_robot)
+        courses = [self.course[row] for row in rows]
+        ground = look_up(courses, below).max(axis=1)
         self._place_at(rows, poses, ground - self.tracked.robot.lowest + _GAP)
-        self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(
-            self.flipper_servo.angle[rows]
-        )
+        angle = self.tracked.flipper_control(self.flipper_servo.angle[rows])
+        self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = angle
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Mask (N,) of the robots whose simulation diverged in this period; `rows` (R,) are those
         that drove.
         """
-        broken = np.zeros(self.size, bool)
+        qpos = self.batch.qpos[rows]
+        qvel = self.batch.qvel[rows]
+        has_warned = self.batch.warning[rows][:, _DIVERGING, 1].any(axis=1)
+        is_finite = np.isfinite(qpos).all(axis=1) & np.isfinite(qvel).all(axis=1)
         first = self.tracked.free[1]
-        speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)
-        finite = np.isfinite(self.batch.qpos[rows]).all(axis=1) & np.isfinite(
-            self.batch.qvel[rows]
-        ).all(axis=1)
-        warned = self.batch.warning[rows][:, _BROKEN, 1].any(axis=1)
-        broken[rows] = warned | ~finite | ~(speed < _FASTEST)
+        speed = np.linalg.norm(qvel[:, first : first + 3], axis=1)
+        is_slow = speed < _FASTEST
+        broken = np.zeros(self.size, bool)
+        broken[rows] = has_warned | ~is_finite | ~is_slow
         return broken
 
     def _judge(self, rows: NDArray[np.int_], broken: NDArray[np.bool_]) -> None:
-        """Determine the outcomes of the robots `rows` (R,) that drove in this period."""
+        """Determine the outcomes of the robots `rows` (R,) that drove in this period.
+
+        If several outcomes apply, the last of them in the order of `Outcome` counts.
+        """
         state = self.state
-        belts = self.servo.speed
-        conditions = (
-            (Outcome.TIME, self.time > self.limits.time - self.period / 2),
-            (Outcome.STUCK, self._stuck.observe(state.position, belts)),
-            (Outcome.REACHED, self.way <= 0),
-            (
-                Outcome.FELL,
-                (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side),
-            ),
-            (Outcome.TIPPED, state.upright < np.cos(_LEAN)),
-            (Outcome.EXPLODED, broken),
-        )
-        for outcome, where in conditions:
-            self.outcome[rows[where[rows]]] = outcome
+        is_below = state.position[:, 2] < self._bottom
+        is_beside = np.abs(state.position[:, 1]) > self._side
+        applies = {
+            Outcome.TIME: self.time > self.limits.time - self.period / 2,
+            Outcome.STUCK: self._stuck.observe(state.position, self.servo.speed),
+            Outcome.REACHED: self.way <= 0,
+            Outcome.FELL: is_below | is_beside,
+            Outcome.TIPPED: state.upright < np.cos(_LEAN),
+            Outcome.EXPLODED: broken,
+        }
+        for outcome in sorted(applies):
+            judged = rows[applies[outcome][rows]]
+            self.outcome[judged] = outcome
+
+
+def _require_set_points(name: str, values: Array, shape: tuple[int, ...]) -> None:
+    valid = np.shape(values) == shape and np.isfinite(values).all()
+    require(valid, name, np.asarray(values).tolist(), f"finite, of shape {shape}")
+
+
+def _spaced(low: float, high: float) -> Array:
+    """Places from `low` to `high` that are at most _SPACING apart [m]."""
+    count = math.ceil((high - low) / _SPACING) + 1
+    return np.linspace(low, high, count)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -15,11 +16,16 @@ from trackslip.errors import Checked, InvalidValueError, checked, require, requi
 from trackslip.kinematics import TRACK_SIGNS, Array
 from trackslip.logs.runlog import RunLog, Truth
 
-_STEEPEST = 1.5  # largest slope of the smooth step 3 u^2 - 2 u^3 from 0 to 1, at u = 1/2
+_STEEPEST: Final = 1.5  # largest slope of the smooth step 3 u^2 - 2 u^3 from 0 to 1, at u = 1/2
 # first zero of J_0: amplitude of a sinusoidal heading that closes a figure eight [rad]
-_CLOSING = 2.404825557695773
-_BACK = -0.3  # lowest position of a lever unless both reverse [share of its forward travel]
-_STRAIGHT = 4.0  # duration of each straight side of a loop [s]
+_CLOSING: Final = 2.404825557695773
+_BACK: Final = -0.3  # lowest position of a lever unless both reverse [share of its forward travel]
+_STRAIGHT: Final = 4.0  # duration of each straight side of a loop [s]
+# shares of the levers' positions that are kept, made equal, reversed and zero [-]
+_KINDS: Final = (0.8, 0.08, 0.06, 0.06)
+_MOSTLY_FORWARDS: Final = 0.6  # exponent of uniform numbers that favours large ones
+_SHORTEST_STRETCH: Final = 4.0  # of stop and go, with its stop [s]
+_ROUNDING: Final = 1e-9  # tolerance on the number of rows
 
 
 @dataclass(frozen=True)
@@ -46,10 +52,10 @@ def track_commands(
         raise InvalidValueError("driving", driving, f"one of {', '.join(DRIVING)}")
     require_positive("duration", duration)
     require_positive("rate", rate)
-    time = np.arange(int(duration * rate + 1e-9) + 1) / rate
-    require(
-        len(time) >= 2, "duration", duration, f"at least a period of the encoders, {1 / rate:g} s"
-    )
+    rows = int(duration * rate + _ROUNDING) + 1
+    allowed = f"at least a period of the encoders, {1 / rate:g} s"
+    require(rows >= 2, "duration", duration, allowed)
+    time = np.arange(rows) / rate
     return DRIVING[driving](time, driver, rng)
 
 
@@ -58,57 +64,66 @@ def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
     reverse or rest.
     """
     count = int(time[-1]) + 2  # enough positions, as each takes more than a second
-    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # mostly forwards
-    kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
-    levers = np.choose(
-        kinds, [levers, np.broadcast_to(np.abs(levers[:, :1]), levers.shape), -levers, 0 * levers]
-    )
-    return _levers(
-        time,
-        driver,
-        driver.max_speed * levers,
-        rng.uniform(0.8, 1.4, count),
-        rng.uniform(0.5, 1.5, count),
-    )
+    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** _MOSTLY_FORWARDS
+    kinds = rng.choice(4, count, p=_KINDS)[:, None]
+    equal = np.broadcast_to(np.abs(levers[:, :1]), levers.shape)
+    levers = np.choose(kinds, [levers, equal, -levers, 0 * levers])
+    moving = rng.uniform(0.8, 1.4, count)
+    holding = rng.uniform(0.5, 1.5, count)
+    return _levers(time, driver, driver.max_speed * levers, moving, holding)
 
 
 def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
     """Speeds (T, 2) for straights and turns at constant speeds, with stops in between."""
-    count = int(time[-1] / 4.0) + 2  # enough stretches, as each takes at least 4 s with its stop
+    count = int(time[-1] / _SHORTEST_STRETCH) + 2  # enough stretches
     speed = rng.uniform(0.4, 1.0, (count, 1))
-    levers = speed * np.concatenate(
-        [np.ones((count, 1)), rng.uniform(0.0, 1.0, (count, 1))], axis=1
-    )
-    levers = np.where(rng.random((count, 1)) < 0.5, levers, levers[:, ::-1])
+    inner = rng.uniform(0.0, 1.0, (count, 1))  # speed of one track over the other's
+    levers = speed * np.concatenate([np.ones((count, 1)), inner], axis=1)
+    turns_right = rng.random((count, 1)) < 0.5
+    levers = np.where(turns_right, levers, levers[:, ::-1])
     levers[::4] = speed[::4]  # straight
-    both = np.zeros((2 * count, 2))
-    both[::2] = levers
-    holding = np.stack([rng.uniform(3.5, 6.0, count), rng.uniform(0.5, 2.0, count)], axis=1).ravel()
-    return _levers(time, driver, driver.max_speed * both, np.full(2 * count, 0.5), holding)
+    with_stops = np.zeros((2 * count, 2))
+    with_stops[::2] = levers
+
+    moving = np.full(2 * count, 0.5)
+    driving = rng.uniform(3.5, 6.0, count)
+    stopping = rng.uniform(0.5, 2.0, count)
+    holding = np.stack([driving, stopping], axis=1).ravel()
+    return _levers(time, driver, driver.max_speed * with_stops, moving, holding)
 
 
 def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
     """Speeds (T, 2) for figure eights at constant forward speed, with a heading that is sinusoidal
     in time.
+
+    With the amplitude A, `_CLOSING`, and the frequency f, the heading is A sin(f t). A track's
+    speed differs from the mean by up to u = A f b, with the half gauge b, and its acceleration is
+    up to u f = u^2 / (A b). The start takes half of the acceleration.
     """
     ahead = rng.uniform(0.5, 0.7)  # share of the top speed; the rest is left for turning
-    turning = min(
-        (1 - ahead) * driver.max_speed,
-        np.sqrt(_CLOSING / 2 * driver.acceleration * driver.half_gauge),
-    )
+    by_speed = (1 - ahead) * driver.max_speed
+    by_acceleration = np.sqrt(_CLOSING / 2 * driver.acceleration * driver.half_gauge)
+    turning = min(by_speed, by_acceleration)
     frequency = turning / (driver.half_gauge * _CLOSING)
-    half = rng.choice([-1.0, 1.0]) * turning * np.sin(frequency * time)
+    side = rng.choice([-1.0, 1.0])
+    half = side * turning * np.sin(frequency * time)
     return _begun(time, driver, ahead * driver.max_speed, half)
 
 
 def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    turning = min(
-        0.4 * driver.max_speed, np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge)
-    )
-    # duration, in which the yaw rate is half a sine wave [s]
-    corner = np.pi**2 / 4 * driver.half_gauge / turning
-    into = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)
-    half = rng.choice([-1.0, 1.0]) * turning * np.sin(np.pi * into / corner)
+    """Speeds (T, 2) for squares with rounded corners, in which the yaw rate is half a sine wave.
+
+    A corner of a quarter turn lasts d. A track's speed differs from the mean by up to u; the yaw
+    rate has the mean 2 / pi u / b, with the half gauge b, so d = pi^2 / 4 b / u. The acceleration
+    is up to u pi / d = 4 u^2 / (pi b). The start takes half of the acceleration.
+    """
+    by_speed = 0.4 * driver.max_speed
+    by_acceleration = np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge)
+    turning = min(by_speed, by_acceleration)
+    corner = np.pi**2 / 4 * driver.half_gauge / turning  # [s]
+    in_corner = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)  # [s]
+    side = rng.choice([-1.0, 1.0])
+    half = side * turning * np.sin(np.pi * in_corner / corner)
     return _begun(time, driver, 0.6 * driver.max_speed, half)
 
 
@@ -116,8 +131,9 @@ def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
     """Speeds (T, 2), ahead -+ half [m/s]; the start uses half of the acceleration and leaves the
     rest to `half`.
     """
-    ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
-    return (ahead + TRACK_SIGNS * half[:, None]) * smooth_step(time / ramp)[:, None]
+    ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration  # duration of the start [s]
+    speed = ahead + TRACK_SIGNS * half[:, None]
+    return speed * smooth_step(time / ramp)[:, None]
 
 
 def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
@@ -127,15 +143,17 @@ def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: 
     An approach takes `moving` (K,), or longer if the acceleration requires it; each is held for
     `holding` (K,) [s].
     """
-    change = np.abs(np.diff(levers, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
+    rest = np.zeros((1, 2))
+    change = np.abs(np.diff(levers, axis=0, prepend=rest)).max(axis=1)
     moving = np.maximum(moving, _STEEPEST * change / driver.acceleration)
-    ends = np.cumsum(moving + holding)
-    begins = np.concatenate([[0.0], ends[:-1]])
-    now = np.minimum(np.searchsorted(ends, time, side="right"), len(levers) - 1)
-    before = np.concatenate([np.zeros((1, 2)), levers[:-1]])[now]
-    return before + smooth_step((time - begins[now]) / moving[now])[:, None] * (
-        levers[now] - before
-    )
+    end = np.cumsum(moving + holding)
+    begin = np.concatenate([[0.0], end[:-1]])
+
+    # which lever position is approached or held at each time
+    now = np.minimum(np.searchsorted(end, time, side="right"), len(levers) - 1)
+    before = np.concatenate([rest, levers[:-1]])[now]
+    share = smooth_step((time - begin[now]) / moving[now])
+    return before + share[:, None] * (levers[now] - before)
 
 
 DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
@@ -158,10 +176,12 @@ class Motion:
         """Poses (..., 3) at times (...) within the motion, on arcs of constant twist between
         adjacent rows.
         """
-        k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
-        share = (time - self.time[k]) / (self.time[k + 1] - self.time[k])
-        motion = se2.log(se2.between(self.pose[k], self.pose[k + 1]))
-        return se2.compose(self.pose[k], se2.exp(share[..., None] * motion))
+        last = len(self.time) - 2
+        before = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, last)
+        after = before + 1
+        share = (time - self.time[before]) / (self.time[after] - self.time[before])
+        motion = se2.log(se2.between(self.pose[before], self.pose[after]))
+        return se2.compose(self.pose[before], se2.exp(share[..., None] * motion))
 
 
 def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
@@ -182,7 +202,8 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
     pose = np.full((len(time), 3), np.nan)
     valid = np.zeros(len(time), bool)
     seen = np.searchsorted(time, stamps)
-    pose[seen], valid[seen] = poses, True
+    pose[seen] = poses
+    valid[seen] = True
     return RunLog(
         run=encoders.run,
         time=time,
@@ -201,18 +222,18 @@ def _truth_at(truth: Truth, read: Array, time: Array, after: np.ndarray) -> Trut
     indices in `read`.
     """
 
-    def between(values: Array) -> Array:
-        flat = values.reshape(len(read), -1)
-        return np.stack([np.interp(time, read, column) for column in flat.T], -1).reshape(
-            -1, *values.shape[1:]
-        )
+    def interpolated(values: Array) -> Array:
+        columns = values.reshape(len(read), -1).T
+        between = [np.interp(time, read, column) for column in columns]
+        return np.stack(between, axis=-1).reshape(-1, *values.shape[1:])
 
-    smooth = {
-        name: getattr(truth, name) for name in ("twist", "traction", "torque", "lean", "contact")
-    }
-    means = {name: getattr(truth, name) for name in ("power", "saturated")}
-    return Truth(
-        pose=Motion(read, truth.pose).at(time),
-        **{name: between(values) for name, values in smooth.items() if values is not None},
-        **{name: values[after] for name, values in means.items() if values is not None},
-    )
+    fields = {}
+    for name in ("twist", "traction", "torque", "lean", "contact"):
+        values = getattr(truth, name)
+        if values is not None:
+            fields[name] = interpolated(values)
+    for name in ("power", "saturated"):  # means since the previous reading
+        values = getattr(truth, name)
+        if values is not None:
+            fields[name] = values[after]
+    return Truth(pose=Motion(read, truth.pose).at(time), **fields)

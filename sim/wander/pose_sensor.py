@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -17,12 +18,13 @@ from trackslip.errors import Checked, checked, require, require_positive, requir
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
-_MAX_JITTER = 0.2  # largest standard deviation of stamp errors [periods]
-_MOST_EARLY = 0.45  # largest stamp error, which keeps stamps in order [periods]
-_AT_ONCE = 250  # number of scans simulated together, each for a separate robot
-_LARGEST = 1e6  # largest error, in any unit; a log with larger errors couldn't be read again
-_LONGEST_DELAY = 3600.0  # [s]
-_WRONG = 0.5  # largest error of an outlier in x and y [m] and in heading [rad]
+_MAX_JITTER: Final = 0.2  # largest standard deviation of stamp errors [periods]
+_MAX_STAMP_ERROR: Final = 0.45  # keeps stamps in order [periods]
+_SCANS_AT_ONCE: Final = 250  # number of scans simulated together, each for a separate robot
+# largest error, in any unit; a log with larger errors couldn't be read again
+_LARGEST: Final = 1e6
+_LONGEST_DELAY: Final = 3600.0  # [s]
+_OUTLIER: Final = 0.5  # largest error of an outlier in x and y [m] and in heading [rad]
 
 
 @dataclass(frozen=True)
@@ -71,12 +73,8 @@ class PoseSensor(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         most = _MAX_JITTER / self.rate
-        require(
-            self.jitter <= most,
-            "jitter",
-            self.jitter,
-            f"at most {most:g} s, {_MAX_JITTER:g} of a period",
-        )
+        allowed = f"at most {most:g} s, {_MAX_JITTER:g} of a period"
+        require(self.jitter <= most, "jitter", self.jitter, allowed)
 
     def measure(self, motion: Motion, rng: np.random.Generator) -> tuple[Array, Array]:
         """Ascending time stamps (M,) [s] and poses (M, 3) [m, m, rad]; headings are NaN unless they
@@ -84,56 +82,63 @@ class PoseSensor(Checked):
 
         The first pose is measured at a random time in the first period.
         """
-        first, last = motion.time[0], motion.time[-1]
-        moment = np.arange(first + rng.uniform(0, 1 / self.rate), last, 1 / self.rate)
-        sensor = np.array([self.ahead, self.left, self.mounting])
-        pose = self._wandered(se2.compose(motion.at(moment), sensor), moment, rng)
+        period = 1 / self.rate
+        first = motion.time[0] + rng.uniform(0, period)
+        time = np.arange(first, motion.time[-1], period)
+        mounting = np.array([self.ahead, self.left, self.mounting])
+        exact = se2.compose(motion.at(time), mounting)
+
+        pose = self._wandered(exact, time, rng)
         noise = np.array([self.position_noise, self.position_noise, self.heading_noise])
         pose = pose + noise * rng.standard_normal(pose.shape)
-        wrong = rng.random(len(moment)) < self.outliers
-        pose = pose + wrong[:, None] * _WRONG * rng.uniform(-1, 1, pose.shape)
-        early = np.clip(
-            self.jitter * rng.standard_normal(len(moment)),
-            *(np.array([-1, 1]) * _MOST_EARLY / self.rate),
-        )
-        seen = ~self._in_gap(moment, rng)
+        is_outlier = rng.random(len(time)) < self.outliers
+        pose = pose + is_outlier[:, None] * _OUTLIER * rng.uniform(-1, 1, pose.shape)
+
+        largest = _MAX_STAMP_ERROR / self.rate
+        stamp_error = np.clip(self.jitter * rng.standard_normal(len(time)), -largest, largest)
+        is_seen = ~self._in_gap(time, rng)
         if not self.heading:
             pose[:, 2] = np.nan
-        return (moment + self.delay + early)[seen], pose[seen]
+        return (time + self.delay + stamp_error)[is_seen], pose[is_seen]
 
-    def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
-        """Poses (M, 3) with drift and lasting jumps, which are errors in the steps between
-        poses.
+    def _wandered(self, pose: Array, time: Array, rng: np.random.Generator) -> Array:
+        """Poses (M, 3) at times (M,) with drift and lasting jumps, which are errors in the steps
+        between poses.
+
+        The error of a random walk grows with the root of the distance. Its size in each of two
+        directions is chosen so that the final error is `drift` times the distance.
         """
         if len(pose) < 2 or not (self.drift or self.heading_drift or self.jumps):
             return pose
         steps = se2.steps(pose)
-        way = np.hypot(steps[:, :1], steps[:, 1:2])
-        along = self.drift * np.sqrt(way.sum() / 2)  # for each of two directions [m/sqrt(m)]
-        walk = np.sqrt(way) * [along, along, self.heading_drift] * rng.standard_normal(steps.shape)
-        steps = steps + walk
-        at = np.searchsorted(moment, rng.uniform(moment[0], moment[-1], self.jumps))
+        distance = np.hypot(steps[:, :1], steps[:, 1:2])
+        position_drift = self.drift * np.sqrt(distance.sum() / 2)  # [m/sqrt(m)]
+        drift = [position_drift, position_drift, self.heading_drift]
+        steps = steps + np.sqrt(distance) * drift * rng.standard_normal(steps.shape)
+
+        at = np.searchsorted(time, rng.uniform(time[0], time[-1], self.jumps))
         direction = rng.uniform(-np.pi, np.pi, self.jumps)
-        turned = self.jump_turn * rng.choice([-1.0, 1.0], self.jumps)
-        jump = np.column_stack([self.jump_size * se2.direction(direction), turned])
+        side = rng.choice([-1.0, 1.0], self.jumps)
+        moved = self.jump_size * se2.direction(direction)
+        jump = np.column_stack([moved, self.jump_turn * side])
         np.add.at(steps, np.clip(at - 1, 0, len(steps) - 1), jump)
         return se2.chain(pose[0], steps)
 
-    def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
+    def _in_gap(self, time: Array, rng: np.random.Generator) -> np.ndarray:
         """Mask (M,) of the times in a gap; there is one gap in each of several equal parts of the
         duration.
         """
         if not self.gaps:
-            return np.zeros(len(moment), bool)
-        part = (moment[-1] - moment[0]) / self.gaps
+            return np.zeros(len(time), bool)
+        part = (time[-1] - time[0]) / self.gaps
         free = max(0.0, part - self.gap_duration)
-        begin = moment[0] + part * np.arange(self.gaps) + rng.uniform(0, free, self.gaps)
-        return ((moment[:, None] >= begin) & (moment[:, None] < begin + self.gap_duration)).any(
-            axis=1
-        )
+        begin = time[0] + part * np.arange(self.gaps) + rng.uniform(0, free, self.gaps)
+        end = begin + self.gap_duration
+        is_in = (time[:, None] >= begin) & (time[:, None] < end)
+        return np.asarray(is_in.any(axis=1))
 
 
-POSE_SENSORS: Mapping[str, PoseSensor] = {
+POSE_SENSORS: Final[Mapping[str, PoseSensor]] = {
     "scanner": PoseSensor(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25)),
     "mocap": PoseSensor(
         rate=50.0, position_noise=0.0005, heading_noise=np.radians(0.1), delay=0.02
@@ -157,12 +162,13 @@ def plate_scans(
 
     The first scan is at a random time in the first period.
     """
-    time = np.arange(
-        motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period
-    )
-    pose, parts = motion.at(time), []
-    for k in range(0, len(pose), _AT_ONCE):
-        standing = Fleet(robot, pose[k : k + _AT_ONCE])
-        true = ScannerFeed(scanner, standing).true_ranges()
-        parts.append(scanner.measure(true[None], [rng])[0].astype(np.float32))
+    first = motion.time[0] + rng.uniform(0, scanner.period)
+    time = np.arange(first, motion.time[-1], scanner.period)
+    pose = motion.at(time)
+    parts = []
+    for k in range(0, len(pose), _SCANS_AT_ONCE):
+        standing = Fleet(robot, pose[k : k + _SCANS_AT_ONCE])
+        true_ranges = ScannerFeed(scanner, standing).true_ranges()
+        ranges = scanner.measure(true_ranges[None], [rng])[0]
+        parts.append(ranges.astype(np.float32))
     return time, scanner.scan(np.concatenate(parts), robot.lrf_mount)
