@@ -27,7 +27,8 @@ HEAVY = """<robot name="heavy"><link name="base">
 </link></robot>"""
 TRACKS = 'model = "heavy.urdf"\nhalf_gauge = 0.27\nhull = [[-0.5, 0.14, 0.14], [0.5, 0.14, 0.14]]\n'
 EIGHT = "[drive]\ntorque_limit = 8.0\n"
-OWN = "[drive]\nlag = 0.2\ntop_speed = 0.45\ntorque_limit = 12.0\n[drive.motor]\ngear = 30.0\n"
+LINE = "gear = 30.0\nno_load_speed = 300.0\nstall_torque = 0.7\n"
+OWN = f"[drive]\nlag = 0.2\ntop_speed = 0.45\ntorque_limit = 12.0\n[drive.motor]\n{LINE}"
 FILES = {
     "heavy": TRACKS,
     "heavy_eight": TRACKS + EIGHT,
