@@ -24,7 +24,6 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.settings import build
 from trackslip.errors import (
     Checked,
     SettingsFileError,
@@ -102,6 +101,8 @@ class Motor(Checked):
         Raises SettingsFileError, which begins with `where`, for a table without one of the numbers
         that make the torque-speed line: those of another robot's motor would be no default.
         """
+        from sim.settings import build  # late, as sim.tracks does without files
+
         for name in LINE:
             if name not in table:
                 raise SettingsFileError(
@@ -190,6 +191,8 @@ class Drive(Checked):
 
         Raises SettingsFileError, which begins with `where`, for values that aren't allowed.
         """
+        from sim.settings import build  # late, as sim.tracks does without files
+
         return build(cls, table, where, tireless())
 
     def __post_init__(self) -> None:
