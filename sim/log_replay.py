@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.motors.motor import Drive, or_tireless, tireless
+from sim.motors.motor import TOP_SPEED, Drive, tireless
 from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
@@ -163,11 +163,14 @@ class Replayer:
     def __init__(self, logs: Sequence[RunLog], inputs: Inputs = "encoders") -> None:
         """Prepare logs for replays; `inputs` are those of `replay`."""
         self.logs, self.inputs = list(logs), inputs
+        self._fastest_command = 0.0  # of the set points, if they are the inputs [rad/s]
         if inputs == "commands":
             for log in logs:
                 if log.command is None or not np.isfinite(log.command).all():
                     needed = "needs omega_cmd_l and omega_cmd_r in every row to replay commands"
                     raise LogError(f"run {log.run!r}: {needed}")
+                fastest = float(np.abs(log.command).max())
+                self._fastest_command = max(self._fastest_command, fastest)
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
         # (N,) start of each log's run-up [s]
@@ -183,9 +186,12 @@ class Replayer:
             raise LogError(
                 f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s"
             )
-        drive = or_tireless(parameters.drive)
+        drive = parameters.drive
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
+        elif drive is None:  # as fast as it is told to be
+            asked = self._fastest_command * robot.geometry.sprocket_radius
+            drive = tireless(max(TOP_SPEED, _MARGIN * asked))
         fleet = Fleet(
             robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads
         )

@@ -23,7 +23,7 @@ PUSH = 2.0
 """
 TOLERATED = 0.12
 """Pitch beyond the ground's slope at which rear flippers begin to push [rad]."""
-_SPEED = 0.4  # belt speed forwards [m/s]
+_SPEED = 0.4  # belt speed forwards, of robots that are so fast [m/s]
 # belt speed per distance from the centre line [1/s], and per heading [m/s]
 _POSITION_GAIN, _HEADING_GAIN = 0.3, 0.45
 _TURN = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
@@ -36,7 +36,8 @@ def scripted(world: Traverse) -> Command:
     state = world.state
     aside = -_POSITION_GAIN * state.position[:, 1] - _HEADING_GAIN * state.heading
     turn = np.clip(aside, -_TURN, _TURN)
-    return Command(_SPEED + turn[:, None] * np.array([-1.0, 1.0]), reflex(world))
+    speed = min(_SPEED, world.top_speed)
+    return Command(speed + turn[:, None] * np.array([-1.0, 1.0]), reflex(world))
 
 
 def reflex(world: Traverse) -> Array:
