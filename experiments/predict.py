@@ -145,7 +145,7 @@ class Config(ResultsOptions):
     """Centre of mass, forward of the middle of the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0), _ROBOTS] = None
     """Radius of the sprockets, stored with the law; slip does not depend on it [m]."""
-    radius_error: Annotated[float, RADIUS_ERROR] = 0.0
+    radius_error: Annotated[float | None, RADIUS_ERROR, _ROBOTS] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     radii: Annotated[tuple[float, ...], Distinct("radius"), Within(MIN_RADIUS, MAX_RADIUS, "m")] = (
         OBSERVED_RADII
@@ -186,7 +186,7 @@ def run(config: Config) -> None:
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
     loss = float(turns.loss.mean())
-    nominal = 1 + config.radius_error  # for slips of the nominal sprocket
+    nominal = 1 + robot.radius_error  # for slips of the nominal sprocket
     law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
     ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
     slip = 1 - nominal * (1 - turns.slip)
@@ -330,11 +330,17 @@ def _likeness(first: float, second: float) -> str:
 
 def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
     """The robot with its centre of mass midway between the tracks, level ground, and the load from
-    slope and pull.
+    slope and pull. Prints a line if that isn't where its file has the centre of mass.
     """
     robot, ground = load_parameters(config.robot)
+    if robot.com_y != 0:
+        print(
+            f"Note: com_y = {robot.com_y:g} m of {config.robot} is left out: the law is one for "
+            "turns to both sides."
+        )
     ground.require_even("the ground of --robot is even and level here, and --slope tilts it")
-    given = {name: getattr(config, name) for name in ("half_gauge", "com_x", "sprocket_radius")}
+    options = ("half_gauge", "com_x", "sprocket_radius", "radius_error")
+    given = {name: getattr(config, name) for name in options}
     robot = replace(
         robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None}
     )

@@ -23,6 +23,7 @@ from experiments.simulate.grid_summary import (
     saturation_warnings,
     simulated_seconds,
 )
+from experiments.simulate.motors import print_motors
 from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
 from sim.motors.motor import Drive
@@ -137,6 +138,7 @@ def run(config: Config) -> None:
     tracking_table(results).print()
     for warning in saturation_warnings(logs):
         print(f"Warning: {warning}.")
+    print_motors(config.robot, world.drive)
     bridged = "; odometry bridged the rest" if poses.valid_fraction < 1 else ""
     print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose{bridged}")
     if config.bag:

@@ -24,6 +24,7 @@ from experiments.common.plain_json import write_json
 from experiments.common.pool import Workers, processors, workers
 from experiments.common.sweep import Row, Store, drive_fleet, fleets, resumable
 from experiments.common.table import Table, number
+from experiments.simulate.motors import print_motors
 from experiments.simulate.options import ClosedLoopOptions
 from sim.common.seeds import generator
 from sim.runs.loop import Progress
@@ -105,6 +106,7 @@ def run(config: Config) -> None:
         write_json(run.folder / GAINS_FILE, {"found_by": about, "gains": rows})
         run.write({"gains": rows}, manifest=about)
     gains_table(rows).print()
+    print_motors(config.robot, loops.world.drive)
     for name in config.controllers:
         _, others = tunable(name)
         if others:

@@ -17,6 +17,7 @@ from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import Row, drive_missing, resumable
 from experiments.common.table import stages_text
+from experiments.simulate.motors import print_motors
 from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import counted
 
@@ -79,6 +80,7 @@ def run(config: Config) -> None:
     print()
     board_table(entries).print()
     print(textwrap.fill(BOARD_LEGEND, 120))
+    print_motors(config.robot, loops.world.drive)
     for line in lines:
         print(f"failed: {line}")
     print(stages_text(run.watch.stages))

@@ -38,11 +38,14 @@ def run(config: Config) -> None:
     from experiments.drive.recording import record_course_drive
     from experiments.drive.results import drive_summary, write_course_run
     from experiments.drive.world import about_world, driver, make_world
+    from experiments.simulate.motors import print_motors, without_motors
+    from sim.motors.motor import or_tireless
     from sim.robot.tracked_model import build_tracked
 
     world = make_world(config)
     robot, course, about = world.tracked.robot, world.course[0], about_world(world)
     looks = build_tracked(robot, course, preset=config.preset, looks=True)
+    notes = without_motors(config.robot, or_tireless(robot.drive))
     with Run(config) as run:
         with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:
             drive = drive_course(world, driver(config, world), advance)
@@ -53,10 +56,13 @@ def run(config: Config) -> None:
             record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, drive, looks)
         with run.busy("pictures"):
             pictures = write_pictures(run.folder / PICTURES_FOLDER, drive, looks, config.pictures)
-        reply, table = answer(drive, result, config.out), tracks_table(result)
+        reply, table = answer(drive, result, config.out, notes), tracks_table(result)
         page(drive, reply, table, manifest, command_line("drive"), pictures).write(run.folder)
     print(f"{reply.heading}.")
     for name, value in reply.facts:
         print(f"{name}: {value}")
     table.print()
+    for warning in reply.warnings:
+        print(f"Warning: {warning}.")
+    print_motors(config.robot, or_tireless(robot.drive))
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: {reply.next[0]}")

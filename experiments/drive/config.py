@@ -17,7 +17,7 @@ from experiments.common.options import (
     Within,
     default_is,
 )
-from experiments.simulate.options import MAX_DURATION, RobotSource
+from experiments.simulate.options import MAX_DURATION, RobotSource, UsualSpeed
 from trackslip.errors import require, require_positive
 
 EXAMPLES = (
@@ -54,7 +54,7 @@ class Config(ResultsOptions):
     """
     difficulty: Annotated[float, Within(0.0, 1.0)] = 0.5
     """Difficulty of an FTR-Bench course, from the smallest published sizes to the largest [-]."""
-    speed: Annotated[float, Within(-10.0, 10.0, "m/s")] = 0.3
+    speed: Annotated[UsualSpeed, Within(-10.0, 10.0, "m/s")] = None
     """Speed of the belts, up to the robot's top speed; negative to drive backwards [m/s]."""
     turn: Annotated[float, Within(-5.0, 5.0, "rad/s")] = 0.0
     """Commanded yaw rate, positive to the left; the robot turns more slowly because its tracks slip
@@ -103,7 +103,7 @@ class Config(ResultsOptions):
         require(
             has_difficulty, "difficulty", self.difficulty, "left out without a course of FTR-Bench"
         )
-        if self.path is not None:
+        if self.path is not None and self.speed is not None:
             require_positive("speed", self.speed)
         self.flipper_angles()
 

@@ -7,7 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from sim.engine.simulations import States
+from sim.motors.belt_motors import MotorReading
 from sim.robot.tracked import TrackedRobot
+from sim.runs.run_recorder import Saturation
 from sim.terrain import Course
 from sim.tracks import Reading
 from sim.traverse.outcome import Outcome
@@ -36,6 +38,7 @@ class DrivenCourse:
     angles: Array  # (R, F) flipper angles, positive with the tips up [rad]
     command: Command  # (R, ...)
     work: Array  # (R, T) work of the belts against the ground since the previous row [J]
+    motors: MotorReading  # (R, 2) of the left and right motors
     contact: Reading  # (R, T) means since the previous row
 
     @property
@@ -47,6 +50,15 @@ class DrivenCourse:
     def travel(self) -> Array:
         """Distances (R, T) travelled by the belts since the start [m]."""
         return np.cumsum(self.contact.belt * np.diff(self.time, prepend=0.0)[:, None], axis=0)
+
+    @property
+    def saturation(self) -> Saturation | None:
+        """The motor that was at its limit for longer; None if none was."""
+        if len(self.time) < 2:
+            return None
+        motors = self.motors
+        share = np.diff(motors.saturated_time, axis=0) / np.diff(self.time)[:, None]
+        return Saturation.of(share, motors.saturated_torque[1:], motors.needed[1:])
 
     @property
     def attitude(self) -> Array:
@@ -89,28 +101,29 @@ def drive_course(
         rows.append(_row(world, command))
         progress(world.period)
     outcome = Outcome(int(world.outcome[0]))
-    time, qpos, qvel, speed, flippers, work, *contact = (
-        np.concatenate(column) for column in zip(*rows, strict=True)
-    )
+    columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    qpos = columns["qpos"]
+    contact = {name: columns[name] for name in Reading.__dataclass_fields__}
+    motors = {name: columns[f"motor_{name}"] for name in MotorReading.__dataclass_fields__}
     return DrivenCourse(
         robot=world.tracked.robot,
         course=world.course[0],
         goal=float(world.goal[0]),
         tracks=tuple(world.track_names),
         outcome=STOPPED if outcome == Outcome.DRIVING else outcome.label,
-        time=time,
-        state=States(qpos, qvel, world.tracked.free),
+        time=columns["time"],
+        state=States(qpos, columns["qvel"], world.tracked.free),
         angles=world.tracked.flipper_angles(qpos),
-        command=Command(speed, flippers),
-        work=work,
-        contact=Reading(*contact),
+        command=Command(columns["speed"], columns["flippers"]),
+        work=columns["work"],
+        motors=MotorReading(**motors),
+        contact=Reading(**contact),
     )
 
 
-def _row(world: Traverse, command: Command) -> list[Array]:
-    """Copies of time, state, command and contact at the end of a control period."""
-    state, driven = (
-        world.state,
-        (*vars(command).values(), world.work, *vars(world.contact).values()),
-    )
-    return [np.array(values) for values in (world.time, state.qpos, state.qvel, *driven)]
+def _row(world: Traverse, command: Command) -> dict[str, Array]:
+    """Copies of time, state, command, work, motors and contact at the end of a control period."""
+    motors = {f"motor_{name}": values for name, values in vars(world.motors()).items()}
+    row = {"time": world.time, "qpos": world.state.qpos, "qvel": world.state.qvel}
+    row |= vars(command) | {"work": world.work} | motors | vars(world.contact)
+    return {name: np.array(values) for name, values in row.items()}

@@ -69,8 +69,12 @@ def page(
     )
 
 
-def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
-    """The answer: how and where the drive ended, with its distance, slip and work."""
+def answer(
+    run: DrivenCourse, result: Mapping[str, Any], out: Path, notes: Sequence[str] = ()
+) -> Answer:
+    """The answer: how and where the drive ended, with its distance, slip and work; and `notes` on
+    the robot.
+    """
     heading = f"{SENTENCES[run.outcome]} after {result['duration']:.1f} s"
     if run.outcome != "reached":
         heading += f", {result['remaining']:.2f} m before the end"
@@ -96,7 +100,14 @@ def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
         ("penetration", f"up to {deepest}, 99 %: {usual}"),
         ("work of the belts", number(result["energy"], 0, "J")),
     )
-    return Answer(heading, facts, lines, next=(f"trackslip view {shlex.quote(str(out))}",))
+    warnings = [] if run.saturation is None else [str(run.saturation)]
+    return Answer(
+        heading,
+        facts,
+        [*lines, *(f"{note}." for note in notes)],
+        warnings=warnings,
+        next=(f"trackslip view {shlex.quote(str(out))}",),
+    )
 
 
 def tracks_table(result: Mapping[str, Any]) -> Table:

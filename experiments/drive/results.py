@@ -39,6 +39,7 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
         "max_penetration": float(deepest.max()),
         "penetration_p99": float(np.percentile(deepest, 99)),  # 99 % of the rows penetrate less
         "energy": float(run.work.sum()),  # work of all belts against the ground
+        "saturation": run.saturation,  # of the motor that was at its limit for longer
         "tracks": [_track_summary(run, k) for k in range(len(run.tracks))],
     }
 

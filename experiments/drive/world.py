@@ -10,6 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
+from experiments.simulate.options import speed_or_usual
 from sim.common.seeds import generator
 from sim.motors.motor import or_tireless
 from sim.policy import Policy
@@ -64,16 +65,17 @@ def _top_speed(config: Config, robot: TrackedRobot) -> float:
     """Top speed of the belts, the robot's own; belts without motors are as fast as they are told to
     be [m/s].
     """
-    fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
     own = or_tireless(robot.drive).top_speed
+    speed = speed_or_usual(config.speed, own)
+    fastest = abs(speed) + abs(config.turn) * robot.half_gauge
     if robot.drive is None:
         return max(own, fastest)
     if config.policy is None:
         allowed = f"for belts of at most the robot's top speed, {own:g} m/s"
         if config.turn == 0:
-            require(fastest <= own, "speed", config.speed, allowed)
+            require(fastest <= own, "speed", speed, allowed)
         else:
-            require(fastest <= own, "speed, turn", (config.speed, config.turn), allowed)
+            require(fastest <= own, "speed, turn", (speed, config.turn), allowed)
     return own
 
 
@@ -98,9 +100,10 @@ def driver(config: Config, world: Traverse) -> Driver:
     def angles(world: Traverse) -> Array:
         return reflex(world) if asked is None else fixed
 
+    speed = speed_or_usual(config.speed, world.top_speed)
     if config.path is not None:
-        return PathDriver(config.path, config.speed, half_gauge, angles)
-    speeds = track_speeds([[config.speed, config.turn]], half_gauge)
+        return PathDriver(config.path, speed, half_gauge, angles)
+    speeds = track_speeds([[speed, config.turn]], half_gauge)
     return lambda world: Command(speeds, angles(world))
 
 

@@ -12,6 +12,7 @@ from experiments.grid.runs import GridRuns
 from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_of
 from experiments.grid.table import write_table
 from experiments.recorder import record_all
+from experiments.simulate.motors import print_motors
 from experiments.simulate.world import World
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import TrackslipError, counted
@@ -53,6 +54,7 @@ def run(config: Config) -> None:
         grids = grids_of(runs, rows)
         run.write(summary_of(grids, rows) | about, simulated=simulated, **world.about)
     print_sweep(grids, rows, runs[0].duration)
+    print_motors(config.robot, world.drive)
     print(stages_text(run.watch.stages))
     if config.bag:
         print(bags_text(config.out, about["bags"]))

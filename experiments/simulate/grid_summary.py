@@ -198,7 +198,4 @@ def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
 
 def saturation_warning(run: str, saturation: Saturation) -> str:
     """The warning on a run with a motor at its limit."""
-    return (
-        f"run {run!r}: the {saturation.motor} motor is at its limit for {saturation.share:.1%} of "
-        f"the time: {saturation.torque:.3g} N m at hand, {saturation.needed:.3g} N m needed"
-    )
+    return f"run {run!r}: {saturation}"

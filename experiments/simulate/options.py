@@ -41,6 +41,12 @@ MAX_PREVIEW = 1.0  # [s]
 MIN_DURATION, MAX_DURATION = 4.0, 3600.0
 """Limits for the length of a run; shorter runs have no steady part to average over [s]."""
 _MIN_SPEED = 1e-3  # [m/s]
+USUAL_SPEED = 0.3
+"""Speed of a robot that nobody asks for another one [m/s]."""
+UsualSpeed = Annotated[
+    float | None, default_is(f"{USUAL_SPEED}, or the robot's top speed if that is lower", "FLOAT")
+]
+"""An option whose default is `speed_or_usual`."""
 MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
 MIN_FRICTION_RATIO = 0.01  # friction across the track over friction along it [-]
 MAX_COORDINATE = 100.0  # largest coordinate of a start [m]
@@ -243,6 +249,13 @@ class Simulation(Repeatable, Equipment):
     """The ground, and properties that differ from the named ground."""
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
+
+
+def speed_or_usual(asked: float | None, top_speed: float) -> float:
+    """The speed `asked` for or, if none is, the usual one of `USUAL_SPEED`, or the robot's top
+    speed if that is lower [m/s].
+    """
+    return min(USUAL_SPEED, top_speed) if asked is None else asked
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:

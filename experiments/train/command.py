@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from experiments.common.run import Run
+from experiments.simulate.motors import print_motors
 from experiments.train.config import TRAVERSE, Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
@@ -68,4 +69,5 @@ def run(config: Config) -> None:
         print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}")
     if rates:
         crossing_table(f"Unseen courses, {config.trials} in each row", rates).print()
+    print_motors(task.robot, task.drive)
     print(f"{config.out / ONNX}: {model.num_timesteps:,} steps in {run.wall:.0f} s")

@@ -7,6 +7,7 @@ from typing import Any
 from experiments.benchmark.cases import plant_ranges
 from experiments.common.lookup import find_own_modules
 from experiments.train.config import TRAVERSE, Config
+from sim.motors.motor import Drive, or_tireless
 from sim.path_tracking.config import TrackingReward
 from sim.policy import Network, Policy, TrackingPolicy
 from sim.robot.named import SHIPPED, load_parameters
@@ -42,6 +43,10 @@ class LearningTask:
     """The environment that `robots` wraps, which describes the observations and actions."""
     deviation: float
     """Natural logarithm of the actions' initial standard deviation."""
+    robot: str
+    """The robot's name or file."""
+    drive: Drive
+    """The robot's motors."""
 
 
 def learning_task(config: Config) -> LearningTask:
@@ -53,7 +58,8 @@ def learning_task(config: Config) -> LearningTask:
 
     find_own_modules()
     if config.env == TRAVERSE:
-        options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
+        robot = config.robot or "rescue"
+        options = {**OPTIONS, "robot": robot, "course": list(config.courses)}
         courses = {
             "difficulty": config.difficulty,
             "kinds": _HARD,
@@ -62,8 +68,12 @@ def learning_task(config: Config) -> LearningTask:
             "own_rewards": config.own_rewards,
         }
         crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
-        return LearningTask(crossing, lambda network: Policy(network, options), crossing.env, -1.0)
-    parameters, _ = load_parameters(config.robot or SHIPPED)
+        drive = or_tireless(crossing.env.task.world.tracked.robot.drive)
+        return LearningTask(
+            crossing, lambda network: Policy(network, options), crossing.env, -1.0, robot, drive
+        )
+    robot = config.robot or SHIPPED
+    parameters, _ = load_parameters(robot)
     plants = plant_ranges(parameters)
     robots = PathTrackingVecEnv(
         config.robots,
@@ -86,4 +96,6 @@ def learning_task(config: Config) -> LearningTask:
         lambda network: TrackingPolicy(network, options, config.authority),
         robots.env,
         -1.2,
+        robot,
+        or_tireless(parameters.drive),
     )

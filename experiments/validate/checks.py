@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from experiments.common.check import Check
 from experiments.validate.measurements import (
     GRAVITY,
-    STRONG,
     Setup,
     Turns,
     drive_steadily,
     measure_loads,
     paper_turns,
+    speed_scale,
 )
 from sim.runs.run_recorder import read_contacts
 from trackslip.kinematics import Array
@@ -106,13 +106,17 @@ def check_turns(checks: Checks) -> Turns:
     """Check turns with the paper's radii, turns on the spot, and slip uphill; returns the paper's
     turns.
     """
-    setup, bound = checks.setup, 0.01 if checks.setup.parameters.axles else 0.005
+    setup = checks.setup
+    bound = 0.01 if setup.parameters.axles else 0.005
+    scale = speed_scale(setup.parameters)
     turns = drive_steadily(setup, paper_turns(setup.parameters)[2])
     checks.add("b + D in turns", turns.half_width, bound * turns.half_width[0], "m", _BALANCE)
     checks.add("slip in turns", turns.slip, 0.002, "1", _BALANCE)
-    spins = drive_steadily(setup, np.outer([0.06, 0.12, 0.24], [-1.0, 1.0]) / setup.sprocket_radius)
+    spinning = scale * np.outer([0.06, 0.12, 0.24], [-1.0, 1.0])
+    spins = drive_steadily(setup, spinning / setup.sprocket_radius)
     checks.add("b + D on the spot", spins.half_width, 0.013 * spins.half_width[0], "m", _BALANCE)
-    belts, uphill = np.array([[0.12, 0.12]]), Load(checks.gentle_slope)
+    belts = scale * np.array([[0.12, 0.12]])
+    uphill = Load(checks.gentle_slope)
     climb = drive_steadily(setup, belts / setup.sprocket_radius, uphill)
     checks.add("slip uphill", climb.slip, 0.001, "1", _BALANCE)
     return turns
@@ -185,7 +189,7 @@ def check_energy(checks: Checks, generator: np.random.Generator) -> None:
     robot, robots = checks.setup.robot(contact_sensors=True), 4
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     step = robot.model.opt.timestep
-    drive = replace(STRONG, period=step)
+    drive = replace(checks.setup.drive, period=step)
     fleet = checks.setup.fleet(np.zeros((robots, 3)), robot=robot, drive=drive)
     energy, contacts, total = fleet.batch.bind("energy"), [], []
     for k in range(round(10.0 / step) + 1):

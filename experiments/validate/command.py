@@ -12,6 +12,7 @@ from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
 from experiments.common.table import Table, number, pair, span
+from experiments.simulate.motors import print_motors
 from experiments.validate import figures
 from experiments.validate.checks import (
     Checks,
@@ -21,9 +22,10 @@ from experiments.validate.checks import (
     check_turns,
 )
 from experiments.validate.config import Config
-from experiments.validate.measurements import Setup, paper_turns
+from experiments.validate.measurements import Setup, checked_speed, paper_turns
 from sim.common.seeds import generator
 from sim.ground.ground import load_ground
+from sim.motors.motor import or_tireless
 from sim.robot.named import load_parameters
 
 _UNITS = {
@@ -68,6 +70,7 @@ def run(config: Config) -> None:
         slips = [span(turns.slip[1, :, side]) for side in (1, 0)]
         facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
         facts.append(("slip, outer | inner track", pair(slips)))
+        facts.append(("speed of the belts, at most", f"{checked_speed(parameters):.3g} m/s"))
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
         following = [f"trackslip grid --robot {config.robot}"]
         answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
@@ -100,6 +103,7 @@ def run(config: Config) -> None:
         }
         run.write({**found, "turns": stored, "sliding": sliding}, manifest=manifest)
     table.print()
+    print_motors(config.robot, or_tireless(parameters.drive))
     print(
         "\n".join([checks.verdict, *(f"not applicable: {line}" for line in checks.not_applicable)])
     )

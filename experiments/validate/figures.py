@@ -29,7 +29,7 @@ def panels(turns: Turns, radius: Array, speed: Array, sliding: Mapping[str, Arra
             radius[chosen],
             turns.slip[1, chosen],
             "os^Dv"[k],
-            label=[f"{value:g} m/s", None],
+            label=[f"{value:.3g} m/s", None],
             **look,
         )
     zero_line(axes)

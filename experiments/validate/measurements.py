@@ -5,9 +5,10 @@ points.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,7 @@ from scipy.spatial.distance import cdist
 from sim.fleet.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.ground.pull import Pull
-from sim.motors.motor import Drive, tireless
+from sim.motors.motor import Drive, or_tireless, tireless
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.runs.run_recorder import read_contacts
@@ -32,8 +33,6 @@ from trackslip.skid_theory import Contact, Load, steady_twist
 
 GRAVITY = 9.81
 """Acceleration due to gravity [m/s^2]."""
-STRONG: Final = tireless(Drive.top_speed)
-"""Motors that never reach their limits, with the shipped robot's top speed."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +47,18 @@ class Setup:
         """The robot's model."""
         return load_robot(parameters=self.parameters, contact_sensors=contact_sensors)
 
+    @property
+    def drive(self) -> Drive:
+        """Motors that never reach their limits, up to the speed at which this robot is checked."""
+        return tireless(checked_speed(self.parameters))
+
     def fleet(
         self, start: ArrayLike, ground: Ground | Sequence[Ground] | None = None, **options: Any
     ) -> Fleet:
         """Copies of the robot at poses (N, 3), by default with motors that never reach their
         limits.
         """
-        options = {"robot": self.robot(), "drive": STRONG, "threads": self.threads, **options}
+        options = {"robot": self.robot(), "drive": self.drive, "threads": self.threads, **options}
         return Fleet(
             start=start,
             ground=ground or self.ground,
@@ -93,18 +97,34 @@ class Turns:
         )
 
 
+def checked_speed(parameters: RobotParameters) -> float:
+    """Largest speed of the belts in the checks, at most the robot's top speed [m/s].
+
+    The paper's robot is as fast as its top speed. Radii are scaled with a robot's width b, so that
+    speeds are scaled with its root: then v^2 / (g b), the share of inertia in the balance, is that
+    of the paper's robot, for which the theory is known to hold.
+    """
+    shipped = RobotParameters()
+    as_inert = Drive.top_speed * math.sqrt(parameters.half_gauge / shipped.half_gauge)
+    return min(as_inert, or_tireless(parameters.drive).top_speed)
+
+
+def speed_scale(parameters: RobotParameters) -> float:
+    """Speeds in the checks of a robot over those in the checks of the shipped robot [-]."""
+    return checked_speed(parameters) / Drive.top_speed
+
+
 def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
-    """Radii [m], scaled with the robot's width, and speeds [m/s] of the paper's turns (25,), and
-    the sprocket speeds (25, 2) that command them, within the drives' limits [rad/s].
+    """Radii [m], scaled with the robot's width, and speeds [m/s], scaled by `speed_scale`, of the
+    paper's turns (25,), and the sprocket speeds (25, 2) that command them, within the limit
+    [rad/s].
     """
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
-    radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
+    speeds = np.array(SPEEDS) * speed_scale(parameters)
+    radius, speed = np.array(list(itertools.product(radii, speeds))).T
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, parameters.geometry)
-    return (
-        radius,
-        speed,
-        limit_sprocket_speeds(omega, STRONG.top_speed / parameters.sprocket_radius),
-    )
+    limit = checked_speed(parameters) / parameters.sprocket_radius
+    return radius, speed, limit_sprocket_speeds(omega, limit)
 
 
 def drive_steadily(

@@ -9,6 +9,7 @@ from experiments.common.results import RUNS_FILE, bags_text, write_bags
 from experiments.common.run import Run
 from experiments.common.table import Table
 from experiments.recorder import record_all
+from experiments.simulate.motors import print_motors
 from experiments.simulate.world import World
 from experiments.wander.config import Config
 from experiments.wander.drives import bag_contents, drive_contents, wander
@@ -47,6 +48,7 @@ def run(config: Config) -> None:
         )
     title = f"Drives, with poses of {config.source.source} at {config.source.poses().rate:g} Hz"
     Table(title, _HEADER, rows).print()
+    print_motors(config.robot, world.drive)
     if config.bag:
         print(bags_text(config.out, summary["bags"]))
     print(

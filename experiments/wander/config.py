@@ -7,7 +7,14 @@ from typing import Annotated, Literal
 import tyro
 
 from experiments.common.options import Positive, Whole, Within, default_is, refuse_changed
-from experiments.simulate.options import MAX_DURATION, Simulation, changed, require_speed
+from experiments.simulate.options import (
+    MAX_DURATION,
+    Simulation,
+    UsualSpeed,
+    changed,
+    require_speed,
+    speed_or_usual,
+)
 from sim.motors.motor import Drive
 from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_sensor import POSE_SENSORS, PoseSensor
@@ -102,7 +109,7 @@ class Config(Simulation):
     """Number of drives."""
     duration: Annotated[float, Within(1, MAX_DURATION, "s")] = 120.0
     """Length of each drive [s]."""
-    max_speed: float = 0.3
+    max_speed: UsualSpeed = None
     """Largest speed of a track [m/s]."""
     acceleration: Annotated[float, Positive(100.0, "m/s^2")] = 0.5
     """Largest acceleration of a track [m/s^2]."""
@@ -121,9 +128,13 @@ class Config(Simulation):
     obstacles: Annotated[str | None, tyro.conf.Fixed, tyro.conf.Suppress] = None
     """None, because only the plate is scanned."""
 
+    def fastest(self, drive: Drive) -> float:
+        """Largest speed of a track of a robot with this drive [m/s]."""
+        return speed_or_usual(self.max_speed, drive.top_speed)
+
     def check(self, drive: Drive) -> None:
         """Raise InvalidValueError for options that the robot's drive does not allow."""
-        require_speed("max_speed", self.max_speed, drive.top_speed)
+        require_speed("max_speed", self.fastest(drive), drive.top_speed)
         periods = 1 / (self.encoder_rate * drive.period)
         if abs(periods - round(periods)) > 1e-6 or periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"

@@ -36,7 +36,8 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
     """
     geometry, rate = world.robot.geometry, config.encoder_rate
     names = [f"{config.driving} {k + 1}" for k in range(config.drives)]
-    driver = Driver(config.max_speed, config.acceleration, _REACH * geometry.half_gauge)
+    fastest = config.fastest(world.drive)
+    driver = Driver(fastest, config.acceleration, _REACH * geometry.half_gauge)
     commands = [
         track_commands(
             config.driving, config.duration, rate, driver, _random(config, name, "commands")

@@ -66,29 +66,43 @@ _SHORTEST: Final = 0.3  # least part of a move that is kept when it is undone
 
 @dataclass
 class Tries:
-    """Speeds that R robots with T sprockets each have tried, and what came of them; all (R, T)."""
+    """Speeds that R robots with T sprockets each have tried, and what came of them."""
 
-    omega: Array  # speeds [rad/s]
-    load: Array  # loads, the tractions times the radii [N m]
-    torque: Array  # torques of the motors [N m]
-    excess: Array  # needed torques minus those of the motors [N m]
+    numbers: Array
+    """The four arrays below, together (4, R, T)."""
 
     @classmethod
-    def none(cls, omega: Array) -> Tries:
-        """No tries yet; the first will be at the speeds `omega` (R, T)."""
-        zero = np.zeros_like(omega)
-        return cls(omega.copy(), zero, zero.copy(), zero.copy())
+    def of(cls, omega: Array, load: Array, torque: Array, excess: Array) -> Tries:
+        """Tries from their speeds, loads, torques and excesses, each (R, T)."""
+        return cls(np.array([omega, load, torque, excess]))
 
-    def of(self, rows: Rows | Mask) -> Tries:
+    @property
+    def omega(self) -> Array:
+        """Speeds (R, T) [rad/s]."""
+        return self.numbers[0]
+
+    @property
+    def load(self) -> Array:
+        """Loads (R, T), the tractions times the radii [N m]."""
+        return self.numbers[1]
+
+    @property
+    def torque(self) -> Array:
+        """Torques (R, T) of the motors [N m]."""
+        return self.numbers[2]
+
+    @property
+    def excess(self) -> Array:
+        """Needed torques minus those of the motors (R, T) [N m]."""
+        return self.numbers[3]
+
+    def __getitem__(self, rows: Rows | Mask) -> Tries:
         """The tries of some robots."""
-        return Tries(self.omega[rows], self.load[rows], self.torque[rows], self.excess[rows])
+        return Tries(self.numbers[:, rows])
 
-    def put(self, rows: Rows | Mask, tries: Tries) -> None:
+    def __setitem__(self, rows: Rows | Mask, tries: Tries) -> None:
         """Replace the tries of some robots."""
-        self.omega[rows] = tries.omega
-        self.load[rows] = tries.load
-        self.torque[rows] = tries.torque
-        self.excess[rows] = tries.excess
+        self.numbers[:, rows] = tries.numbers
 
 
 @dataclass(frozen=True)
@@ -120,20 +134,22 @@ class Balance:
         """
         proposal = omega.copy()
         slope = slope.copy()
-        last = Tries.none(omega)  # of each robot
-        base = Tries.none(omega)  # where the current move of each robot began
+        zero = np.zeros_like(omega)
+        last = Tries.of(omega, zero, zero, zero)  # of each robot
+        base = Tries.of(omega, zero, zero, zero)  # where the current move of each robot began
         going: Rows = np.arange(len(omega))
         with np.errstate(all="ignore"):  # in case a simulation diverges
-            for _ in range(_ATTEMPTS):
+            for number in range(_ATTEMPTS):
                 tried = self._try(going, proposal[going], attempt)
-                last.put(going, tried)
-                began = base.of(going)
-                slope[going] = updated_slope(
-                    slope[going],
-                    tried.omega - began.omega,
-                    tried.load - began.load,
-                    self.tolerance[going],
-                )
+                last[going] = tried
+                began = base[going]
+                if number > 0:  # before the first move, there is nothing to learn from
+                    slope[going] = updated_slope(
+                        slope[going],
+                        tried.omega - began.omega,
+                        tried.load - began.load,
+                        self.tolerance[going],
+                    )
 
                 # robots that are in balance have finished
                 unbalanced = np.logical_or.reduce(
@@ -142,10 +158,10 @@ class Balance:
                 going = going[unbalanced]
                 if not going.size:
                     return last, slope
-                tried = tried.of(unbalanced)
-                began = began.of(unbalanced)
+                tried = tried[unbalanced]
+                began = began[unbalanced]
                 proposal[going], moved_on = self._propose(going, slope[going], tried, began)
-                base.put(going[moved_on], tried.of(moved_on))
+                base[going[moved_on]] = tried[moved_on]
         what = f"after {_ATTEMPTS} attempts in a step, motors are not in balance with the ground"
         warnings.warn(
             f"{what}: those of {counted(len(going), 'robot')}", RobotWarning, stacklevel=3
@@ -167,7 +183,7 @@ class Balance:
         goal = self.goal[rows]
         within = np.minimum(np.maximum(needed, smallest), largest)
         torque = np.where(omega < goal, largest, np.where(omega > goal, smallest, within))
-        return Tries(omega, load, torque, needed - torque)
+        return Tries.of(omega, load, torque, needed - torque)
 
     def _propose(
         self, rows: Rows, slope: Array, tried: Tries, began: Tries
@@ -192,12 +208,12 @@ class Balance:
         """Slopes (A, T) of the excess over the speeds (A, T) for constant loads: of inertia, losses
         and limits.
         """
-        around = np.stack([omega - _STEP, omega + _STEP])
+        around = np.array([omega - _STEP, omega + _STEP])
         smallest, largest = self.law.limits(around, self.torque_limit[rows])
         limit = np.where(omega < self.goal[rows], largest, smallest)
         limit = np.where(np.isinf(limit), 0.0, limit)  # of a motor that is always at its set point
-        below, above = self.own_torque(rows, around) - limit
-        return np.asarray((above - below) / (2 * _STEP))
+        below, above = self.law.loss(around) - limit
+        return np.asarray(self.inertia[rows] + (above - below) / (2 * _STEP))
 
 
 def without_excess(slope: Array, tried: Tries, goal: Array) -> Array:

@@ -14,7 +14,7 @@ from sim.motors.motor import EvenTorque, TorqueLaw
 from trackslip.errors import require
 
 Floats = NDArray[Any]
-_STATES: Final = 9  # number of arrays in a state
+_STATES: Final = 12  # number of arrays in a state
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,14 @@ class MotorReading:
     """Mechanical power of the motor (..., T) [W]; negative when it brakes."""
     energy: Floats
     """Integral of the power over all steps so far (..., T) [J]."""
+    saturated_time: Floats
+    """Time that the motor has spent at its limit so far (..., T) [s]."""
+    saturated_torque: Floats
+    """Torque when the motor was at its limit last; 0 before that (..., T) [N m]."""
+    needed: Floats
+    """Largest torque that the set point took in the last `BatchBelts.run` in which one of the
+    motors was too weak; 0 before that (..., T) [N m].
+    """
 
 
 class BeltMotors:
@@ -59,7 +67,9 @@ class BeltMotors:
         # moments of inertia [kg m^2], torque limits [N m]
         self._goal, self._change, self._owed, self._inertia, self._limit = self._state[:5]
         # views: belt speeds [m/s], torques [N m], powers [W], energies [J]
-        self.speed, self._torque, self._power, self._energy = self._state[5:]
+        self.speed, self._torque, self._power, self._energy = self._state[5:9]
+        # views: times at the limits [s], torques there [N m], torques for the set points [N m]
+        self._saturated_time, self._saturated_torque, self._needed = self._state[9:]
         self.begin(np.arange(size))
 
     def begin(self, rows: NDArray[np.int_]) -> None:
@@ -131,6 +141,10 @@ class BeltMotors:
         self._torque[kept] = torque[held, -1]
         self._power[kept] = power[held, -1]
         self._energy[kept] += power[held].sum(axis=1) * step
+
+        forwards = torque[~held].max(axis=1)
+        backwards = torque[~held].min(axis=1)
+        self._needed[rows[~held]] = np.where(forwards > -backwards, forwards, backwards)
         return held
 
     def read(self, rows: int | slice = slice(None)) -> MotorReading:
@@ -140,6 +154,9 @@ class BeltMotors:
             self.speed[rows].copy(),
             self._power[rows].copy(),
             self._energy[rows].copy(),
+            self._saturated_time[rows].copy(),
+            self._saturated_torque[rows].copy(),
+            self._needed[rows].copy(),
         )
 
     def advance(
@@ -199,6 +216,10 @@ class BeltMotors:
         self._power[rows] = torque * (start + omega) / 2
         self._energy[rows] += self._power[rows] * step
         self._torque[rows] = torque
+        smallest, largest = self._law.limits(omega, limit)
+        is_saturated = (torque <= smallest) | (torque >= largest)
+        self._saturated_time[rows] += is_saturated * step
+        self._saturated_torque[rows] = np.where(is_saturated, torque, self._saturated_torque[rows])
         speed = speeds(np.arange(len(rows)), omega)
         self._change[rows] = speed - self.speed[rows]
         self.speed[rows] = speed

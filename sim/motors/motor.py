@@ -16,6 +16,7 @@ which hinders a motor that drives, and helps one that brakes or is driven backwa
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, Protocol
@@ -23,7 +24,14 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
+from trackslip.errors import (
+    Checked,
+    SettingsFileError,
+    checked,
+    require,
+    require_non_negative,
+    require_positive,
+)
 
 Array = NDArray[np.floating[Any]]
 
@@ -34,6 +42,8 @@ UNLIMITED: Final = 1e6
 """Torque limit of a drive that never saturates [N m]."""
 TOP_SPEED: Final = 0.6
 """Top speed of the tracks of a robot without motors of its own [m/s]."""
+LINE: Final = ("gear", "no_load_speed", "stall_torque")
+"""Numbers of a motor that make its torque-speed line."""
 
 
 class TorqueLaw(Protocol):
@@ -82,6 +92,23 @@ class Motor(Checked):
     """Moment of inertia of the rotor, including the gear [kg m^2]."""
     friction: float = checked(0.3, require_non_negative)
     """Friction torque of the gear, measured at the sprocket [N m]."""
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], where: str) -> Motor:
+        """A motor from the table `[drive.motor]` of a robot file; without friction and inertia
+        unless it states them.
+
+        Raises SettingsFileError, which begins with `where`, for a table without one of the numbers
+        that make the torque-speed line: those of another robot's motor would be no default.
+        """
+        from sim.common.settings import build  # late, as sim.tracks does without files
+
+        for name in LINE:
+            if name not in table:
+                raise SettingsFileError(
+                    f"{where}: {name} is missing: a motor has {', '.join(LINE[:-1])} and {LINE[-1]}"
+                )
+        return build(cls, table, where, tireless().motor)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,7 +167,8 @@ class Motor(Checked):
 @dataclass(frozen=True)
 class Drive(Checked):
     """Servo and motor of a sprocket. The defaults are the shipped robot's, of which only the top
-    speed is from the paper; all other values are assumptions.
+    speed is from the paper; all other values are assumptions. In robot files, they are no defaults:
+    see `from_table`.
     """
 
     lag: float = checked(0.05, require_positive, 1.0, "s")
@@ -155,6 +183,17 @@ class Drive(Checked):
     """Sampling period of the servo [s]."""
     motor: Motor = field(default_factory=Motor)
     """Motor and gear of the sprocket."""
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], where: str) -> Drive:
+        """A drive from the table `[drive]` of a robot file; what it leaves out is that of a robot
+        without motors, and no limit.
+
+        Raises SettingsFileError, which begins with `where`, for values that aren't allowed.
+        """
+        from sim.common.settings import build  # late, as sim.tracks does without files
+
+        return build(cls, table, where, tireless())
 
     def __post_init__(self) -> None:
         super().__post_init__()

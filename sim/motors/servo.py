@@ -99,9 +99,9 @@ class Servo(Restorable):
 
     def advance(self) -> Array:
         """Advance by a period; return the mean speeds (N, 2) in it."""
-        errors = self.errors(1)
-        self.error = errors[-1]
-        return self.means(errors)[0]
+        mean = self.error * self._mean_decay + self.set_point
+        self.error = self.error * self._decay
+        return mean
 
     def correct(self, where: NDArray[np.bool_], speed: Array) -> None:
         """Go on from the speeds (N, 2) `where` (N, 2) motors were too weak to follow."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.fleet.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.motors.motor import Drive, or_tireless, tireless
+from sim.motors.motor import TOP_SPEED, Drive, tireless
 from sim.robot.named import RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
@@ -166,9 +166,9 @@ class Replayer:
         """Prepare logs for replays; `inputs` are those of `replay`."""
         if inputs not in ("encoders", "commands"):
             raise InvalidValueError("inputs", inputs, "encoders or commands")
+        self._fastest_command = 0.0  # of the set points, if they are the inputs [rad/s]
         if inputs == "commands":
-            for log in logs:
-                _require_commands(log)
+            self._fastest_command = max(_fastest_command(log) for log in logs)
         self.logs = list(logs)
         self.inputs = inputs
         # (N,) start of each log's run-up [s]
@@ -218,9 +218,12 @@ class Replayer:
             raise LogError(
                 f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s"
             )
-        drive = or_tireless(parameters.drive)
+        drive = parameters.drive
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
+        elif drive is None:  # as fast as it is told to be
+            asked = self._fastest_command * robot.geometry.sprocket_radius
+            drive = tireless(max(TOP_SPEED, _MARGIN * asked))
         start = np.zeros((len(self.logs), 3))
         return Fleet(robot, start, ground, parameters.radius_error, drive, threads)
 
@@ -244,10 +247,12 @@ class Replayer:
         return np.stack(held, axis=1)
 
 
-def _require_commands(log: RunLog) -> None:
+def _fastest_command(log: RunLog) -> float:
+    """The fastest set point of a log [rad/s]; raises LogError if a row has none."""
     if log.command is None or not np.isfinite(log.command).all():
         needed = "needs omega_cmd_l and omega_cmd_r in every row to replay commands"
         raise LogError(f"run {log.run!r}: {needed}")
+    return float(np.abs(log.command).max())
 
 
 def _turned(log: RunLog) -> list[tuple[Array, Array]]:

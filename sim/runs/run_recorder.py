@@ -125,6 +125,13 @@ class Saturation:
             needed=float(at_limit[worst]),
         )
 
+    def __str__(self) -> str:
+        """The warning on the motor."""
+        return (
+            f"the {self.motor} motor is at its limit for {self.share:.1%} of the time: "
+            f"{self.torque:.3g} N m at hand, {self.needed:.3g} N m needed"
+        )
+
 
 class RunRecorder:
     """Recording of N runs, row by row.

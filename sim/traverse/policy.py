@@ -23,7 +23,7 @@ PUSH: Final = 2.0
 """
 TOLERATED: Final = 0.12
 """Pitch beyond the ground's slope at which rear flippers begin to push [rad]."""
-_SPEED: Final = 0.4  # belt speed forwards [m/s]
+_SPEED: Final = 0.4  # belt speed forwards, of robots that are so fast [m/s]
 _POSITION_GAIN: Final = 0.3  # belt speed per distance from the centre line [1/s]
 _HEADING_GAIN: Final = 0.45  # belt speed per heading [m/s]
 _TURN: Final = 0.3  # largest deviation of a belt's speed from the mean of left and right [m/s]
@@ -36,7 +36,8 @@ def scripted(world: Traverse) -> Command:
     state = world.state
     wanted = -_POSITION_GAIN * state.position[:, 1] - _HEADING_GAIN * state.heading
     turn = np.clip(wanted, -_TURN, _TURN)
-    speed = _SPEED + turn[:, None] * np.array([-1.0, 1.0])
+    forwards = min(_SPEED, world.top_speed)
+    speed = forwards + turn[:, None] * np.array([-1.0, 1.0])
     return Command(speed, reflex(world))
 
 

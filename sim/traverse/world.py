@@ -39,6 +39,10 @@ _DROP: Final = 0.3  # depth below the course's lowest ground at which a robot ha
 _LEAN: Final = 1.3  # lean of the chassis beyond which a robot has tipped over [rad]
 _FASTEST: Final = 10.0  # chassis speed beyond which the simulation has diverged [m/s]
 _GAP: Final = 0.002  # height above the ground at which robots are placed [m]
+# Least moment of inertia of a side's motor and belts, relative to the robot's mass times the square
+# of the sprocket's radius [-]. Real ones have 0.1 to 0.3. Without any, belts that slide have no
+# speed of their own: where the ground's forces are rough, as in an impact, they run away.
+_LEAST_INERTIA: Final = 0.005
 _SPACING: Final = 0.05  # largest spacing of the points in a search for the highest ground [m]
 
 
@@ -127,6 +131,9 @@ class Traverse(Simulations):
         )
         drive = or_tireless(robot.drive)
         self._lag = drive.lag
+        mass = float(model.body_subtreemass[self.tracked.body])
+        least = _LEAST_INERTIA * mass * robot.sprocket_radius**2
+        self._inertia = max(drive.motor.inertia, least)
         self.top_speed = drive.top_speed if top_speed is None else top_speed
         """Top speed of the belts [m/s]."""
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
@@ -283,7 +290,7 @@ class Traverse(Simulations):
         if drive is None:
             self._belts.set(goal)
             return self._belts.run(self._substeps, rows)
-        self._belts.set(goal, torque_limit=drive.torque_limit, inertia=drive.motor.inertia)
+        self._belts.set(goal, torque_limit=drive.torque_limit, inertia=self._inertia)
         reading = self._belts.run(self._substeps, rows)
 
         # a servo whose motor is too weak goes on from the belt's real speed, unless that diverges

@@ -1,22 +1,37 @@
 """Every robot in every entry point: the numbers of its file, and no other robot's."""
 
 import re
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from experiments.benchmark.config import Config as BenchmarkConfig
+from experiments.benchmark.drive import ClosedLoops
+from experiments.calibrate.calibration import first_candidate
 from experiments.drive.config import Config as DriveConfig
-from experiments.drive.world import make_world
+from experiments.drive.world import driver, make_world
+from experiments.predict import Config as PredictConfig
+from experiments.predict import predicted_world
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_summary import saturation_warnings
+from experiments.simulate.options import GroundOptions
 from experiments.simulate.world import World
+from experiments.track import Config as TrackConfig
+from experiments.tune import Config as TuneConfig
+from experiments.validate.measurements import Setup, paper_turns
+from experiments.wander.config import Config as WanderConfig
 from sim import Drive, Fleet, Ground, RobotParameters, Traverse, load_robot, load_tracked, open_loop
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
-from sim.motors.motor import TOP_SPEED, UNLIMITED, Motor
+from sim.motors.motor import TOP_SPEED, UNLIMITED, Motor, tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RADIUS_ERROR, robot_file_text
+from sim.runs.log_replay import Replayer
 from sim.terrain import Course, Flat
+from sim.traverse.policy import scripted
 from trackslip.errors import InvalidValueError
+from trackslip.logs.runlog import RunLog
 from trackslip.skid_theory import line_contact, steady_twist
 
 LEVEL = Course((Flat(3.0),))
@@ -27,7 +42,21 @@ HEAVY = """<robot name="heavy"><link name="base">
 </link></robot>"""
 TRACKS = 'model = "heavy.urdf"\nhalf_gauge = 0.27\nhull = [[-0.5, 0.14, 0.14], [0.5, 0.14, 0.14]]\n'
 EIGHT = "[drive]\ntorque_limit = 8.0\n"
-OWN = "[drive]\nlag = 0.2\ntop_speed = 0.45\ntorque_limit = 12.0\n[drive.motor]\ngear = 30.0\n"
+LINE = "gear = 30.0\nno_load_speed = 300.0\nstall_torque = 0.7\n"
+OWN = f"[drive]\nlag = 0.2\ntop_speed = 0.45\ntorque_limit = 12.0\n[drive.motor]\n{LINE}"
+BODY = """half_gauge = 0.25
+contact_length = 0.5
+sprocket_radius = 0.08
+radius_error = 0.01
+radius_split = -0.004
+mass = 40.0
+com_x = 0.02
+com_y = -0.01
+com_height = 0.15
+inertia = [1.0, 1.5, 2.0, 0.0, 0.0, 0.0]
+plate_height = 0.7
+looks = "rescue"
+"""
 FILES = {
     "heavy": TRACKS,
     "heavy_eight": TRACKS + EIGHT,
@@ -48,15 +77,22 @@ def files(tmp_path_factory):
     return folder
 
 
-OF_FILE = Drive(0.2, 0.45, 12.0, motor=Motor(gear=30.0))
+OF_FILE = replace(
+    tireless(0.45),
+    lag=0.2,
+    torque_limit=12.0,
+    motor=replace(tireless().motor, gear=30.0, no_load_speed=300.0, stall_torque=0.7),
+)
+"""What OWN states; what it leaves out is no limit."""
+OF_LIMIT = replace(tireless(), torque_limit=8.0)
 NUMBERS = {
     "shipped": (Drive(), RADIUS_ERROR, 0.0),
     "box": (None, 0.0, 0.0),
     "heavy": (None, 0.0, 0.0),
-    "heavy_eight": (Drive(torque_limit=8.0), 0.0, 0.0),
+    "heavy_eight": (OF_LIMIT, 0.0, 0.0),
     "heavy_own": (OF_FILE, 0.0, 0.0),
     "plain": (None, 0.02, 0.0),
-    "plain_eight": (Drive(torque_limit=8.0), RADIUS_ERROR, 0.0),
+    "plain_eight": (OF_LIMIT, RADIUS_ERROR, 0.0),
     "plain_own": (OF_FILE, -0.03, 0.01),
 }
 """Drive, radius error and radius split of each robot."""
@@ -74,6 +110,27 @@ def fleet_of_api(robot):
 
 def fleet_of_command(robot):
     return World.of(GridConfig(robot=robot)).fleet(np.zeros((1, 3)))
+
+
+def fleet_of_track(robot):
+    return World.of(TrackConfig(robot=robot)).fleet(np.zeros((1, 3)))
+
+
+def fleet_of_wander(robot):
+    return World.of(WanderConfig(robot=robot)).fleet(np.zeros((1, 3)))
+
+
+def fleet_of_benchmark(robot):
+    return ClosedLoops(BenchmarkConfig(robot=robot)).world.fleet(np.zeros((1, 3)))
+
+
+def fleet_of_tune(robot):
+    return ClosedLoops(TuneConfig(robot=robot), "drawn").world.fleet(np.zeros((1, 3)))
+
+
+def fleet_of_calibrate(robot):
+    base = first_candidate(robot, GroundOptions(), None, None)
+    return Fleet(load_robot(base.robot), np.zeros((1, 3)))
 
 
 def fleet_of_environment(robot):
@@ -95,7 +152,18 @@ def traverse_of_environment(robot):
 
 
 FLEETS = pytest.mark.parametrize(
-    "enter", [fleet_of_api, fleet_of_command, fleet_of_environment], ids=["API", "grid", "env"]
+    "enter",
+    [
+        fleet_of_api,
+        fleet_of_command,
+        fleet_of_track,
+        fleet_of_wander,
+        fleet_of_benchmark,
+        fleet_of_tune,
+        fleet_of_calibrate,
+        fleet_of_environment,
+    ],
+    ids=["API", "grid", "track", "wander", "benchmark", "tune", "calibrate and evaluate", "env"],
 )
 TRAVERSES = pytest.mark.parametrize(
     "enter",
@@ -118,6 +186,24 @@ def test_on_flat_ground_a_robot_has_the_numbers_of_its_file(name, enter, files):
     else:
         assert found == drive
     assert fleet.drive.limit == pytest.approx(found.top_speed / radius)
+
+
+@FLEETS
+def test_on_flat_ground_a_robot_has_the_body_of_its_file(enter, tmp_path):
+    """Every field of a parameter file, with a value of its own."""
+    path = tmp_path / "robot.toml"
+    path.write_text(BODY)
+    fleet = enter(str(path))
+    parameters = fleet.robot.parameters
+    for name, value in tomllib.loads(BODY).items():
+        found = getattr(parameters, name)
+        assert (list(found) if isinstance(found, tuple) else found) == value, name
+    chassis = fleet.robot.model.body("chassis")
+    assert chassis.mass == pytest.approx(40.0)
+    np.testing.assert_allclose(chassis.ipos, [0.02, -0.01, 0.15])
+    np.testing.assert_allclose(np.sort(chassis.inertia), [1.0, 1.5, 2.0])
+    assert fleet.robot.geometry.half_gauge == 0.25
+    assert np.abs(fleet.robot.contact_points[:, 1]).max() == 0.25
 
 
 @TRAVERSES
@@ -213,3 +299,96 @@ def test_the_warning_on_a_weak_motor_says_how_weak_it_is(robot):
     )
     assert found is not None, text
     assert 3.0 < float(found[1]) < 0.8 * 25.0 * 9.81 * 0.06 / 2
+
+
+SLOW = "[drive]\ntop_speed = 0.2\n"
+
+
+@pytest.fixture
+def slow(tmp_path):
+    """A robot slower than the usual speeds."""
+    path = tmp_path / "slow.toml"
+    path.write_text(SLOW)
+    return str(path)
+
+
+def test_a_slow_robot_drives_at_its_top_speed(slow):
+    config = DriveConfig(robot=slow, course="flat")
+    world = make_world(config)
+    command = driver(config, world)(world)
+    np.testing.assert_array_equal(command.speed, 0.2)
+    world = World.of(WanderConfig(robot=slow))
+    assert world.config.fastest(world.drive) == 0.2
+
+
+def test_a_slow_robot_is_scripted_within_its_top_speed(slow):
+    """Else both belts are at their top speed, and it can't steer."""
+    world = traverse_of_api(slow)
+    world.begin([0], start=[[world.footprint.start(LEVEL), 0.1, 0.0]])
+    speed = scripted(world).speed[0]
+    assert speed[0] == pytest.approx(0.2 + 0.03)
+    assert speed[1] == pytest.approx(0.2 - 0.03)
+
+
+@pytest.mark.parametrize(
+    ("robot", "fastest"),
+    [("shipped", 0.3), ("maxxii", 0.4), ("warthog", 0.3 * (0.54 / 0.168) ** 0.5), ("slow", 0.2)],
+)
+def test_robots_are_validated_at_speeds_of_their_own(robot, fastest, slow):
+    """In proportion to the paper's, by the root of the width, and up to their top speed."""
+    parameters, ground = load_parameters(slow if robot == "slow" else robot)
+    setup = Setup(parameters, ground)
+    assert setup.drive.top_speed == pytest.approx(fastest)
+    _, speed, omega = paper_turns(parameters)
+    assert speed.max() == pytest.approx(fastest * 0.25 / 0.3)
+    assert omega.max() * parameters.sprocket_radius <= fastest * (1 + 1e-9)
+
+
+def test_theory_has_the_numbers_of_the_robots_file(tmp_path, capsys):
+    path = tmp_path / "robot.toml"
+    path.write_text(BODY)
+    robot, _, _ = predicted_world(PredictConfig(robot=str(path)))
+    assert robot == replace(load_parameters(path)[0], com_y=0.0)
+    assert "com_y = -0.01 m" in capsys.readouterr().out
+    robot, _, _ = predicted_world(PredictConfig(robot=str(path), radius_error=0.0))
+    assert robot.radius_error == 0.0
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "grid --radii 1 --speeds 0.1 --duration 4 --executor inline",
+        "track --controller feedforward --compensation none --reference circle --circle-duration 2",
+        "wander --duration 2",
+        "drive --course flat --duration 0.2",
+    ],
+)
+def test_every_command_says_that_a_robot_has_no_motors(command, files, trackslip):
+    robot = source("plain", files)
+    said = f"{robot} has no motors: its torque is unlimited, and its top speed 0.6 m/s"
+    assert said in trackslip(*command.split(), "--robot", robot).printed
+    assert "has no motors" not in trackslip(*command.split()).printed
+
+
+def test_commands_to_a_robot_without_motors_are_replayed_in_full(files):
+    """Up to 1 m/s, although its usual top speed is 0.6 m/s."""
+    time = np.arange(0.0, 4.0, 0.05)
+    omega = np.full((len(time), 2), 1.0 / 0.06)
+    pose = np.column_stack([time, 0 * time, 0 * time])
+    log = RunLog(run="straight", time=time, omega=omega, pose=pose, command=omega)
+    replay = Replayer([log], "commands").run(load_parameters(source("plain", files))[0], Ground())
+    under_way = len(replay.twist) // 2
+    assert replay.twist[under_way, 0, 0] == pytest.approx(1.02, rel=0.005)
+
+
+def test_drive_warns_of_a_weak_motor_as_grid_does(tmp_path, trackslip):
+    robot = tmp_path / "weak.toml"
+    robot.write_text("half_gauge = 0.2\n[drive]\ntorque_limit = 2.0\n")
+    drove = ("drive", "--course", "flat", "--turn", "1.5", "--speed", "0", "--duration", "2")
+    grid = ("grid", "--radii", "0.21", "--speeds", "0.1", "--duration", "4")
+    pattern = r"motor is at its limit for (\S+)% of the time: 2 N m at hand, (\S+) N m needed"
+    for command in (drove, grid):
+        found = re.search(pattern, trackslip(*command, "--robot", str(robot)).printed)
+        assert found is not None, command
+        assert float(found[1]) > 90
+        assert 2.5 < float(found[2]) < 0.8 * 25.0 * 9.81 * 0.06 / 2

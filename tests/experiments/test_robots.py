@@ -42,7 +42,7 @@ def test_a_robot_brings_its_own_drive_and_ground_into_every_command(trackslip, r
         "75.0\nradius_error = 0.03\n"
         "[ground]\nalong = 0.5\nacross = 0.6\n[drive]\nlag = 0.3\ntop_speed = 1.0\ntorque_limit "
         "= 90.0\n[drive.motor]\n"
-        "stall_torque = 3.0\nno_load_speed = 1000.0\n"
+        "gear = 50.0\nstall_torque = 3.0\nno_load_speed = 1000.0\n"
     )
     robot, own = ("--robot", str(heavy)), load_parameters(heavy)[0].drive
     circle = (

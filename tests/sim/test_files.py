@@ -8,7 +8,7 @@ from tracked_files import ROBOT
 
 from sim import Drive, Ground
 from sim.ground.ground import NAMED_GROUNDS, load_ground
-from sim.motors.motor import Motor
+from sim.motors.motor import Motor, tireless
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
 from sim.scanner.scanner import Obstacles, Post, Wall, load_obstacles
@@ -50,7 +50,11 @@ def test_files_hold_all_fields(tmp_path):
     assert load_parameters(path) == (parameters, ground)
     box = (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_')
     path.write_text(box + "[drive]\nlag = 0.2\n")
-    assert load_parameters(path)[0].drive == load_tracked(path).drive == Drive(lag=0.2)
+    assert (
+        load_parameters(path)[0].drive
+        == load_tracked(path).drive
+        == dataclasses.replace(tireless(), lag=0.2)
+    )
 
 
 def test_the_page_lists_the_named_grounds():
@@ -84,6 +88,7 @@ MISTAKES = [
     ),
     # robots
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
+    (load_robot, "[drive.motor]\ngear = 9.0", "drive: motor: no_load_speed is missing"),
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
     (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
     *(  # a decimal comma makes two numbers of one
