@@ -66,7 +66,7 @@ class CrossingLayout:
 
     def __init__(self, world: Traverse, noise: SensorNoise) -> None:
         """Determine the elements for the robots in `world`, whose sensors have this `noise`."""
-        flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
+        flippers, quarter = world.tracked.flipper_names, np.pi / 2
         observed = (
             *((Element(f"vertical, {axis}", "-", 1.0), noise.attitude) for axis in _AXES),
             *(

@@ -160,20 +160,18 @@ class Footprint:
         given.
         """
         x, _, radius = np.array(robot.hull).T
-        ahead, behind, aside = (
-            [(x + radius).max()],
-            [(radius - x).max()],
-            [robot.half_gauge + robot.width / 2],
-        )
-        if robot.flippers:
+        ahead = [(x + radius).max()]
+        behind = [(radius - x).max()]
+        aside = [robot.half_gauge + abs(robot.offset) + robot.width / 2]
+        for gear in robot.tracks:
+            if gear.body in ("", robot.body):
+                aside += [abs(y) + gear.width / 2 for y in gear.places]
+        if robot.gear_bodies:
             flippers = flippers or build_tracked(robot).flippers
             reach = flippers.length + flippers.radius
             ahead += list(flippers.hinge[:, 0] + np.where(flippers.front, reach, 0.0))
             behind += list(np.where(flippers.front, 0.0, reach) - flippers.hinge[:, 0])
-            aside += [
-                abs(y) + each.width / 2
-                for y, each in zip(flippers.hinge[:, 1], robot.flippers, strict=True)
-            ]
+            aside += list(flippers.aside)
         return cls(float(max(ahead)), float(max(behind)), float(max(aside)))
 
     @property

@@ -52,7 +52,7 @@ class Actions:
 
     def __init__(self, config: TraverseConfig, world: Traverse) -> None:
         self._config, self._world = config, world
-        names = each = [flipper.body for flipper in world.tracked.robot.flippers]
+        names = each = list(world.tracked.flipper_names)
         if config.flippers == "pairs":
             names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
             each = sorted(set(names))
