@@ -310,6 +310,9 @@ def _require_no_ghosts(robot: TrackedRobot, model: Model) -> None:
         own = model.body(flipper.body)
         y = _lateral_place(model, own)
         rigid = model.model.body_weldid == model.model.body_weldid[own]
+        sides = {each.side for each in robot.flippers if rigid[model.body(each.body)]}
+        if len(sides) > 1:
+            continue
         for body in np.flatnonzero(rigid).tolist():
             name = model.name(body)
             if name not in robot.wheels and _lateral_place(model, body) * y < 0:

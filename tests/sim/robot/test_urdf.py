@@ -240,8 +240,9 @@ def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
         ),
         (
             '<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>',
-            "XML of <sdf>; `model` must be an MJCF .* or",
+            r"is SDF; run `sdf2mjcf r\.xml robot\.xml` of gz-mujoco",
         ),
+        ("<scene/>", "is XML of <scene>; `model` must be an MJCF .* or"),
         ("#usda 1.0", "is no XML"),
         ('<robot name="r"><wheels_macro/></robot>', "has no links; .* called as <xacro:NAME/>"),
     ],
@@ -488,3 +489,44 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
     assert facts["joints that hold"] == "arm_joint at 0, fan_joint at 0"
     assert not checked.file
     assert not check("rescue").errors + check("warthog").errors
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        (
+            [base(), '<link name="pan"/>', joint("base", "pan", "0 0 0.4", **LIMITS)],
+            "link 'pan' moves, but weighs nothing: give it <inertial> .* or make its joint type=",
+        ),
+        (
+            [base(), *[link("arm", 1), joint("base", "arm", "0 0 0.4", **LIMITS)] * 60],
+            r"<link> name = arm: 60 of 'arm', must be unique$",
+        ),
+        (
+            [base(), link("a", 1), link("b", 1), *[joint("base", "a", "0 0 0.4", **LIMITS)] * 2],
+            r"<joint> name = a_joint: 2 of 'a_joint', must be unique$",
+        ),
+    ],
+)
+def test_faults_of_a_model_are_said_in_one_short_line(tmp_path, parts, said):
+    with pytest.raises(TrackslipError, match=said) as refused:
+        build_tracked(load_tracked(write(tmp_path, parts, TRACKS)))
+    assert len(str(refused.value)) < 300
+
+
+@pytest.mark.parametrize("limit", ["1.79e308", "1.8e308", "1e400"])
+def test_limits_beyond_all_numbers_are_none(tmp_path, limit):
+    endless = f'<limit lower="-{limit}" upper="{limit}" effort="{limit}" velocity="{limit}"/>'
+    parts = [base(), link("paddle", 1), joint("base", "paddle", "0.2 0.3 0", "revolute", endless)]
+    with warnings.catch_warnings(action="error"):
+        built = build_tracked(load_tracked(write(tmp_path, parts, TRACKS + PADDLE)))
+    np.testing.assert_allclose(built.flipper_range, [[-np.pi, np.pi]])
+
+
+def test_a_robot_too_heavy_ahead_is_told_its_way_on(tmp_path):
+    parts = [*rover(), link("nose", 9, "", "0 0 0"), joint("base", "nose", "0.6 0 0.2", "fixed")]
+    with pytest.raises(
+        TrackslipError,
+        match=r"rover\.urdf: com_x = .*: fold its arm by \[joints\] or `key`; ",
+    ):
+        load_parameters(write(tmp_path, parts))
