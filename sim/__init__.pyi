@@ -9,8 +9,8 @@ from .motors.motor import Drive as Drive
 from .path_tracking.config import EnvConfig as EnvConfig
 from .path_tracking.config import TrackingReward as TrackingReward
 from .path_tracking.randomization import Randomization as Randomization
-from .robot.named import RobotCheck as RobotCheck
-from .robot.named import check as check
+from .robot.check import RobotCheck as RobotCheck
+from .robot.check import check as check
 from .robot.named import load_tracked as load_tracked
 from .robot.parameters import RobotParameters as RobotParameters
 from .robot.robot import load_robot as load_robot

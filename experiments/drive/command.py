@@ -16,7 +16,7 @@ from trackslip.errors import TrackslipError, counted
 
 def check_robot(source: str) -> None:
     """Print what is known about a robot; raises TrackslipError if it can't drive."""
-    from sim.robot.named import check
+    from sim.robot.check import check
 
     checked = check(source)
     print(checked)

@@ -31,6 +31,7 @@ class DrivenCourse:
     course: Course
     goal: float  # x at which the course is crossed [m]
     tracks: tuple[str, ...]  # names (T,)
+    flippers: tuple[str, ...]  # names (F,)
     outcome: str
     """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
     time: Array  # (R,) since the start [s]
@@ -40,11 +41,6 @@ class DrivenCourse:
     work: Array  # (R, T) work of the belts against the ground since the previous row [J]
     motors: MotorReading  # (R, 2) of the left and right motors
     contact: Reading  # (R, T) means since the previous row
-
-    @property
-    def flippers(self) -> list[str]:
-        """Names of the flippers (F,)."""
-        return [flipper.body for flipper in self.robot.flippers]
 
     @property
     def travel(self) -> Array:
@@ -110,6 +106,7 @@ def drive_course(
         course=world.course[0],
         goal=float(world.goal[0]),
         tracks=tuple(world.track_names),
+        flippers=world.tracked.flipper_names,
         outcome=STOPPED if outcome == Outcome.DRIVING else outcome.label,
         time=columns["time"],
         state=States(qpos, columns["qvel"], world.tracked.free),

@@ -44,19 +44,14 @@ class RobotLooks:
     @classmethod
     def of(cls, world: TrackedModel) -> RobotLooks:
         """The looks of a robot on its terrain; `world` must have been built with `looks=True`."""
-        robot, model = world.robot, world.model
-        hull, belted = np.array(robot.hull), robot.contact != WHEELS
-        sides = [
-            TrackLook(hull, sign * robot.half_gauge, robot.width, belted) for sign in (1.0, -1.0)
-        ]
-        looks = [(world.body, look) for look in sides]
-        looks += [
-            (model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width))
-            for f in robot.flippers
-        ]
-        tracks = [
-            (f"{name}_track", *each) for name, each in zip(world.belts.names, looks, strict=True)
-        ]
+        model = world.model
+        tracks = []
+        for name, frame, track in zip(
+            world.belts.names, world.belts.bodies.tolist(), world.tracks, strict=True
+        ):
+            gear = track.gear.gear
+            look = TrackLook(np.array(track.gear.hull), 0.0, gear.width, gear.contact != WHEELS)
+            tracks.append((f"{name}_track", frame, look))
         return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, travel: Array) -> None:
@@ -143,15 +138,18 @@ def _attached_looks(spec: Any, robot: TrackedRobot) -> RobotLooks:
     for joint in list(body.joints):
         own.delete(joint)
     own.compile()  # so that the model's keyframe is attached, too
-    body.pos, body.quat, body.alt.type = (
-        [0.0] * 3,
-        [1.0, 0.0, 0.0, 0.0],
-        mujoco.mjtOrientation.mjORIENTATION_QUAT,
-    )
+    body.pos = [0.0, 0.0, 0.0]
+    body.quat = [1.0, 0.0, 0.0, 0.0]
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    for frame, track in zip(built.belts.bodies.tolist(), built.tracks, strict=True):
+        carrier = own.body(track.gear.body)
+        place, turn = built.model.body_pos[frame], built.model.body_quat[frame]
+        carrier.add_body(name=built.model.body(frame).name, pos=place, quat=turn)
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)
-    frame = spec.body("chassis").add_frame(pos=[-robot.middle, 0.0, -robot.lowest])
+    middle = [-robot.middle, -robot.offset, -robot.lowest]
+    frame = spec.body("chassis").add_frame(pos=middle)
     frame.attach_body(body, _ATTACHED, "")
     model = spec.compile()
     looks = RobotLooks.of(built)
@@ -162,11 +160,15 @@ def _attached_looks(spec: Any, robot: TrackedRobot) -> RobotLooks:
     rest = start(model).qpos.copy()
     rest[:7] = model.qpos0[:7]
     angles = built.flipper_control(clear_angles(built))
-    hinges = [
-        model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers
-    ]
-    rest[model.jnt_qposadr[hinges]] = angles
+    joints = [name_at(built.model, place) for place in built.flipper_qpos]
+    hinges = [model.joint(_ATTACHED + name).qposadr[0] for name in joints]
+    rest[hinges] = angles
     return RobotLooks(model, model.body("chassis").id, tracks, looks.track_side, rest)
+
+
+def name_at(model: mujoco.MjModel, place: int) -> str:
+    """Name of the joint whose position is at a place in qpos."""
+    return str(model.joint(int(np.flatnonzero(model.jnt_qposadr == place)[0])).name)
 
 
 def _agree(spec: Any, field: Any) -> None:

@@ -176,6 +176,11 @@ def check_model(text: str, path: Path, folders: Sequence[Path]) -> None:
     _Model(path, tuple(folders)).check(text)
 
 
+def parsed(path: Path) -> Element:
+    """The elements of an MJCF or URDF file; raises TrackslipError for what isn't XML."""
+    return _Model(path, ()).parse(model_text(path), path)
+
+
 @dataclass
 class MeshSizes:
     """The sizes of a model's mesh files."""
@@ -239,7 +244,7 @@ class _Model:
     def check(self, text: str) -> _Load:
         """Check the model and return what it makes MuJoCo build; see `check_model`."""
         self.included.add(absolute(self.path))
-        root = self._parsed(text, self.path)
+        root = self.parse(text, self.path)
         if root.tag == "mujoco":
             self._include(root, self.path, depth=0)
         for element in root.iter():
@@ -262,7 +267,7 @@ class _Model:
     def _refuse(self, what: str) -> None:
         raise TrackslipError(f"{self.path}: {what}")
 
-    def _parsed(self, text: str, path: Path) -> Element:
+    def parse(self, text: str, path: Path) -> Element:
         """The elements of an XML text."""
         builder = TreeBuilder()
         open_elements = 0
@@ -318,7 +323,7 @@ class _Model:
             if file in self.included:
                 self._refuse(f"<include> file = {name!r}: included twice, must be included once")
             self.included.add(file)
-            content = self._parsed(model_text(file), file)
+            content = self.parse(model_text(file), file)
             self._include(content, file, depth + 1)
             place = list(element).index(child)
             element[place : place + 1] = list(content)

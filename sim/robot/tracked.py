@@ -1,30 +1,39 @@
-"""Tracked robots: a model, its tracks or wheels, and its flippers."""
+"""Tracked robots: a model, the running gear on its bodies, and what holds its joints."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from sim.motors.motor import Drive
+from sim.robot.gear import (
+    BOTH,
+    LEFT,
+    RIGHT,
+    SAME_HEIGHT,
+    FlipperMotor,
+    RunningGear,
+    Wheels,
+    levelled,
+)
+from sim.robot.joint_rules import JointRule
 from sim.robot.parameters import PATCH_LENGTH, TRACKS, WHEELS
 from sim.robot.urdf import read_model
-from sim.tracks import Track
 from sim.tracks.hull import Hull
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
+from trackslip.errors import (
+    Checked,
+    checked,
+    require,
+    require_finite,
+    require_non_negative,
+    require_positive,
+)
 
-Wheels = tuple[tuple[float, float, float], ...]
-
-_LEVEL = -0.9998  # largest upward component of the normal of a level run: 1.1 degrees off level [-]
-_SAME_HEIGHT = 0.005  # largest height difference between wheels that stand on level ground [m]
-
-
-def _width(width: float, lines: int) -> float:
-    """Width of a belt on the ground [m]."""
-    require(lines in (1, 3), "lines", lines, "1 or 3")
-    return width if lines == 3 else 0.0
+# largest upward component of the normal of a level run: 1.1 degrees off level [-]
+_LEVEL: Final = -0.9998
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,7 @@ class Flipper(Checked):
     hull: Wheels
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     y: float = 0.0
-    """Lateral position of the track in the body's frame [m]."""
+    """Lateral position of the track in the body's frame, to the left [m]."""
     width: float = checked(0.05, require_positive)
     """Width of the belt [m]."""
     stiffness: float = checked(250.0, require_positive)
@@ -54,27 +63,42 @@ class Flipper(Checked):
 
     def __post_init__(self) -> None:
         Hull.from_wheels(self.hull)
-        require(self.side in ("left", "right"), "side", self.side, "left or right")
+        require(self.side in (LEFT, RIGHT), "side", self.side, "left or right")
         require(abs(self.y) <= 10, "y", self.y, "from -10 to 10 m")
         super().__post_init__()
 
-    def track(self, preset: str, friction: tuple[float, float]) -> Track:
-        """The flipper's track, with this contact preset and friction along and across it [-]."""
-        name, width = f"{self.body}_track", _width(self.width, self.lines)
-        return Track(self.y, self.hull, preset, friction, name, side="left", width=width)
+    @property
+    def gear(self) -> RunningGear:
+        """The flipper as an entry of the list of tracks."""
+        motor = FlipperMotor(self.stiffness, self.damping, self.torque)
+        return RunningGear(
+            self.body,
+            self.side,
+            self.y,
+            hull=self.hull,
+            width=self.width,
+            lines=self.lines,
+            flipper=motor,
+            origin="[[flippers]]",
+        )
 
 
 @dataclass(frozen=True)
 class TrackedRobot:
-    """A model and its tracks or wheels; a robot file has these fields, and a table `flippers` for
-    each flipper.
+    """A model, its running gear, and what holds its joints. A robot file has these fields, and a
+    table `tracks` for each entry of the running gear.
+
+    A robot with one pair of tracks on its chassis needs no table `tracks`: `half_gauge`, `hull`,
+    `contact`, `patch_length`, `width` and `lines` describe the pair, and a table `flippers` each
+    flipper. `gear` translates both to one list. With tables `tracks`, `half_gauge`, `offset` and
+    `hull` are derived from the list.
     """
 
     model: Path
     """MJCF or URDF file; in a robot file, its path is relative to the robot file."""
-    half_gauge: float
-    """Half the distance between the chassis' tracks [m]."""
-    hull: Wheels
+    half_gauge: float = 0.0
+    """Half the distance between the left and right tracks [m]."""
+    hull: Wheels = ()
     """Wheels (x, z, radius) on one side of the chassis, in its frame [m]; the belt is their convex
     hull.
     """
@@ -95,7 +119,8 @@ class TrackedRobot:
     wheels: tuple[str, ...] = ()
     """Links that tracks replace: they don't collide, and their joints are locked, except those of
     flippers. In a robot file, "replace" stands for the flippers and all round links that turn
-    endlessly about y. `half_gauge` and `hull` are read from these wheels unless they are given.
+    endlessly about y. `half_gauge`, `offset` and `hull` are read from these wheels unless they are
+    given.
     """
     packages: tuple[Path, ...] = ()
     """Folders of the packages in package://NAME/FILE, or their parent folders, searched before the
@@ -103,41 +128,74 @@ class TrackedRobot:
     paths are relative to the robot file.
     """
     key: str = field(default="", metadata={"stored_unless": ""})
-    """MJCF keyframe from which joints and motors start; by default they start at 0."""
+    """MJCF keyframe from which joints and motors start; by default they start at 0, or as near to
+    it as their limits allow.
+    """
     name: str = "robot"
     """Name of the robot; by default the robot file's name without .toml."""
     drive: Drive | None = field(default=None, metadata={"stored_unless": None})
     """Servos and motors; None for motors of unlimited torque."""
+    offset: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    """Distance of the middle between the tracks to the left of the chassis' frame [m]."""
+    tracks: tuple[RunningGear, ...] = field(default=(), metadata={"stored_unless": ()})
+    """The running gear without the table `flippers`; empty for one pair of tracks."""
+    joints: tuple[JointRule, ...] = field(default=(), metadata={"stored_unless": ()})
+    """What holds or moves the joints. In a robot file, a table of states by name."""
+    origin: str = field(default="", compare=False, metadata={"stored_unless": ""})
+    """Where `half_gauge`, `offset` and `hull` come from."""
 
     def __post_init__(self) -> None:
-        require_positive("half_gauge", self.half_gauge)
         require_positive("width", self.width)
-        Hull.from_wheels(self.hull)
-        self.track("accurate", (1.0, 1.0))
-        bodies = self.flipper_bodies
-        require(
-            len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different"
-        )
+        require_finite("offset", self.offset)
+        flippers = [(each.body, each.side, each.y) for each in self.flippers]
+        bodies = tuple(body for body, _, _ in flippers)
+        allowed = "on bodies that are all different, or at different places"
+        require(len(set(flippers)) == len(flippers), "flippers", bodies, allowed)
+        if self.tracks:
+            return
+        if not self.hull and self.flippers:
+            return  # a robot that stands on its flippers
+        allowed = "the wheels of a track, unless [[tracks]], [[flippers]] or `wheels` tell them"
+        require(self.hull, "hull", list(self.hull), allowed)
+        require_positive("half_gauge", self.half_gauge)
+        self._pair.track(levelled(self.hull), "accurate", (1.0, 1.0))
 
-    def track(self, preset: str, friction: tuple[float, float]) -> Track:
-        """The chassis' pair of tracks or rows of wheels, with this contact preset and friction
-        along and across [-].
-        """
-        width, contact, patch = _width(self.width, self.lines), self.contact, self.patch_length
-        return Track(
-            self.half_gauge,
-            self._level,
-            preset,
-            friction,
-            width=width,
-            contact=contact,
-            patch_length=patch,
+    @property
+    def gear(self) -> tuple[RunningGear, ...]:
+        """The running gear, as one list: the chassis' tracks, then the flippers."""
+        flippers = tuple(flipper.gear for flipper in self.flippers)
+        if self.tracks:
+            return (*self.tracks, *flippers)
+        if not self.hull:
+            return flippers
+        return (self._pair, *flippers)
+
+    @property
+    def _pair(self) -> RunningGear:
+        """The pair of tracks, or rows of wheels, on the chassis."""
+        half = self.half_gauge
+        places = (self.offset + half, self.offset - half)
+        return RunningGear(
+            sides=BOTH,
+            y=places if self.offset else half,
+            hull=self.hull,
+            contact=self.contact,
+            patch_length=self.patch_length,
+            width=self.width,
+            lines=self.lines,
+            origin=self.origin,
         )
 
     @property
+    def gear_bodies(self) -> tuple[str, ...]:
+        """Names of the bodies other than the chassis that carry running gear."""
+        names = (gear.body for gear in self.gear if gear.body not in ("", self.body))
+        return tuple(dict.fromkeys(names))
+
+    @property
     def flipper_bodies(self) -> tuple[str, ...]:
-        """Names of the flippers' bodies, whose hinges aren't locked."""
-        return tuple(flipper.body for flipper in self.flippers)
+        """Names of the bodies in the table `flippers`."""
+        return tuple(dict.fromkeys(flipper.body for flipper in self.flippers))
 
     @property
     def contact_length(self) -> float:
@@ -156,18 +214,11 @@ class TrackedRobot:
         """Axles of the wheels, or ends of the runs, that stand on level ground, ahead of the
         chassis' frame [m].
         """
+        level = levelled(self.hull)
         if self.contact == WHEELS:
-            return [x for x, z, radius in self._level if z - radius < self.lowest + _SAME_HEIGHT]
-        level = [run for run in Hull.from_wheels(self._level).runs if run.outwards[1] < _LEVEL]
-        return [float(end[0]) for run in level for end in (run.start, run.end)] or [0.0]
-
-    @property
-    def _level(self) -> Wheels:
-        """`hull` with its lowest wheels at the same height, to which tyres and springs would bring
-        them.
-        """
-        highest = self.lowest + _SAME_HEIGHT
-        return tuple((x, self.lowest + r if z - r < highest else z, r) for x, z, r in self.hull)
+            return [x for x, z, radius in level if z - radius < self.lowest + SAME_HEIGHT]
+        runs = [run for run in Hull.from_wheels(level).runs if run.outwards[1] < _LEVEL]
+        return [float(end[0]) for run in runs for end in (run.start, run.end)] or [0.0]
 
     @property
     def sprocket_radius(self) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import warnings
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +34,11 @@ _HEAD = 1_000_000  # of a package.xml or a .dae, whose unit is at the top [bytes
 _SHOWN = 3  # most names listed in a message
 _POINTER = b"version https://git-lfs"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
+_LIMIT: Final = re.compile(r"<limit\b[^>]*>")
+_LARGE: Final = re.compile(r"[+-]?\d+(?:\.\d*)?[eE]\+?\d{3,}")  # from 1e100 on
+_HUGE: Final = 1e300  # largest limit, which MuJoCo reads
+_VALID_NAMES: Final = re.compile(r" ?Valid names: \[.*", re.DOTALL)
+_WEIGHTLESS: Final = re.compile(r"mjMINVAL.*?Element name '([^']*)'", re.DOTALL)
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
 
@@ -76,6 +83,11 @@ def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path
         )
     element = re.search(r"<([A-Za-z][\w:.-]*)", text)
     root = element[1] if element else ""
+    if root == "sdf":
+        raise TrackslipError(
+            f"{path}: is SDF; run `sdf2mjcf {path.name} robot.xml` of gz-mujoco, and name its "
+            "result as `model`"
+        )
     if root not in ("mujoco", "robot"):
         kind = f"is XML of <{root}>" if root else "is no XML"
         raise TrackslipError(
@@ -89,10 +101,12 @@ def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path
         raise TrackslipError(
             f"{path}: has no links; if it is from xacro, its macros must be called as <xacro:NAME/>"
         )
-    text = _unstripped(text)
+    text = _LIMIT.sub(lambda limit: _LARGE.sub(_clipped, limit[0]), _unstripped(text))
     check_model(text, path, folders)
+    _require_unique(text, path)
     spec = mujoco.MjSpec.from_string(text)
-    stated, water = any(body.explicitinertial for body in spec.bodies), []
+    stated = any(body.explicitinertial for body in spec.bodies)
+    water = []
     for geom in list(spec.geoms):
         link = geom.parent
         if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE and not geom.size[0]:
@@ -109,6 +123,25 @@ def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path
             stacklevel=4,
         )
     return spec
+
+
+def _clipped(number: re.Match[str]) -> str:
+    """A number that MuJoCo can read: those of endless joints may be too large for it."""
+    value = float(number[0])
+    return number[0] if abs(value) <= _HUGE else f"{math.copysign(_HUGE, value):g}"
+
+
+def _require_unique(text: str, path: Path) -> None:
+    """Raise TrackslipError for links or joints of a URDF with the same name."""
+    for tag in ("link", "joint"):
+        names = re.findall(rf"<{tag}\s[^>]*?\bname\s*=\s*[\"']([^\"']*)[\"']", text)
+        repeated = [name for name, count in Counter(names).items() if count > 1]
+        if repeated:
+            times = Counter(names)[repeated[0]]
+            raise TrackslipError(
+                f"{path}: <{tag}> name = {some(repeated)}: {times} of {repeated[0]!r}, must be "
+                "unique"
+            )
 
 
 def _head(path: Path) -> str:
@@ -297,6 +330,15 @@ def engine_errors(path: Path) -> Iterator[None]:
     except TrackslipError:
         raise
     except ENGINE_ERRORS as error:
-        raise TrackslipError(
-            f"{path}: {' '.join(str(error).split()).removeprefix('Error: ')}"
-        ) from error
+        raise TrackslipError(f"{path}: {_in_one_line(str(error))}") from error
+
+
+def _in_one_line(message: str) -> str:
+    """A message of MuJoCo in one line, with what to write where its own doesn't tell."""
+    if found := _WEIGHTLESS.search(message):
+        return (
+            f"link {found[1]!r} moves, but weighs nothing: give it <inertial> with a mass and an "
+            'inertia, or make its joint type="fixed"'
+        )
+    short = _VALID_NAMES.sub("", message)
+    return " ".join(short.split()).removeprefix("Error: ")

@@ -1,4 +1,4 @@
-"""A model's own wheels, which the robot's tracks replace, and the keyframe from which runs
+"""Links that a robot's tracks replace, the outlines of links, and the keyframe from which runs
 start.
 """
 
@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Collection, Iterable, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable
+from typing import Any, Final
 
 import mujoco
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from sim.robot.tracked import TrackedRobot
@@ -19,21 +18,10 @@ from sim.robot.urdf import some
 from trackslip.errors import RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
-_AXIS = 0.95  # least cosine between a wheel's axis and the chassis' y axis [-]
-# largest difference between a wheel's extents along x and z, relative to their mean [-]
-_ROUND = 0.1
-# largest difference between wheels on the left and right, relative to the radius [-]
-_MIRRORED = 0.1
-# smallest |y| of a wheel, relative to the largest of all; those nearer to the middle are casters
-# [-]
-_MIDDLE = 0.25
 _TREAD = 0.1  # height of a wheel's tread from below, relative to the wheel's height [-]
-_LIGHT = 1e-9  # least mass and inertia of links, as locked links may weigh nothing [kg, kg m^2]
-_FREE, _HINGE, _GEOM = (
-    mujoco.mjtJoint.mjJNT_FREE,
-    mujoco.mjtJoint.mjJNT_HINGE,
-    mujoco.mjtObj.mjOBJ_GEOM,
-)
+# corners of a box that show its extent in each direction, and its tread below on both sides
+_CORNERS: Final = [[-1, -1, -1], [1, 1, 1], [-1, 1, -1]]
+_FREE, _GEOM = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtObj.mjOBJ_GEOM
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
@@ -49,41 +37,48 @@ def switch_off(spec: Any, robot: TrackedRobot) -> None:
                 geom.contype, geom.conaffinity, geom.group = 0, 0, 3
 
 
-def lock(spec: Any, robot: TrackedRobot) -> None:
-    """Lock the joints of links in `robot.wheels`, except flippers; raises TrackslipError if moving
-    parts carry any.
+def lock(spec: Any, robot: TrackedRobot, held: Collection[str]) -> None:
+    """Lock the joints of links in `robot.wheels`, except those of flippers and other carriers of
+    running gear; raises TrackslipError if moving parts carry any. `held` names the joints that hold
+    their angle.
     """
     for name in robot.wheels:
-        for joint in [joint for joint in spec.body(name).joints if joint.type != _FREE]:
-            if name not in robot.flipper_bodies:
-                _delete_joint(spec, joint)
-    carriers = {
-        name: moving
-        for name in robot.wheels
-        if (moving := _moving_carriers(spec.body(name), robot))
-    }
-    if carriers:
-        name, first = next((name, moving[0]) for name, moving in carriers.items())
-        every = dict.fromkeys(
-            (*robot.wheels, *(each for moving in carriers.values() for each in moving))
-        )
-        allowed = f"fixed to the chassis; list it to lock it, wheels = {json.dumps(list(every))}"
-        raise TrackslipError(
-            f"{robot.model}: wheels = {name!r}: hangs on {first!r}, must be {allowed}"
-        )
+        if name in robot.gear_bodies:
+            continue
+        for joint in list(spec.body(name).joints):
+            if joint.type != _FREE:
+                delete_joint(spec, joint)
+
+    carriers_of = {name: _moving_carriers(spec.body(name), robot, held) for name in robot.wheels}
+    hanging = {name: moving for name, moving in carriers_of.items() if moving}
+    if not hanging:
+        return
+    name, moving = next(iter(hanging.items()))
+    every = list(dict.fromkeys([*robot.wheels, *(each for m in hanging.values() for each in m)]))
+    allowed = f"fixed to the chassis; list it to lock it, wheels = {json.dumps(every)}"
+    way_on = f'or give it running gear of its own, [[tracks]] with body = "{moving[0]}"'
+    raise TrackslipError(
+        f"{robot.model}: wheels = {name!r}: hangs on {moving[0]!r}, which moves, must be "
+        f"{allowed}, {way_on}"
+    )
 
 
-def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
-    """Names of the bodies with joints, from a link up to, but without, the chassis or the flipper
-    that carries it.
+def _moving_carriers(link: Any, robot: TrackedRobot, held: Collection[str]) -> list[str]:
+    """Names of the bodies with joints, from a link up to, but without, the chassis or the body with
+    running gear that carries it.
     """
     moving = []
-    for each in (link, *_carriers(link)):
-        if each.parent.name == "world" or each.name in robot.flipper_bodies:
+    for each in (link, *carriers(link)):
+        if each.parent.name == "world" or each.name in robot.gear_bodies:
             break
-        if each.joints:
+        if any(joint.name not in held for joint in each.joints):
             moving.append(each.name)
     return moving
+
+
+def carriers(link: Any) -> list[Any]:
+    """The bodies that carry a link, from its parent to the chassis."""
+    return [] if link.parent.name == "world" else [link.parent, *carriers(link.parent)]
 
 
 def link_of(spec: Any, robot: TrackedRobot, name: str, field: str = "wheels") -> Any:
@@ -113,7 +108,8 @@ def forget_geoms(spec: Any, geoms: Iterable[Any]) -> None:
         spec.delete(each)
 
 
-def _delete_joint(spec: Any, joint: Any) -> None:
+def delete_joint(spec: Any, joint: Any) -> None:
+    """Delete a joint with the motors, sensors, tendons and constraints that refer to it."""
     tendons = [each for each in spec.tendons if any(wrap.target == joint for wrap in each.path)]
     names = {joint.name, *(tendon.name for tendon in tendons)}
     motors = [motor for motor in spec.actuators if motor.target in names]
@@ -122,107 +118,6 @@ def _delete_joint(spec: Any, joint: Any) -> None:
     equalities = [each for each in spec.equalities if names & {each.name1, each.name2}]
     for each in (*sensors, *equalities, *motors, *tendons, joint):
         spec.delete(each)
-
-
-def own_wheels(
-    spec: Any, chassis: str, robot: TrackedRobot, given: Collection[str]
-) -> dict[str, Any]:
-    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, read from the model's own
-    wheels.
-
-    The wheels are the links in `robot.wheels`, or by default all links that turn endlessly, and the
-    flippers; wheels on flippers don't count. Raises TrackslipError if the left and right wheels
-    differ, unless gauge and hull are `given`.
-    """
-    listed = [
-        link_of(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies
-    ]
-    found = _wheels(spec, chassis, robot, listed)
-    replaced = {"wheels": robot.wheels or (*found, *robot.flipper_bodies)}
-    if {"half_gauge", "hull"} <= set(given):
-        return replaced
-    flippers = [link_of(spec, robot, name, "flippers: body") for name in robot.flipper_bodies]
-    carried = {
-        link.name for flipper in flippers for link in flipper.find_all(mujoco.mjtObj.mjOBJ_BODY)
-    }
-    wheels = {name: extent for name, extent in found.items() if name not in carried}
-    low, high = np.reshape(list(wheels.values()), (-1, 2, 3)).transpose(1, 0, 2)
-    (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
-    shapes = np.column_stack([x, z, half[:, [0, 2]].mean(axis=1), np.abs(y)])
-    outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
-    pairs = _mirrored(shapes[outer & (y > 0)], shapes[outer & (y < 0)])
-    if not len(pairs):
-        allowed = "round links that collide, on endless hinges about y, alike on the left and right"
-        seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
-        raise TrackslipError(
-            f"{robot.model}: wheels = {', '.join(listed) or 'replace'}: must be {allowed}; {seen}"
-        )
-    return replaced | {
-        "half_gauge": round(float(shapes[outer, 3].mean()), 6),
-        "hull": tuple(map(tuple, sorted(pairs.mean(axis=1)[:, :3].round(6).tolist()))),
-    }
-
-
-def _wheels(
-    spec: Any, chassis: str, robot: TrackedRobot, listed: Sequence[str]
-) -> dict[str, Array]:
-    """Extents (2, 3) of the wheels in the chassis' frame, by name [m].
-
-    Wheels are round and turn endlessly about the chassis' y; `listed` wheels may have limits or be
-    fixed. Parts of wheels, and links that carry wheels, such as rockers and knuckles, don't count.
-    Raises TrackslipError for `listed` links that turn endlessly about y but aren't round.
-    """
-    spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHT
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    base = data.body(chassis)
-    about_y = (model.jnt_type == _HINGE) & (
-        np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS
-    )
-    turning, spinning = (
-        set(model.jnt_bodyid[which].tolist()) for which in (about_y, about_y & endless(model))
-    )
-    own = [model.body(body).name for body in sorted(spinning)]
-    names = listed or [name for name in own if name not in robot.flipper_bodies]
-    bodies = {int(model.body(name).id): name for name in names}
-    fixed_to = {body: int(model.body_weldid[body]) for body in bodies}
-    parts = {
-        body for body, root in fixed_to.items() if root != body and root in spinning & bodies.keys()
-    }
-    whole = [spec.body(name) for body, name in bodies.items() if body not in parts]
-    carriers = {carrier.name for link in whole for carrier in _carriers(link)}
-    wheels = {}
-    for body, name in bodies.items():
-        if body in parts or name in carriers or (model.body_jntnum[body] and body not in turning):
-            continue
-        extent = _extent(model, data, base, body)
-        along, _, up = extent[1] - extent[0]
-        if abs(along - up) < _ROUND * (along + up) / 2:
-            wheels[name] = extent
-        elif listed and body in spinning:
-            allowed = "round to be a wheel; give `hull` and `half_gauge`"
-            raise TrackslipError(
-                f"{robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}"
-            )
-    return wheels
-
-
-def _carriers(link: Any) -> list[Any]:
-    return [] if link.parent.name == "world" else [link.parent, *_carriers(link.parent)]
-
-
-def _mirrored(left: Array, right: Array) -> Array:
-    """Pairs (P, 2, 4) of left and right wheels, each x, z, radius and |y| [m]; none if the sides
-    (P, 4) differ.
-    """
-    if left.shape != right.shape:
-        return np.empty((0, 2, 4))
-    apart = np.abs(left[:, None] - right).max(axis=-1)
-    rows, columns = scipy.optimize.linear_sum_assignment(apart)
-    if (apart[rows, columns] >= _MIRRORED * left[rows, 2]).any():
-        return np.empty((0, 2, 4))
-    return np.stack([left[rows], right[columns]], axis=1)
 
 
 def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
@@ -239,42 +134,49 @@ def colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray((model.geom_contype | model.geom_conaffinity) > 0)
 
 
-def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
+def extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
     """Smallest and largest coordinates (2, 3) of a link's geoms in the chassis' frame [m].
 
     If some geoms collide, only these count; along y, only the tread counts, because a hub reaches
-    further inwards.
+    further inwards. A link without geoms has no extent: NaN.
     """
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
     collide = own & colliding(model)
     shapes = np.flatnonzero(collide if collide.any() else own).tolist()
-    stacked = np.vstack(
-        [np.full((1, 3), np.nan), *(outline(model, data, chassis, shape) for shape in shapes)]
-    )
-    extent = np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
-    tread = stacked[~(stacked[:, 2] > extent[0, 2] + _TREAD * np.ptp(extent[:, 2]))]
-    extent[:, 1] = np.fmin.reduce(tread[:, 1]), np.fmax.reduce(tread[:, 1])
-    return extent
+    if not shapes:
+        return np.full((2, 3), np.nan)
+    points = np.vstack([outline(model, data, chassis, shape) for shape in shapes])
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    tread = points[points[:, 2] <= low[2] + _TREAD * (high[2] - low[2])]
+    low[1] = tread[:, 1].min()
+    high[1] = tread[:, 1].max()
+    return np.array([low, high])
 
 
 def outline(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, geom: int) -> Array:
     """Points (P, 3) in the chassis' frame that reach as far along each axis as a geom does [m]."""
-    turn = chassis.xmat.reshape(3, 3).T @ data.geom_xmat[geom].reshape(3, 3)
-    centre = chassis.xmat.reshape(3, 3).T @ (data.geom_xpos[geom] - chassis.xpos)
+    to_chassis = chassis.xmat.reshape(3, 3).T
+    turn = to_chassis @ data.geom_xmat[geom].reshape(3, 3)
+    centre = to_chassis @ (data.geom_xpos[geom] - chassis.xpos)
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.mesh(model.geom_dataid[geom])
-        return np.asarray(model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]] @ turn.T + centre)
+        vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+        return np.asarray(vertices @ turn.T + centre)
+
     middle, half = model.geom_aabb[geom].reshape(2, 3)
-    along, across = np.abs(turn[:, 2]), np.linalg.norm(turn[:, :2] * half[:2], axis=1)
-    reach = np.abs(turn) @ half
-    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
-        reach = np.linalg.norm(turn * half, axis=1)
-    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        reach = across + along * half[2]
-    elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        reach = half[0] + along * (half[2] - half[0])
-    return turn @ middle + centre + reach * [[-1, -1, -1], [1, 1, 1], [-1, 1, -1]]
+    along = np.abs(turn[:, 2])  # how far the geom's own z axis points along each axis
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_SPHERE | mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            reach = np.linalg.norm(turn * half, axis=1)
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            reach = np.linalg.norm(turn[:, :2] * half[:2], axis=1) + along * half[2]
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            reach = half[0] + along * (half[2] - half[0])
+        case _:
+            reach = np.abs(turn) @ half
+    return turn @ middle + centre + reach * _CORNERS
 
 
 def choose_start(spec: Any, robot: TrackedRobot) -> None:
@@ -283,10 +185,9 @@ def choose_start(spec: Any, robot: TrackedRobot) -> None:
 
     Raises TrackslipError for a keyframe that the model doesn't have.
     """
-    held = {*robot.flipper_bodies, *robot.wheels}
-    moving = [
-        joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in held
-    ]
+    held = {*robot.gear_bodies, *robot.wheels}
+    joints = [joint for joint in spec.joints if joint.type != _FREE]
+    moving = [joint for joint in joints if joint.parent.name not in held]
     names = [key.name for key in spec.keys]
     if robot.key and robot.key not in names:
         known = f"one of its keyframes, {some(names)}" if names else "left out: it has no keyframes"

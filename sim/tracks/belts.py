@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -20,37 +20,47 @@ _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 Floats = NDArray[np.float64]
 
 
+STANDS: Final = -1
+"""Motor of a belt that never turns, such as a skid's."""
+
+
 class _Map:
+    """Where the belts of T tracks with G geoms are in a compiled model."""
+
     def __init__(self, model: mujoco.MjModel) -> None:
         every = tracks_in(model)
         require(every, "model", "no tracks in it", "one with tracks: add_tracks adds them")
         for tracks in every:
             set_contacts(model, tracks)
-        counts = [len(tracks.names) for tracks in every]
         self.names = tuple(name for tracks in every for name in tracks.names)
-        self.bodies, self.geoms, self.direction = (
-            np.concatenate([getattr(tracks, name) for tracks in every])
-            for name in ("bodies", "geoms", "direction")
-        )
-        before = np.cumsum(counts) - counts
-        self.track = np.concatenate(
-            [tracks.track + k for tracks, k in zip(every, before, strict=True)]
-        )
-        # a geom per track whose speed is read
-        first = np.searchsorted(self.track, np.arange(len(self.names)))
-        self.leader, leading = self.geoms[first], self.direction[first]
-        self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks in every for _ in tracks.names]
+        self.bodies = np.concatenate([tracks.bodies for tracks in every])  # (T,)
+        self.geoms = np.concatenate([tracks.geoms for tracks in every])  # (G,)
+        # (G, 6) surface velocities at a belt speed of 1 m/s
+        self.direction = np.concatenate([tracks.direction for tracks in every])
+        counts = [len(tracks.names) for tracks in every]
+        before = np.cumsum(counts) - counts
+        # (G,) index of each geom's track
+        self.track = np.concatenate(
+            [tracks.track + start for tracks, start in zip(every, before, strict=True)]
+        )
+
+        # a geom of each track, from whose surface velocity the belt's speed is read
+        first = np.searchsorted(self.track, np.arange(len(self.names)))
+        self.leader = self.geoms[first]
+        leading = self.direction[first]
+        self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
+
+        # what the search for a motor's speed needs: forces, and how they change with the speed
         mass = moving_mass(model, self.bodies).max()
         self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
         self.slope = mass * max(tracks.preset.grip for tracks in every)
         self.radius = np.array([hull.wheels[:, 2].max() for hull in self.hulls])
+
+        # the places of each track's contacts (T,) in the sensor data
         sensors = [model.sensor(model.body(body).name).id for body in self.bodies]
-        # (T,) each
-        self.first, self.slots = (
-            model.sensor_adr[sensors],
-            model.sensor_dim[sensors] // SENSED_WIDTH,
-        )
+        self.first = model.sensor_adr[sensors]
+        self.slots = model.sensor_dim[sensors] // SENSED_WIDTH
 
     def motors(
         self,
@@ -87,15 +97,18 @@ class _Map:
         """
         found = sensordata[..., self.first].astype(int)
         reported = np.minimum(found, self.slots)  # a sensor fills its slots from the first on
-        # (C,) index of each contact's track
-        owner = np.repeat(np.arange(found.size), reported.ravel())
-        slot = np.arange(len(owner)) - np.repeat(
-            np.cumsum(reported) - reported.ravel(), reported.ravel()
-        )
+        counts = reported.ravel()
+
+        # (C,) index of each contact's track, and of its slot in the track's sensor
+        owner = np.repeat(np.arange(found.size), counts)
+        before = np.cumsum(counts) - counts
+        slot = np.arange(len(owner)) - np.repeat(before, counts)
+
         state, track = np.divmod(owner, len(self.names))
         start = state * sensordata.shape[-1] + self.first[track] + slot * SENSED_WIDTH
         sensed = np.take(sensordata, start + np.arange(SENSED_WIDTH)[:, None])
-        return read_contacts(sensed, owner, found - reported, xmat[..., self.bodies, 1::3], speeds)
+        lateral = xmat[..., self.bodies, 1::3]
+        return read_contacts(sensed, owner, found - reported, lateral, speeds)
 
 
 class Belts:
@@ -190,10 +203,10 @@ class Belts:
 
         `motor` is the index of each belt's motor (T,), from 0; by default each belt has its own
         motor. Belts with the same motor, such as those on one side of a robot with flippers, share
-        speed and torque. `law` are the torque-speed line and the losses of all motors, such as a
-        `sim.motors.motor.Motor`; by default the torque limit holds at any speed, without losses.
-        `sprocket_radius` is a scalar or one for each motor (M,), by default the radius of the
-        largest wheel [m].
+        speed and torque; those with the motor -1, such as skids, stand still. `law` are the
+        torque-speed line and the losses of all motors, such as a `sim.motors.motor.Motor`; by
+        default the torque limit holds at any speed, without losses. `sprocket_radius` is a scalar
+        or one for each motor (M,), by default the radius of the largest wheel [m].
         """
         own = np.arange(len(self.names))
         index = own if motor is None else np.asarray(motor, int)
@@ -215,7 +228,11 @@ class BatchBelts:
         sprocket_radius: ArrayLike | None,
     ) -> None:
         """Use `Belts.bind_batch`, which explains the arguments."""
-        self._map, self.names, self._batch, self._motor = where, where.names, batch, motor
+        self._map = where
+        self.names = where.names
+        self._batch = batch
+        self._motor = motor
+        self._turns = motor != STANDS
         self._motors = where.motors(batch.nsim, motor, law, sprocket_radius)
         # (N, ngeom, 6), a view of the batch
         self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")
@@ -282,17 +299,17 @@ class BatchBelts:
 
     def _put(self, rows: NDArray[np.int_], speeds: Floats) -> None:
         """Set the belt speeds (R, M) of the motors in simulations `rows` (R,)."""
-        self._surface[rows[:, None], self._map.geoms] = self._map.surface(speeds[:, self._motor])
+        self._surface[rows[:, None], self._map.geoms] = self._map.surface(self._by_belt(speeds))
+
+    def _by_belt(self, speeds: Floats) -> Floats:
+        """Speeds (..., T) of the belts at speeds (..., M) of their motors [m/s]."""
+        return np.where(self._turns, speeds[..., self._motor], 0.0)
 
     def _by_motor(self, traction: Floats) -> Floats:
         """Sum the belts' tractions (..., T) for each motor, to (..., M)."""
-        return np.stack(
-            [
-                traction[..., self._motor == each].sum(axis=-1)
-                for each in range(self._motor.max() + 1)
-            ],
-            -1,
-        )
+        motors = range(self._motor.max() + 1)
+        sums = [traction[..., self._motor == each].sum(axis=-1) for each in motors]
+        return np.stack(sums, axis=-1)
 
     def speeds(self) -> Floats:
         """Belt speeds (N, T) [m/s]."""
@@ -316,7 +333,7 @@ class BatchBelts:
         before, goal = self._batch.state[where], self._motors.goal(where)
         self._put(where, goal)
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
-        speeds = np.repeat(goal[:, None, self._motor], steps, axis=1)
+        speeds = np.repeat(self._by_belt(goal)[:, None], steps, axis=1)
         reading = self._map.read(recorded["sensordata"], recorded["xmat"], speeds)
         if self._motors.limited(where):
             traction = self._by_motor(reading.traction)

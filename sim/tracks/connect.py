@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sim.tracks.description import Description, descriptions
 from sim.tracks.hull import Hull
@@ -41,16 +42,18 @@ def add_tracks(
     body: str | mujoco.MjsBody,
     track: Track,
     terrain: Iterable[object] | None = None,
+    axes: ArrayLike | None = None,
 ) -> tuple[str, ...]:
     """Add a track, or a pair of tracks, to a body in a MuJoCo spec, and return the tracks' names.
 
     Args:
         spec: the model, not yet compiled.
-        body: the body, or its name, that carries the tracks; its x axis points forwards, y left, z
-            up.
+        body: the body, or its name, that carries the tracks.
         track: the track or the pair to add.
         terrain: geoms, or their names, to connect with the tracks immediately; if omitted, call
             `connect` later.
+        axes: matrix (3, 3) whose columns point forwards, left and up in the body's frame. By
+            default, these are the body's x, y and z axes.
 
     Raises:
         InvalidValueError: for a body that is not in the spec, a name that is already used, terrain
@@ -74,15 +77,19 @@ def add_tracks(
         require(not taken, "name", name, f"another: the spec has a {each}_track already")
     preset = load_preset(track.preset)
     shared_timestep(spec, [preset, *(each.preset for each in descriptions(spec).values())])
-    parts, count = track.parts(), track.segment_count
+    parts = track.parts()
+    count = track.segment_count
     geoms = []
     for each, (_, sign) in zip(names, track.sides, strict=True):
-        frame = carrier.add_body(name=f"{each}_track", pos=[0.0, sign * track.half_gauge, 0.0])
+        frame = carrier.add_body(name=f"{each}_track")
+        _place(frame, track.offset + sign * track.half_gauge, axes)
         for part in parts:
             geoms.append(f"{each}_track_{part.name}")
             geom = frame.add_geom(
                 name=geoms[-1], mass=0, contype=0, conaffinity=0, group=3, **part.shape
             )
+            if track.contact == WHEELS:  # outwards is to the left of a left track
+                geom.pos[1] *= sign
             # not a default's, such as its euler angles
             geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         spec.add_sensor(
@@ -92,14 +99,15 @@ def add_tracks(
             refname=f"{each}_track",
             intprm=[SENSED, _MAX_FORCE, 1],  # `connect` adds slots for contacts
         )
-    on_wheels, depths = track.contact == WHEELS, (preset.core_depth, preset.edge_depth)
+    on_wheels = track.contact == WHEELS
+    depths = (preset.core_depth, preset.edge_depth)
     fine = not on_wheels and count > preset.segments
     description = Description(
         preset=replace(preset, impratio=_FINER * preset.impratio) if fine else preset,
         friction=(float(track.friction[0]), float(track.friction[1])),
         load=track.load,
         points=len(names) * (len(parts) if on_wheels else 2 * (count + WHEEL_WEIGHT)),
-        segment=Hull.from_wheels(track.hull).longest_below / count,
+        segment=Hull.from_wheels(track.chain).longest_below / count,
         geoms=tuple(geoms),
         weights=tuple(part.weight for part in parts) * len(names),
         cores=tuple(depths[part.edge] if part.cored else 0.0 for part in parts) * len(names),
@@ -108,6 +116,18 @@ def add_tracks(
     if grounds is not None:
         connect_tracks(spec, name, description, grounds)
     return names
+
+
+def _place(frame: mujoco.MjsBody, left: float, axes: ArrayLike | None) -> None:
+    """Place a track's frame at a distance to the left of its body's frame [m]."""
+    if axes is None:
+        frame.pos = [0.0, left, 0.0]
+        return
+    turned = np.asarray(axes, float)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, turned.ravel())
+    frame.pos = left * turned[:, 1]
+    frame.quat = quaternion
 
 
 def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:

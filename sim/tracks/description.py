@@ -87,8 +87,12 @@ class TracksInModel:
         self.direction = _directions(model, self.geoms)
         """Surface velocities (G, 6) in the geoms' frames at a belt speed of 1 m/s."""
         round_ = self.direction[:, 3:].any(axis=1) & (owner == self.bodies[0])
-        place, radius = model.geom_pos[self.geoms[round_]], model.geom_size[self.geoms[round_], 0]
-        first = place[:, 1] == place[0, 1]
+        wheels = self.geoms[round_]
+        place = model.geom_pos[wheels]
+        radius = model.geom_size[wheels, 0]
+        # a belt repeats its wheels on each line of contact; wheels without one may lie anywhere
+        is_belted = self.direction[:, 2].any()
+        first = (place[:, 1] == place[0, 1]) | ~is_belted
         self.hull = Hull.from_wheels(np.column_stack([place[:, [0, 2]], radius])[first].tolist())
         """Hull of each track."""
         beside = (place[:, [0, 2]] == place[0, [0, 2]]).all(axis=1)

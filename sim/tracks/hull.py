@@ -101,15 +101,13 @@ class Hull:
                 InvalidValueError: for fewer than two wheels, numbers out of range, and wheels that
                     all lie inside one.
         """
-        chain = _numbers(wheels)
+        chain = wheel_numbers(wheels)
         allowed = (
             f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
         )
-        fits = (
-            np.isfinite(chain).all()
-            and np.abs(chain).max() <= _MAX_SIZE
-            and chain[:, 2].min() >= _MIN_RADIUS
-        )
+        is_finite = bool(np.isfinite(chain).all())
+        is_small = is_finite and np.abs(chain).max() <= _MAX_SIZE
+        fits = is_small and chain[:, 2].min() >= _MIN_RADIUS
         require(fits, "hull", chain.tolist(), allowed)
         outer = _outermost(chain)
         require(
@@ -118,23 +116,25 @@ class Hull:
             chain.tolist(),
             "two wheels or more that don't lie inside one another",
         )
-        normals, following = _tangents(outer), np.roll(outer, -1, axis=0)
-        starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (outer, following))
+        normals = _tangents(outer)
+        following = np.roll(outer, -1, axis=0)
+        starts = outer[:, :2] + outer[:, 2:] * normals
+        ends = following[:, :2] + following[:, 2:] * normals
         radii = np.minimum(outer[:, 2], following[:, 2])
-        return cls(
-            outer, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True))
-        )
+        spans = zip(starts, ends, radii.tolist(), strict=True)
+        return cls(outer, tuple(BeltSpan(start, end, radius) for start, end, radius in spans))
 
 
-def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
+def wheel_numbers(wheels: Sequence[Sequence[float]], least: int = 2) -> Array:
+    """The numbers (W, 3) of at least so many wheels; raises InvalidValueError for other values."""
     try:
         listed = [[float(number) for number in wheel] for wheel in wheels]
     except (TypeError, ValueError):
         listed = [[]]
     whole = all(len(wheel) == 3 for wheel in listed)
     require(whole, "hull", wheels, "wheels of three numbers each, (x, z, radius) [m]")
-    allowed = f"from 2 to {_MAX_WHEELS} wheels (x, z, radius)"
-    require(2 <= len(listed) <= _MAX_WHEELS, "hull", listed, allowed)
+    allowed = f"from {least} to {_MAX_WHEELS} wheels (x, z, radius)"
+    require(least <= len(listed) <= _MAX_WHEELS, "hull", listed, allowed)
     return np.array(listed)
 
 
@@ -142,16 +142,22 @@ def _outermost(wheels: Array) -> Array:
     """The wheels (W', 3) that a belt around all `wheels` touches, clockwise from the first of them
     in `wheels`.
 
-    Wheels that bend the belt by less than 0.1° may be missing.
+    In each of many directions, the wheel that reaches furthest touches the belt. Wheels that bend
+    the belt by less than 0.1° may be missing.
     """
     # the offset avoids ties between wheels in a row
     angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4
-    reach = (
-        np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
-    )
+    ahead = np.cos(angle)[:, None] * wheels[:, 0]
+    up = np.sin(angle)[:, None] * wheels[:, 1]
+    reach = ahead + up + wheels[:, 2]
     touching = reach.argmax(axis=1)
+
+    # once for each wheel, in the order of the directions
     order = touching[touching != np.roll(touching, 1)]
-    return wheels[np.roll(order, -order.argmin())] if order.size else wheels[touching[:1]]
+    if not order.size:
+        return wheels[touching[:1]]
+    first = int(order.argmin())
+    return wheels[np.roll(order, -first)]
 
 
 def _tangents(chain: Array) -> Array:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tracks.hull import Hull
+from sim.tracks.hull import Hull, wheel_numbers
 from sim.tracks.recipe import Preset, load_preset, track_points
 from trackslip.errors import (
     Checked,
@@ -21,6 +21,7 @@ from trackslip.errors import (
     require_non_negative,
     require_positive,
     require_whole,
+    require_within,
 )
 
 Lines = tuple[tuple[float, float], ...]
@@ -72,16 +73,29 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> t
 
 
 def wheel_parts(
-    wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool
+    wheels: Sequence[Sequence[float]],
+    patch: float,
+    anisotropic: bool,
+    aside: Sequence[float] = (),
 ) -> tuple[Part, ...]:
-    """Geoms of wheels without a belt, two per wheel, with the spread of an even pressure over a
-    `patch` [m].
+    """Geoms of the wheels of a left track without a belt, two per wheel, with the spread of an even
+    pressure over a `patch`, and each `aside` from the track's middle [m].
     """
-    places = [
-        (x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)
-    ]
-    parts = [_wheel(i, x, z, radius, anisotropic) for i, (x, z, radius) in enumerate(places)]
-    return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
+    parts = []
+    for i, (x, z, radius) in enumerate(_patch_ends(wheels, patch)):
+        part = _wheel(i, x, z, radius, anisotropic)
+        outwards = float(aside[i // 2]) if len(aside) else 0.0
+        shape = part.shape | {"pos": [x, outwards, z]}
+        parts.append(replace(part, shape=shape, weight=part.weight / WHEEL_WEIGHT))
+    return tuple(parts)
+
+
+def _patch_ends(
+    wheels: Sequence[Sequence[float]], patch: float
+) -> tuple[tuple[float, float, float], ...]:
+    """Two circles (x, z, radius) per wheel, with the spread of an even pressure over a `patch`."""
+    spread = patch / math.sqrt(12)
+    return tuple((x + end * spread, z, radius) for x, z, radius in wheels for end in (-1, 1))
 
 
 def lines_across(width: float) -> Lines:
@@ -129,8 +143,13 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
     """
     if count == 1:
         return np.array([[-length / 2, length / 2]])
-    ends = ((np.arange(2 * count) + 0.5) / (2 * count) - 0.5) * length * (1 - WHEEL_WEIGHT / count)
-    first, last = ends[[0, *range(1, 2 * count - 1, 2)]], ends[[*range(2, 2 * count, 2), -1]]
+    # the contact points, each in the middle of an equal part of the run, then moved inwards
+    middles = (np.arange(2 * count) + 0.5) / (2 * count) - 0.5
+    ends = middles * length * (1 - WHEEL_WEIGHT / count)
+
+    # a capsule touches at two points; from the second on, it begins at the end of the one before
+    first = np.concatenate([ends[:1], ends[1:-2:2]])
+    last = np.concatenate([ends[2::2], ends[-1:]])
     return np.stack([first, last], axis=1)
 
 
@@ -162,7 +181,9 @@ class Track(Checked):
     to the left or right of the body's frame, which may be 0 [m].
     """
     hull: Sequence[Sequence[float]]
-    """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
+    """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull. A single wheel
+    is enough for `contact = "wheels"`.
+    """
     preset: str | Preset = "accurate"
     """"accurate" (2 ms), "fast" (4 ms), or a recipe of your own."""
     friction: tuple[float, float] = (0.7, 0.7)
@@ -188,6 +209,12 @@ class Track(Checked):
     """
     patch_length: float = 0.1
     """Length of a wheel's contact with a plane [m]."""
+    offset: float = 0.0
+    """Distance of a pair's middle to the left of the body's frame [m]."""
+    aside: Sequence[float] = ()
+    """Distances of the wheels of `hull` from the middle of their track, outwards, for axles of
+    different gauges with `contact = "wheels"`; by default 0 [m].
+    """
 
     def __post_init__(self) -> None:
         require(self.side in tuple(_SIDES), "side", self.side, f"one of {', '.join(_SIDES)}")
@@ -204,26 +231,48 @@ class Track(Checked):
         for value in self.friction:
             require_positive("friction", value, _MAX_FRICTION)
         load_preset(self.preset)
-        Hull.from_wheels(self.hull)
+        require_finite("offset", self.offset)
+        self._check_aside()
+        require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
+        self._check_patch()
+        Hull.from_wheels(self.chain)
         if self.segments is not None:
             require_whole("segments", self.segments, 1, _MAX_SEGMENTS)
         widest = 2 * self.half_gauge if self.side == "both" else _MAX_HALF_GAUGE
         require(self.width < widest, "width", self.width, f"less than {widest:g} m")
-        require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
-        if self.contact == WHEELS:
-            require_positive("patch_length", self.patch_length)
-            smallest, patch = 2 * min(radius for _, _, radius in self.hull), self.patch_length
-            require(
-                patch < smallest,
-                "patch_length",
-                patch,
-                f"less than the wheels' diameter, {smallest:g} m",
-            )
+
+    def _check_aside(self) -> None:
+        """Raise InvalidValueError unless there is a distance for each wheel."""
+        if not len(self.aside):
+            return
+        fits = self.contact == WHEELS and len(self.aside) == len(self.hull)
+        require(fits, "aside", list(self.aside), f"one for each wheel, with contact = {WHEELS}")
+        for distance in self.aside:
+            require_within("aside", distance, -_MAX_HALF_GAUGE, _MAX_HALF_GAUGE, "m")
+
+    def _check_patch(self) -> None:
+        """Raise InvalidValueError for a patch that is longer than its wheel."""
+        if self.contact != WHEELS:
+            return
+        require_positive("patch_length", self.patch_length)
+        wheels = wheel_numbers(self.hull, least=1)
+        smallest = 2 * float(wheels[:, 2].min())
+        allowed = f"less than the wheels' diameter, {smallest:g} m"
+        require(self.patch_length < smallest, "patch_length", self.patch_length, allowed)
 
     @property
     def sides(self) -> tuple[tuple[str, float], ...]:
         """Suffix of each track's name, and 1 for a left or -1 for a right track."""
         return _SIDES[self.side]
+
+    @property
+    def chain(self) -> Sequence[Sequence[float]]:
+        """Wheels (x, z, radius) whose convex hull reaches as far as the contact: those of `hull`,
+        or for a single wheel both ends of its patch [m].
+        """
+        if self.contact != WHEELS or len(self.hull) > 1:
+            return self.hull
+        return _patch_ends(self.hull, self.patch_length)
 
     @property
     def segment_count(self) -> int:
@@ -232,10 +281,10 @@ class Track(Checked):
         """
         if self.segments is not None:
             return self.segments
-        if self.side != "both":
+        if self.side != "both" or len(self.hull) == 1:
             return 2
         points = track_points(
-            self.half_gauge, Hull.from_wheels(self.hull).longest_below, load_preset(self.preset)
+            self.half_gauge, Hull.from_wheels(self.chain).longest_below, load_preset(self.preset)
         )
         return 2 * math.ceil(points / 4)
 
@@ -243,6 +292,6 @@ class Track(Checked):
         """Geoms of each track, in the track's frame."""
         anisotropic = self.friction[0] != self.friction[1]
         if self.contact == WHEELS:
-            return wheel_parts(self.hull, self.patch_length, anisotropic)
+            return wheel_parts(self.hull, self.patch_length, anisotropic, self.aside)
         across = lines_across(self.width)
         return track_parts(Hull.from_wheels(self.hull), self.segment_count, anisotropic, across)

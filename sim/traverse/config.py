@@ -113,7 +113,7 @@ class CrossingLayout:
 
 def _observed(world: Traverse, noise: SensorNoise) -> list[tuple[Element, float]]:
     """The elements of an observation in their order, each with the deviation of its noise."""
-    flippers = [flipper.body for flipper in world.tracked.robot.flippers]
+    flippers = world.tracked.flipper_names
     observed = []
     for axis in ("forward", "left", "up"):
         observed.append((Element(f"vertical, {axis}", "-", 1.0), noise.attitude))

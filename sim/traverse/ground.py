@@ -173,18 +173,20 @@ class Footprint:
         given.
         """
         x, _, radius = np.array(robot.hull).T
-        ahead = (x + radius).max()
-        behind = (radius - x).max()
-        aside = robot.half_gauge + robot.width / 2
-        if robot.flippers:
+        ahead = [(x + radius).max()]
+        behind = [(radius - x).max()]
+        aside = [robot.half_gauge + abs(robot.offset) + robot.width / 2]
+        for gear in robot.tracks:
+            if gear.body in ("", robot.body):
+                aside += [abs(y) + gear.width / 2 for y in gear.places]
+        if robot.gear_bodies:
             flippers = flippers or build_tracked(robot).flippers
-            hinge = flippers.hinge
+            hinge = flippers.hinge[:, 0]
             reach = flippers.length + flippers.radius
-            ahead = max(ahead, (hinge[:, 0] + np.where(flippers.front, reach, 0.0)).max())
-            behind = max(behind, (np.where(flippers.front, 0.0, reach) - hinge[:, 0]).max())
-            half_width = np.array([flipper.width / 2 for flipper in robot.flippers])
-            aside = max(aside, (np.abs(hinge[:, 1]) + half_width).max())
-        return cls(float(ahead), float(behind), float(aside))
+            ahead += list(hinge + np.where(flippers.front, reach, 0.0))
+            behind += list(np.where(flippers.front, 0.0, reach) - hinge)
+            aside += list(flippers.aside)
+        return cls(float(max(ahead)), float(max(behind)), float(max(aside)))
 
     @property
     def turning(self) -> float:

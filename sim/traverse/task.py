@@ -56,7 +56,7 @@ class Actions:
         self._world = world
         self._corrects = config.action == "correction"
         # names of the actions for flippers, and the one that each flipper follows
-        names = [flipper.body for flipper in world.tracked.robot.flippers]
+        names = list(world.tracked.flipper_names)
         followed = names
         if config.flippers == "pairs":
             followed = [

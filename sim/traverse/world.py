@@ -207,7 +207,8 @@ class Traverse(Simulations):
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         for factor in factors:
             require_positive("mass", factor)
-        self._belts.set(np.ones((count, 2)), where)  # `_load` needs moving belts
+        # `_load` needs moving belts
+        self._belts.set(self.tracked.motor_speeds(np.ones((count, 2))), where)
         with engine_errors(self.tracked.robot.model):
             self._load(where, self.tracked.body, factors, np.zeros((count, 2)))
         self._place(where, poses)
@@ -286,15 +287,18 @@ class Traverse(Simulations):
         T).
         """
         goal = self.servo.advance()
+        motors = self.tracked.motor_speeds(goal)
         drive = self.tracked.robot.drive
         if drive is None:
-            self._belts.set(goal)
+            self._belts.set(motors)
             return self._belts.run(self._substeps, rows)
-        self._belts.set(goal, torque_limit=drive.torque_limit, inertia=self._inertia)
+        self._belts.set(motors, torque_limit=drive.torque_limit, inertia=self._inertia)
         reading = self._belts.run(self._substeps, rows)
 
         # a servo whose motor is too weak goes on from the belt's real speed, unless that diverges
-        speed = self._belts.motors().speed
+        speed = goal.copy()
+        driven = min(motors.shape[1], speed.shape[1])
+        speed[:, :driven] = self._belts.motors().speed[:, :driven]
         is_weak = np.zeros(speed.shape, bool)
         is_weak[rows] = (speed[rows] != goal[rows]) & np.isfinite(speed[rows])
         self.servo.correct(is_weak, speed)

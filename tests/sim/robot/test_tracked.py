@@ -74,7 +74,7 @@ def test_flippers_start_clear_of_the_ground(rescue):
     flippers = tuple(
         replace(flipper, hull=hull) for flipper, hull in zip(flippers, bent, strict=True)
     )
-    lifted = clear_angles(replace(rescue, robot=replace(rescue.robot, flippers=flippers)))
+    lifted = clear_angles(build_tracked(replace(rescue.robot, flippers=flippers)))
     # the tip's wheel, 0.04 m, 0.245 m from the hinge at 0.08 m, just clears the ground at
     # -asin(0.04 / 0.245)
     least = bend - np.arcsin(0.04 / 0.245)

@@ -185,7 +185,7 @@ def below(shape):
             [base(), link("paddle", 1), HINGE],
             PADDLE,
             {},
-            "'paddle': must have y to the left, and its hinge along y",
+            "'paddle': must have its hinge along the chassis' y",
         ),
     ],
 )
@@ -205,14 +205,18 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
     ("parts", "wheels", "said"),
     [
         ([base()], '"replace"', "wheels = replace: must be round links .* found are none"),
-        (rover()[:-2], '"replace"', "alike on the left and right; found are left_front"),
+        (
+            rover()[:-2],
+            '"replace"',
+            "on the left are left_front, left_rear, on the right right_front; list",
+        ),
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
         (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
         (
             rover(heights=(0.0, 0.02, 0.0, 0.0)),
             '"replace"',
-            "alike on the left and right; found are left_front",
+            r"left_rear is at x = -0\.2, y = 0\.25, z = 0\.02 m .*, right_rear is at .* z = 0 m",
         ),
         (
             [*rover(), *RADAR],
@@ -236,8 +240,9 @@ def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
         ),
         (
             '<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>',
-            "XML of <sdf>; `model` must be an MJCF .* or",
+            r"is SDF; run `sdf2mjcf r\.xml robot\.xml` of gz-mujoco",
         ),
+        ("<scene/>", "is XML of <scene>; `model` must be an MJCF .* or"),
         ("#usda 1.0", "is no XML"),
         ('<robot name="r"><wheels_macro/></robot>', "has no links; .* called as <xacro:NAME/>"),
     ],
@@ -361,18 +366,20 @@ def carried_rover(axis, options, nested=False):
 @pytest.mark.parametrize(
     "carried", [("0 1 0", LIMITS), ("0 1 0", LOOSE), ("0 0 1", LIMITS), ("0 1 0", LIMITS, True)]
 )  # rockers, knuckles and bogies
-def test_what_carries_wheels_is_locked_and_no_wheel(tmp_path, carried):
-    parts = carried_rover(*carried)
-    with pytest.raises(
-        TrackslipError, match=r"hangs on 'left_.*list it to lock it, wheels = \[.*\]"
-    ) as refused:
-        build_tracked(load_tracked(write(tmp_path, parts)))
-    robot = load_tracked(
-        write(tmp_path, parts, str(refused.value).partition("lock it, ")[2] + "\n")
-    )
+def test_what_carries_wheels_holds_and_is_no_wheel(tmp_path, carried):
+    robot = load_tracked(write(tmp_path, carried_rover(*carried)))
     assert (robot.half_gauge, robot.lowest) == (pytest.approx(0.3), pytest.approx(-0.1))
     np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
-    assert build_tracked(robot).model.nv == 6
+    built = build_tracked(robot)
+    assert len(built.joints.held) == (4 if carried[2:] else 2)
+    assert set(built.joints.held.values()) == {0.0}
+
+
+def test_belts_around_wheels_on_bogies_that_swing_are_refused(tmp_path):
+    text = 'wheels = ["left_front", "left_rear", "right_front", "right_rear"]\n' + TRACKS
+    text += '[joints]\n"*_rocker_joint" = "free"\n'
+    with pytest.raises(TrackslipError, match=r"'left_front': hangs on 'left_rocker', .*\[\[tracks"):
+        build_tracked(load_tracked(write(tmp_path, carried_rover("0 1 0", LIMITS), text)))
 
 
 def test_a_rover_on_its_own_wheels_turns_as_theory_says_on_flat_ground_and_on_terrain(tmp_path):
@@ -471,15 +478,55 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
     ):
         assert sum(said in line for line in checked.errors) == 1
     assert len(checked.errors) == 3
-    nothing = "nothing drives or holds 1 hinge without limits, arm_joint"
     for said in (
         "without 1 mesh file (eye.dae)",
-        nothing,
         "without <inertial>, fan, weigh as water",
     ):
         assert sum(said in line for line in checked.warnings) == 1
     facts = dict(checked.facts)
     assert facts["contact"] == "tracks, half gauge 0.25 m, 0.4 m long"
     assert facts["mass"].startswith("16 kg")
-    assert facts["joints without"] == "arm_joint, fan_joint"
+    assert facts["joints that hold"] == "arm_joint at 0, fan_joint at 0"
+    assert not checked.file
     assert not check("rescue").errors + check("warthog").errors
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        (
+            [base(), '<link name="pan"/>', joint("base", "pan", "0 0 0.4", **LIMITS)],
+            "link 'pan' moves, but weighs nothing: give it <inertial> .* or make its joint type=",
+        ),
+        (
+            [base(), *[link("arm", 1), joint("base", "arm", "0 0 0.4", **LIMITS)] * 60],
+            r"<link> name = arm: 60 of 'arm', must be unique$",
+        ),
+        (
+            [base(), link("a", 1), link("b", 1), *[joint("base", "a", "0 0 0.4", **LIMITS)] * 2],
+            r"<joint> name = a_joint: 2 of 'a_joint', must be unique$",
+        ),
+    ],
+)
+def test_faults_of_a_model_are_said_in_one_short_line(tmp_path, parts, said):
+    with pytest.raises(TrackslipError, match=said) as refused:
+        build_tracked(load_tracked(write(tmp_path, parts, TRACKS)))
+    assert len(str(refused.value)) < 300
+
+
+@pytest.mark.parametrize("limit", ["1.79e308", "1.8e308", "1e400"])
+def test_limits_beyond_all_numbers_are_none(tmp_path, limit):
+    endless = f'<limit lower="-{limit}" upper="{limit}" effort="{limit}" velocity="{limit}"/>'
+    parts = [base(), link("paddle", 1), joint("base", "paddle", "0.2 0.3 0", "revolute", endless)]
+    with warnings.catch_warnings(action="error"):
+        built = build_tracked(load_tracked(write(tmp_path, parts, TRACKS + PADDLE)))
+    np.testing.assert_allclose(built.flipper_range, [[-np.pi, np.pi]])
+
+
+def test_a_robot_too_heavy_ahead_is_told_its_way_on(tmp_path):
+    parts = [*rover(), link("nose", 9, "", "0 0 0"), joint("base", "nose", "0.6 0 0.2", "fixed")]
+    with pytest.raises(
+        TrackslipError,
+        match=r"rover\.urdf: com_x = .*: fold its arm by \[joints\] or `key`; ",
+    ):
+        load_parameters(write(tmp_path, parts))

@@ -96,7 +96,12 @@ def test_traction_and_load_are_means_of_the_period():
 def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behind():
     hinges = np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]])
     shape = FlipperGeometry(
-        hinges, np.full(2, 0.25), np.full(2, 0.05), np.array([True, False]), np.zeros(2)
+        hinge=hinges,
+        length=np.full(2, 0.25),
+        radius=np.full(2, 0.05),
+        front=np.array([True, False]),
+        rest=np.zeros(2),
+        aside=np.zeros(2),
     )
     up = np.full((1, 2), 0.08)
     far = SAMPLES[0] * 0.25

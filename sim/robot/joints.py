@@ -1,0 +1,261 @@
+"""What holds a robot's joints in its model.
+
+A joint that nothing moves holds its pose, as the joints of real arms do. These aren't held:
+
+- joints with a motor, or in reach of one by a tendon or an equality constraint,
+- joints with a spring of their own,
+- wheels that roll and what carries them, such as casters,
+- joints that a rule frees, and the hinges of flippers.
+
+A constraint holds the joint, so that it stays in the model. All joints but the hinges of flippers
+start at the angle nearest to 0 within their limits: the model's reference is moved there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+
+from sim.robot.joint_rules import FLIPPER, FREE, HOLD, rule_for
+from sim.robot.tracked import TrackedRobot
+from sim.robot.urdf import some
+from sim.robot.wheel_reading import Model, rolling
+from sim.robot.wheels import carriers
+from trackslip.errors import TrackslipError
+
+MOTOR, ROLLS = "motor", "rolls"
+"""More states of joints: those that motors or springs move, and those of wheels that roll."""
+_FREE_JOINT: Final = mujoco.mjtJoint.mjJNT_FREE
+_SIMPLE: Final = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+# time constant of a held joint's return to its angle [s], and its damping ratio [-]
+_HOLDING: Final = (0.01, 1.0)
+# impedance of the constraint, MuJoCo's largest: a link on which the ground pushes with the robot's
+# weight hardly yields
+_STRONG: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+
+
+def hinge_body(spec: Any, body: str) -> Any:
+    """The body whose joint moves a body that carries running gear: itself, or the nearest one that
+    it is fixed to and that has a joint.
+    """
+    link = spec.body(body)
+    while not link.joints and link.parent.name != "world":
+        link = link.parent
+    return link
+
+
+def joint_states(
+    spec: Any, robot: TrackedRobot, model: Model | None, replaced: Iterable[str]
+) -> dict[str, str]:
+    """State of each joint by name: hold, free, flipper, motor or rolls. Joints of the `replaced`
+    links, which are locked anyway, and the chassis' own don't count.
+
+    Without a `model`, joints of wheels that roll count as held.
+    """
+    locked = {*replaced} - {*robot.gear_bodies}
+    hinges = {
+        joint.name
+        for gear in robot.gear
+        if gear.flipper is not None
+        for joint in hinge_body(spec, gear.body).joints
+    }
+    driven = _driven(spec)
+    rolls = rolling(model, [*replaced]) if model is not None else set()
+    states = {}
+    for joint in spec.joints:
+        if joint.type == _FREE_JOINT or joint.parent.name in locked:
+            continue
+        rule = rule_for(robot.joints, joint.name)
+        if joint.name in hinges:
+            states[joint.name] = FLIPPER
+        elif rule is not None:
+            states[joint.name] = rule.state
+        elif joint.name in driven or np.any(np.asarray(joint.stiffness) > 0):
+            states[joint.name] = MOTOR
+        else:
+            states[joint.name] = ROLLS if joint.parent.name in rolls else HOLD
+    return states
+
+
+def _driven(spec: Any) -> set[str]:
+    """Names of the joints that motors move: directly, by a tendon, or by an equality constraint."""
+    if not spec.actuators:
+        return set()
+    targets = {motor.target for motor in spec.actuators}
+    driven = {joint.name for joint in spec.joints if joint.name in targets}
+    for tendon in spec.tendons:
+        if tendon.name in targets:
+            driven |= {wrap.target.name for wrap in tendon.path if wrap.target is not None}
+    joints = {joint.name for joint in spec.joints}
+    for constraint in spec.equalities:
+        for name in (constraint.name1, constraint.name2):
+            if name in joints:
+                driven.add(name)
+            elif (body := _body_of(spec, name)) is not None:
+                links = (body, *carriers(body))
+                driven |= {joint.name for link in links for joint in link.joints}
+    return driven
+
+
+def _body_of(spec: Any, name: str) -> Any:
+    """The body with this name, or with the site of this name."""
+    if not name:
+        return None
+    site = spec.site(name)
+    return site.parent if site is not None else spec.body(name)
+
+
+def require_known(spec: Any, robot: TrackedRobot) -> None:
+    """Raise TrackslipError for a rule that is about none of the model's joints."""
+    names = [joint.name for joint in spec.joints if joint.type != _FREE_JOINT]
+    for rule in robot.joints:
+        if any(rule.fits(name) for name in names):
+            continue
+        known = f"joints of the model, such as {some(names)}" if names else "left out: it has none"
+        raise TrackslipError(f"{robot.model}: joints = {rule.names!r}: must be {known}")
+
+
+@dataclass(frozen=True)
+class Joints:
+    """What holds or moves the joints of a robot, without those of the links that tracks replace."""
+
+    states: dict[str, str]
+    """State by name: hold, free, flipper, motor or rolls."""
+    held: dict[str, float]
+    """Angles of the joints that hold theirs [rad or m]."""
+
+    def named(self, state: str) -> list[str]:
+        """Names of the joints in a state."""
+        return [name for name, each in self.states.items() if each == state]
+
+
+def hold(spec: Any, robot: TrackedRobot, chassis: str) -> Joints:
+    """Let all joints start within their limits, and hold those that hold by constraints that are
+    strong enough for any weight.
+
+    Raises TrackslipError for rules without joints, and for angles outside of a joint's limits.
+    """
+    require_known(spec, robot)
+    states = joint_states(spec, robot, None, robot.wheels)
+    if not {HOLD, FREE, MOTOR} & set(states.values()):
+        return Joints(states, {})
+    model = Model(spec, chassis, robot)
+    states = joint_states(spec, robot, model, robot.wheels)
+    held = {name: _start_of(model, robot, name) for name, state in states.items() if state == HOLD}
+    starts = dict(held)
+    for name, state in states.items():
+        if state in (FREE, MOTOR):
+            starts[name] = _start_of(model, robot, name)
+    _begin(spec, model, starts)
+    for name, angle in held.items():
+        _fix(spec, name, angle)
+    _keep_apart(spec, held)
+    return Joints(states, held)
+
+
+def _start_of(model: Model, robot: TrackedRobot, name: str) -> float:
+    """Angle at which a joint starts: the rule's, or that of the model's pose [rad or m]."""
+    joint = model.model.joint(name)
+    rule = rule_for(robot.joints, name)
+    if rule is None or rule.angle is None:
+        return float(model.data.qpos[joint.qposadr[0]])
+    low, high = joint.range
+    fits = _kind(joint) in _SIMPLE and (not joint.limited[0] or low <= rule.angle <= high)
+    if not fits:
+        allowed = f"within its limits, {low:.4g} to {high:.4g}"
+        raise TrackslipError(f"{robot.model}: joints: {name} = {rule.angle:g}: must be {allowed}")
+    return rule.angle
+
+
+def _kind(joint: Any) -> mujoco.mjtJoint:
+    """Kind of a joint of a compiled model."""
+    return mujoco.mjtJoint(int(joint.type[0]))
+
+
+def _begin(spec: Any, model: Model, starts: dict[str, float]) -> None:
+    """Let joints start at these angles: their bodies are moved there, and their reference is set to
+    the angle.
+
+    Joints that share a body, and those that equality constraints couple by the distance from their
+    reference, keep theirs.
+    """
+    compiled = model.model
+    data = mujoco.MjData(compiled)
+    coupled = {name for each in spec.equalities for name in (each.name1, each.name2)}
+    moved = {}
+    for name, angle in starts.items():
+        joint = compiled.joint(name)
+        place = int(joint.qposadr[0])
+        body = int(joint.bodyid[0])
+        is_alone = compiled.body_jntnum[body] == 1 and name not in coupled
+        if _kind(joint) in _SIMPLE and is_alone and angle != compiled.qpos0[place]:
+            data.qpos[place] = angle
+            moved[name] = body
+    if not moved:
+        return
+    mujoco.mj_kinematics(compiled, data)
+    for name, body in moved.items():
+        parent = int(compiled.body_parentid[body])
+        inverse = np.zeros(4)
+        turn = np.zeros(4)
+        mujoco.mju_negQuat(inverse, data.xquat[parent])
+        mujoco.mju_mulQuat(turn, inverse, data.xquat[body])
+        link = spec.body(model.name(body))
+        link.pos = data.xmat[parent].reshape(3, 3).T @ (data.xpos[body] - data.xpos[parent])
+        link.quat = turn
+        link.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        joint = spec.joint(name)
+        joint.ref = starts[name] / angle_unit(spec, joint)
+
+
+def angle_unit(spec: Any, joint: Any) -> float:
+    """Unit of a joint's numbers in a spec [rad or m]."""
+    in_degrees = spec.compiler.degree and joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    return math.radians(1.0) if in_degrees else 1.0
+
+
+def _fix(spec: Any, name: str, angle: float) -> None:
+    """Hold a joint at an angle by a constraint, instead of those that couple it to others."""
+    joint = spec.joint(name)
+    for each in list(spec.equalities):
+        if name in (each.name1, each.name2):
+            spec.delete(each)
+    away = angle - joint.ref * angle_unit(spec, joint)
+    constraint = spec.add_equality(name=f"{name}_held", solref=_HOLDING, solimp=_STRONG)
+    if joint.type in _SIMPLE:
+        constraint.type = mujoco.mjtEq.mjEQ_JOINT
+        constraint.objtype = mujoco.mjtObj.mjOBJ_JOINT
+        constraint.name1 = name
+        constraint.data[:5] = [away, 0.0, 0.0, 0.0, 0.0]
+    else:
+        constraint.type = mujoco.mjtEq.mjEQ_WELD
+        constraint.objtype = mujoco.mjtObj.mjOBJ_BODY
+        constraint.name1 = joint.parent.name
+        constraint.name2 = joint.parent.parent.name
+
+
+def _keep_apart(spec: Any, held: dict[str, float]) -> None:
+    """Exclude contacts between links that held joints fix to each other: in the start pose of many
+    models they overlap, and would push each other away.
+    """
+    root: dict[str, str] = {}
+    for link in spec.bodies:
+        names = [joint.name for joint in link.joints]
+        is_fixed = link.parent is not None and all(name in held for name in names)
+        root[link.name] = root[link.parent.name] if is_fixed else link.name
+    groups: dict[str, list[str]] = {}
+    for name, first in root.items():
+        body = spec.body(name)
+        if name != "world" and any(geom.contype or geom.conaffinity for geom in body.geoms):
+            groups.setdefault(first, []).append(name)
+    excluded = {frozenset((each.bodyname1, each.bodyname2)) for each in spec.excludes}
+    for links in groups.values():
+        for one, other in itertools.combinations(links, 2):
+            if frozenset((one, other)) not in excluded:
+                spec.add_exclude(bodyname1=one, bodyname2=other)

@@ -1,0 +1,111 @@
+"""The robot file that says all about a tracked robot: each entry of its running gear, what holds
+each joint, and its motors.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from sim.motors.motor import Drive
+from sim.robot.gear import FlipperMotor, RunningGear
+from sim.robot.joint_rules import FREE, HOLD
+from sim.robot.tracked import TrackedRobot
+from sim.robot.tracked_model import TrackedModel
+
+
+def tracked_file_text(built: TrackedModel, folder: Path, offered: str = "") -> str:
+    """The text of a file in `folder` from which the same robot is loaded; `offered` are lines on
+    motors that the robot doesn't have.
+    """
+    robot = built.robot
+    lines = [f"model = {_text(_relative(robot.model, folder))}"]
+    lines.append(f"name = {_text(robot.name)}")
+    if robot.body:
+        lines.append(f"body = {_text(robot.body)}")
+    if robot.key:
+        lines.append(f"key = {_text(robot.key)}")
+    if robot.packages:
+        lines.append(f"packages = {_text([_relative(each, folder) for each in robot.packages])}")
+    if robot.wheels:
+        lines.append(f"wheels = {_text(list(robot.wheels))}")
+    sections = ["\n".join(lines)]
+    sections += [_gear(gear) for gear in robot.gear]
+    if joints := _joints(robot, built):
+        sections.append(joints)
+    if robot.drive is not None:
+        sections.append(drive_text(robot.drive))
+    elif offered:
+        sections.append(offered)
+    return "\n\n".join(sections) + "\n"
+
+
+def _gear(gear: RunningGear) -> str:
+    """A table `tracks`."""
+    lines = ["[[tracks]]" + (f"  # {gear.origin}" if gear.origin else "")]
+    places: dict[str, Any] = {
+        "body": gear.body,
+        "sides": gear.sides,
+        "y": list(gear.y) if isinstance(gear.y, tuple) else gear.y,
+        "hull": [list(wheel) for wheel in gear.hull],
+        "aside": list(gear.aside),
+        "wheels": list(gear.wheels),
+        "contact": gear.contact,
+        "drive": gear.drive,
+        "patch_length": gear.patch_length,
+        "width": gear.width,
+        "lines": gear.lines,
+    }
+    defaults = {field.name: field.default for field in dataclasses.fields(RunningGear)}
+    for name, value in places.items():
+        if name in ("sides", "contact") or value not in ("", [], defaults[name]):
+            lines.append(f"{name} = {_text(value)}")
+    if gear.flipper is not None:
+        lines.append(f"flipper = {_motor(gear.flipper)}")
+    return "\n".join(lines)
+
+
+def _motor(motor: FlipperMotor) -> str:
+    """An inline table of a flipper's motor."""
+    values = {name: value for name, value in vars(motor).items() if value is not None}
+    return "{ " + ", ".join(f"{name} = {_text(value)}" for name, value in values.items()) + " }"
+
+
+def _joints(robot: TrackedRobot, built: TrackedModel) -> str:
+    """The table `joints`, "" for a robot without joints but those of flippers."""
+    lines = []
+    for name, state in built.joints.states.items():
+        if state == HOLD:
+            lines.append(f"{_text(name)} = {built.joints.held[name]!r}")
+        elif state == FREE:
+            lines.append(f"{_text(name)} = {_text(FREE)}")
+    for rule in robot.joints:
+        if rule.motor is not None:
+            values = _motor(rule.motor).removeprefix("{ ")
+            lines.append(f'{_text(rule.names)} = {{ motor = "flipper", {values}')
+    return "\n".join(["[joints]", *lines]) if lines else ""
+
+
+def drive_text(drive: Drive) -> str:
+    """The tables of a robot's motors."""
+    values = dataclasses.asdict(drive)
+    motor = values.pop("motor")
+    lines = ["[drive]", *(f"{name} = {value!r}" for name, value in values.items())]
+    lines += ["", "[drive.motor]", *(f"{name} = {value!r}" for name, value in motor.items())]
+    return "\n".join(lines)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+def _text(value: object) -> str:
+    """A value in TOML."""
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_text(each) for each in value)}]"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,479 @@
+"""Machines on lists of tracks, wheels and skids: they stand and turn as theory says, or are refused
+in one line that says why and what to write.
+"""
+
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+from machines import (
+    LIMITS,
+    box,
+    centre_of_mass,
+    drive,
+    joint,
+    lines,
+    patches,
+    wheel,
+    write,
+    yaw_rate_by_theory,
+)
+
+from sim import check
+from sim.robot.named import load_parameters, load_tracked
+from sim.robot.tracked_model import build_tracked
+from trackslip.errors import RobotWarning, TrackslipError
+
+TURN = (-0.1, 0.1)
+SIX = ((0.5, 0.3), (0.0, 0.45), (-0.5, 0.3))
+"""Places x, y of the left wheels of a rover [m]."""
+FLIPPERS = (("fl", "left", 1, 1), ("fr", "right", 1, -1), ("rl", "left", -1, 1))
+FLIPPERS += (("rr", "right", -1, -1),)
+"""Name, side, and signs of x and y of four flippers."""
+HINGED = LIMITS.format(-1.5, 1.5)
+REPLACED = 'wheels = "replace"\n'
+ON_WHEELS = REPLACED + 'contact = "wheels"\n'
+
+
+def rover(places, offset=0.0, mass=30, radius=0.1):
+    """A box on pairs of wheels, whose frame lies `offset` to the right of their middle."""
+    parts = [box("base", mass, (0.8, 0.3, 0.15), (0, offset, 0.2))]
+    for k, (x, y) in enumerate(places):
+        parts.append(wheel(f"l{k}", (x, y + offset, 0), radius=radius))
+        parts.append(wheel(f"r{k}", (x, -y + offset, 0), radius=radius))
+    return parts
+
+
+def turns_as_theory(file, points, within=0.005, preset="accurate"):
+    """Drive a turn on the spot and compare its yaw rate with least power."""
+    turned = drive(file, TURN, preset=preset)
+    expected = yaw_rate_by_theory(points, TURN, centre_of_mass(turned.built))
+    assert turned.yaw_rate == pytest.approx(expected, rel=within)
+    return turned
+
+
+@pytest.mark.parametrize(
+    "text", ["", "half_gauge = 0.3\nhull = [[-0.25, 0, 0.1], [0.25, 0, 0.1]]\n"]
+)
+def test_sides_lie_where_the_wheels_are(tmp_path, text):
+    file = write(tmp_path, rover([(0.25, 0.3), (-0.25, 0.3)], offset=0.05), REPLACED + text)
+    robot = load_tracked(file)
+    assert (robot.half_gauge, robot.offset) == (pytest.approx(0.3), pytest.approx(0.05))
+    stood = drive(file, duration=3.0)
+    assert stood.load[0] == pytest.approx(stood.load[1], rel=1e-3)
+    parameters, _ = load_parameters(str(file))
+    assert parameters.com_y == pytest.approx(0.0, abs=1e-9)
+
+
+def test_each_axle_keeps_its_gauge(tmp_path):
+    file = write(tmp_path, rover(SIX), ON_WHEELS)
+    robot = load_tracked(file)
+    assert robot.gear[0].aside == pytest.approx((-0.05, 0.1, -0.05))
+    turns_as_theory(file, patches([(x, sign * y) for x, y in SIX for sign in (1, -1)]))
+    with pytest.raises(
+        TrackslipError, match=r"axles have different half gauges, 0\.3, 0\.45, 0\.3"
+    ):
+        load_parameters(str(file))
+
+
+def test_a_belt_around_unequal_axles_is_said(tmp_path):
+    with pytest.warns(RobotWarning, match="different half gauges: l2 0.3, l1 0.45, l0 0.3 m; the"):
+        robot = load_tracked(write(tmp_path, rover(SIX), REPLACED))
+    assert robot.half_gauge == pytest.approx(0.35)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "half_gauge = 0.4\nhull = [[-0.25, 0, 0.1], [0.25, 0, 0.1]]\n",
+            "half_gauge = 0.4, but .*0.3",
+        ),
+        (
+            "half_gauge = 0.3\nhull = [[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]\n",
+            "down to 0, but .* to -0.1",
+        ),
+    ],
+)
+def test_given_values_that_contradict_the_wheels_are_said(tmp_path, text, said):
+    file = write(tmp_path, rover([(0.25, 0.3), (-0.25, 0.3)]), REPLACED + text)
+    with pytest.warns(RobotWarning, match=said):
+        load_tracked(file)
+
+
+SIDEWAYS = [box("base", 60, (0.4, 1.0, 0.2), (0, 0, 0.2))]
+SIDEWAYS += [
+    wheel(name, (x, y, 0), axis="1 0 0", turn="0 1.5708 0")
+    for name, x, y in (("fl", -0.3, 0.4), ("fr", 0.3, 0.4), ("rl", -0.3, -0.4), ("rr", 0.3, -0.4))
+]
+ONE_SIDED = rover([(0.25, 0.3), (-0.25, 0.3)])[:-1]
+GIVEN = "half_gauge = 0.3\nhull = [[-0.4, 0, 0.1], [0.4, 0, 0.1]]\n"
+LISTED = 'wheels = ["fl", "fr", "rl", "rr"]\n'
+ON_AN_ARM = [
+    box("base", 20, (0.5, 0.3, 0.1), (0, 0, 0.3)),
+    box("arm", 1, (0.6, 0.02, 0.02), (0.3, 0, 0)),
+    joint("elbow", "revolute", "base", "arm", (0.3, 0, 0.3), more=LIMITS.format(1.2, 2.0)),
+]
+
+
+@pytest.mark.parametrize(
+    ("parts", "text", "said"),
+    [
+        (
+            SIDEWAYS,
+            REPLACED,
+            r"wheels = fl, fr, rl and 1 more: turn about x, .*rpy=\"0 0 -1\.5708\"",
+        ),
+        (SIDEWAYS, LISTED + GIVEN, "wheels = fl, fr, rl and 1 more: turn about x, so the machine"),
+        (ONE_SIDED, REPLACED, r"on the left are l0, l1, on the right r0; .*\[\[tracks\]\]"),
+        (
+            ON_AN_ARM,
+            "half_gauge = 0.2\nhull = [[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]\n",
+            r"link arm reaches down to -0\.\d+ m .* at another angle, or free it, .*: elbow",
+        ),
+        (
+            ON_AN_ARM,
+            f"{GIVEN}[joints]\nelbow = 0.5\n",
+            r"joints: elbow = 0\.5: must be within its limits, 1\.2 to 2",
+        ),
+        (ON_AN_ARM, f"{GIVEN}[joints]\nshoulder = 0.5\n", "'shoulder': must be joints .* elbow"),
+        (
+            ON_AN_ARM,
+            f'{GIVEN}[joints]\nelbow = "loose"\n',
+            'elbow = \'loose\': must be "hold", "free"',
+        ),
+        (ON_AN_ARM, f"{GIVEN}[[tracks]]\ny = 0.2\n", "half_gauge, hull: must be left out beside"),
+        (ON_AN_ARM, "[[tracks]]\nsides = 'both'\n", r"tracks\[0\]: hull is missing: give `y` and"),
+        (ON_AN_ARM, "[[tracks]]\nsides = 'top'\n", "sides = 'top': must be both, left, right or"),
+        (ON_AN_ARM, "[[tracks]]\nbody = 'leg'\ny = 0.2\nhull = [[0, 0, 1], [1, 0, 1]]\n", "'leg'"),
+        (
+            ON_AN_ARM,
+            "[[tracks]]\ny = [-0.2, 0.2]\nhull = [[0, 0, 1], [1, 0, 1]]\n",
+            r"y = \[-0\.2, 0\.2\]: must be that of the left track, then of the right",
+        ),
+    ],
+)
+def test_the_way_on_is_said_in_one_line(tmp_path, parts, text, said):
+    with pytest.raises(TrackslipError, match=said) as refused:
+        build_tracked(load_tracked(write(tmp_path, parts, text)))
+    assert "\n" not in str(refused.value)
+
+
+def digger(folder, text=""):
+    """A tracked machine whose stick cannot reach angle 0."""
+    parts = [box("base", 300, (1.0, 0.6, 0.3), (0, 0, 0.5))]
+    parts += [box("boom", 25, (1.0, 0.1, 0.1), (0.5, 0, 0))]
+    parts += [box("stick", 15, (0.8, 0.08, 0.08), (0.4, 0, 0))]
+    up = {"turn": "0 -0.6 0", "more": LIMITS.format(-1, 0.5)}
+    parts += [joint("boom_joint", "revolute", "base", "boom", (0.4, 0, 0.8), **up)]
+    bent = {"more": LIMITS.format(0.5236, 2.6)}
+    parts += [joint("stick_joint", "revolute", "boom", "stick", (1, 0, 0), **bent)]
+    tracks = "half_gauge = 0.4\nhull = [[-0.6, 0.18, 0.18], [0.6, 0.18, 0.18]]\n"
+    return write(folder, parts, tracks + text)
+
+
+def test_an_arm_that_cannot_reach_zero_holds_still(tmp_path):
+    built = build_tracked(load_tracked(digger(tmp_path)))
+    model, data = built.model, mujoco.MjData(built.model)
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data.qpos[2] = 0.002
+    mujoco.mj_forward(model, data)
+    start = data.energy.sum()
+    assert data.joint("stick_joint").qpos[0] == pytest.approx(0.5236)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+        assert data.energy.sum() < start + 1e-6
+        assert abs(data.joint("stick_joint").qvel[0]) < 0.02
+    assert data.qpos[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_rules_hold_joints_where_they_say_or_free_them(tmp_path):
+    text = '[joints]\nboom_joint = 0.25\n"stick_*" = "free"\n'
+    built = build_tracked(load_tracked(digger(tmp_path, text)))
+    assert built.joints.held == {"boom_joint": 0.25}
+    assert built.joints.named("free") == ["stick_joint"]
+    data = mujoco.MjData(built.model)
+    mujoco.mj_step(built.model, data, nstep=200)
+    assert data.joint("boom_joint").qpos[0] == pytest.approx(0.25, abs=1e-3)
+    assert data.joint("stick_joint").qpos[0] > 0.6  # it fell
+
+
+def test_a_held_arm_does_not_change_the_turn(tmp_path):
+    places = [(0.45, 0.4), (0.0, 0.4), (-0.45, 0.4)]
+    parts = [*rover(places, radius=0.13), box("upper", 1.5, (0.5, 0.04, 0.04), (0.25, 0, 0))]
+    parts += [box("fore", 1, (0.5, 0.04, 0.04), (0.25, 0, 0))]
+    limits = {"more": LIMITS.format(-1.5, 2.8)}
+    parts += [joint("shoulder", "revolute", "base", "upper", (0.3, 0, 0.35), **limits)]
+    parts += [joint("elbow", "revolute", "upper", "fore", (0.5, 0, 0), **limits)]
+    points = patches([(x, sign * y) for x, y in places for sign in (1, -1)])
+    turned = turns_as_theory(write(tmp_path, parts, ON_WHEELS), points)
+    tip = turned.data.body("fore").xpos[2]
+    assert tip == pytest.approx(0.48, abs=1e-3)
+
+
+def shaft(both):
+    """A machine whose front flippers sit on one shaft."""
+    parts = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12))]
+    parts += [box("flipper_left", 2, (0.3, 0.05, 0.1), (0.15, 0, 0))]
+    parts += [joint("shaft", "revolute", "base", "flipper_left", (0.25, 0.25, 0.09), more=HINGED)]
+    parts += [box("flipper_right", 2, (0.3, 0.05, 0.1), (0.15, 0, 0))]
+    parts += [joint("weld", "fixed", "flipper_left", "flipper_right", (0, -0.5, 0))]
+    text = REPLACED + "half_gauge = 0.18\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n"
+    for body, side, y in both:
+        text += f'[[flippers]]\nbody = "flipper_{body}"\nside = "{side}"\ny = {y}\n'
+        text += "hull = [[0, 0, 0.06], [0.3, 0, 0.04]]\n"
+    return parts, text
+
+
+@pytest.mark.parametrize("other", [("right", "right", 0), ("left", "right", -0.5)])
+def test_flippers_on_one_shaft_have_belts_of_both_sides(tmp_path, other):
+    file = write(tmp_path, *shaft([("left", "left", 0), other]))
+    built = build_tracked(load_tracked(file))
+    assert built.track_side.tolist() == [0, 1, 0, 1]
+    assert built.flipper_names == ("flipper_left",)
+    assert len(built.flipper_motor) == 1
+    down = drive(file, (0.1, 0.1), angles=[-0.3])
+    assert down.load[2] == pytest.approx(down.load[3], rel=0.01)
+    assert down.load[2] > 10
+
+
+def test_a_flipper_left_out_on_its_shaft_is_named(tmp_path):
+    file = write(tmp_path, *shaft([("left", "left", 0)]))
+    with pytest.raises(
+        TrackslipError, match="'flipper_right' is fixed to 'flipper_left', but lies"
+    ):
+        load_tracked(file)
+
+
+@pytest.mark.parametrize(
+    ("turn", "axis", "tip"),
+    [
+        ("0 0 0", "0 1 0", "[0.3, 0.02, 0.04]"),
+        ("1.5707963 0 0", "0 0 1", "[0.3, 0.02, 0.04]"),  # z to the right, y up
+        ("0 0 3.1415927", "0 1 0", "[-0.3, 0.02, 0.04]"),  # x backwards, y to the right
+        ("0 3.1415927 0", "0 1 0", "[-0.3, -0.02, 0.04]"),  # x backwards, z down
+        ("0 0 1.5707963", "1 0 0", "[-0.3, 0.02, 0.04]"),  # x to the left, y backwards
+        ("0 -0.5 0", "0 1 0", "[0.272863, -0.126277, 0.04]"),  # nose up by half a radian
+    ],
+)
+def test_flippers_may_have_frames_of_any_orientation(tmp_path, turn, axis, tip):
+    parts = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12))]
+    text = "half_gauge = 0.18\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n"
+    for side, y in (("left", 0.25), ("right", -0.25)):
+        parts += [box(side, 2, (0.05, 0.05, 0.05))]
+        hinge = joint(f"{side}_j", "revolute", "base", side, (0.25, y, 0.09), axis, turn, HINGED)
+        parts += [hinge]
+        text += f'[[flippers]]\nbody = "{side}"\nside = "{side}"\nhull = [[0, 0, 0.06], {tip}]\n'
+    built = build_tracked(load_tracked(write(tmp_path, parts, text)))
+    assert built.flippers.front.all()
+    np.testing.assert_allclose(built.flippers.hinge, [[0.25, 0.25, 0.09], [0.25, -0.25, 0.09]])
+    np.testing.assert_allclose(built.tracks[2].gear.hull[1][:2], [0.3, 0.02], atol=1e-5)
+    data = mujoco.MjData(built.model)
+    data.qpos[built.flipper_qpos] = built.flipper_control(np.full(2, 0.5))
+    mujoco.mj_kinematics(built.model, data)
+    frame = data.xmat[built.belts.bodies[2]].reshape(3, 3)
+    np.testing.assert_allclose(frame[:, 1], [0, 1, 0], atol=1e-6)  # to the left
+    assert frame[2, 0] == pytest.approx(np.sin(0.5), abs=1e-6)  # forwards is up by the angle
+
+
+def on_four_flippers(entry):
+    """A box that stands on four flippers, each described by `entry`."""
+    parts, text = [box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.05))], ""
+    for name, side, x, y in FLIPPERS:
+        parts += [box(name, 2, (0.3, 0.05, 0.1), (0.15 * x, 0, 0))]
+        at = (0.12 * x, 0.25 * y, 0)
+        parts += [joint(f"{name}_j", "revolute", "base", name, at, more=HINGED)]
+        text += entry.format(name=name, side=side, tip=0.3 * x)
+    return parts, text
+
+
+UNDER_FLIPPERS = [
+    point for y in (0.25, -0.25) for x in (0.27, -0.27) for point in lines(y, 0.15, x)
+]
+
+
+def test_a_robot_may_stand_on_flippers_only(tmp_path):
+    entry = (
+        '[[flippers]]\nbody = "{name}"\nside = "{side}"\nhull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n'
+    )
+    parts, text = on_four_flippers(entry)
+    for given in (text, REPLACED + text):
+        file = write(tmp_path, parts, given)
+        driven = drive(file, (0.1, 0.1))
+        assert driven.forwards == pytest.approx(0.1, rel=0.005)
+        assert driven.load.sum() == pytest.approx(9.81 * 38, rel=0.01)
+        assert len(driven.built.flipper_motor) == 4
+    with pytest.raises(TrackslipError, match="stands on its flippers; `trackslip drive`"):
+        load_parameters(str(file))
+
+
+def test_tracks_on_held_links_turn_as_theory_says(tmp_path):
+    entry = '[[tracks]]\nbody = "{name}"\nsides = "{side}"\ny = 0\n'
+    entry += "hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n"
+    parts, text = on_four_flippers(entry)
+    turns_as_theory(
+        write(tmp_path, parts, 'wheels = ["fl", "fr", "rl", "rr"]\n' + text), UNDER_FLIPPERS
+    )
+
+
+def test_the_motor_of_a_hinge_makes_its_tracks_flippers(tmp_path):
+    entry = '[[tracks]]\nbody = "{name}"\nsides = "{side}"\ny = 0\n'
+    entry += "hull = [[0, 0, 0.06], [{tip}, 0, 0.04]]\n"
+    parts, text = on_four_flippers(entry)
+    text = "[[tracks]]\ny = 0.15\nhull = [[-0.2, 0, 0.1], [0.2, 0, 0.1]]\n" + text
+    motor = '{ motor = "flipper", torque = 50, limits = [-1.0, 1.0] }'
+    built = build_tracked(
+        load_tracked(write(tmp_path, parts, f'{text}[joints]\n"*_j" = {motor}\n'))
+    )
+    assert built.flipper_names == ("fl", "fr", "rl", "rr")
+    np.testing.assert_allclose(built.flipper_range, [[-1.0, 1.0]] * 4)
+    np.testing.assert_allclose(built.model.actuator_forcerange, [[-50.0, 50.0]] * 4)
+
+
+CENTRE = '[[tracks]]\nsides = "centre"\ny = 0\nwidth = 0.4\nlines = 3\n'
+CENTRE += "hull = [[-0.9, 0.15, 0.15], [0.1, 0.15, 0.15]]\n"
+SKIS = '[[tracks]]\ny = 0.45\ncontact = "skid"\nhull = [[0.6, 0.05, 0.05], [1.0, 0.05, 0.05]]\n'
+
+
+def test_a_centre_belt_drives_a_machine_on_skids(tmp_path):
+    file = write(tmp_path, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE + SKIS)
+    driven = drive(file, (0.08, 0.12))
+    assert driven.built.track_side.tolist() == [2, -1, -1]
+    assert driven.forwards == pytest.approx(0.1, rel=0.005)
+    assert driven.load.sum() == pytest.approx(9.81 * 200, rel=0.01)
+    with pytest.raises(TrackslipError, match="it has 2 entries of running gear"):
+        load_parameters(str(file))
+
+
+HALF_TRACK = "[[tracks]]\ny = 0.5\nhull = [[-1, 0.2, 0.2], [0, 0.2, 0.2]]\n"
+HALF_TRACK += '[[tracks]]\ny = 0.5\nhull = [[0.9, 0.25, 0.25]]\ncontact = "wheels"\n'
+
+
+@pytest.mark.parametrize(("preset", "within"), [("accurate", 0.005), ("fast", 0.01)])
+def test_a_half_track_turns_as_theory_says(tmp_path, preset, within):
+    file = write(tmp_path, [box("base", 400, (2, 0.8, 0.3), (0, 0, 0.6))], HALF_TRACK)
+    sides = [lines(y, 0.5, -0.5, 100) + patches([(0.9, y)]) for y in (0.5, -0.5)]
+    turns_as_theory(file, sides[0] + sides[1], within, preset)
+
+
+def articulated():
+    """Two bodies with one axle each, on a waist that bends to the sides."""
+    parts = []
+    for name in ("base", "rear"):
+        parts.append(box(name, 20, (0.3, 0.3, 0.1), (0, 0, 0.05)))
+        parts += [wheel(f"{name}_{side}", (0, y, 0), name) for side, y in (("l", 0.3), ("r", -0.3))]
+    return [*parts, joint("waist", "revolute", "base", "rear", (-0.5, 0, 0), "0 0 1", more=HINGED)]
+
+
+def test_a_held_waist_makes_one_robot_of_two_axles(tmp_path):
+    points = patches([(x, y) for x in (0, -0.5) for y in (0.3, -0.3)])
+    turns_as_theory(write(tmp_path, articulated(), ON_WHEELS), points)
+
+
+def test_a_free_waist_leaves_each_body_its_axle(tmp_path):
+    text = ON_WHEELS + '[joints]\nwaist = "free"\n'
+    file = write(tmp_path, articulated(), text)
+    with warnings.catch_warnings(action="error"):
+        driven = drive(file, (0.1, 0.1))
+    assert [gear.body for gear in driven.built.robot.gear] == ["", "rear"]
+    np.testing.assert_allclose(driven.load, driven.load.mean(), rtol=0.01)
+    assert driven.forwards == pytest.approx(0.1, rel=0.005)
+    with pytest.raises(TrackslipError, match="2 entries of running gear, on the chassis, rear"):
+        load_parameters(str(file))
+
+
+@pytest.mark.parametrize(
+    ("text", "points"),
+    [
+        (ON_WHEELS, patches([(x, y) for x in (0.3, -0.3) for y in (0.3, -0.3)])),
+        (REPLACED, lines(0.3, 0.3) + lines(-0.3, 0.3)),
+    ],
+)
+def test_a_rocker_that_swings_keeps_its_wheels(tmp_path, text, points):
+    parts = [box("base", 30, (0.5, 0.3, 0.1), (0, 0, 0.25))]
+    for side, y in (("l", 0.25), ("r", -0.25)):
+        parts += [box(f"rocker_{side}", 2, (0.4, 0.04, 0.05))]
+        hinge = (f"rocker_{side}_j", "revolute", "base", f"rocker_{side}", (0, y, 0.1))
+        parts += [joint(*hinge, more=HINGED)]
+        out = 0.05 * np.sign(y)
+        parts += [wheel(f"{side}f", (0.3, out, -0.1), f"rocker_{side}")]
+        parts += [wheel(f"{side}r", (-0.3, out, -0.1), f"rocker_{side}")]
+    file = write(tmp_path, parts, text + '[joints]\nrocker_l_j = "free"\n')
+    turned = turns_as_theory(file, points)
+    assert turned.built.joints.held == {"rocker_r_j": 0.0}
+
+
+def test_flippers_that_bear_weight_are_said(tmp_path):
+    parts, entry = [box("base", 40, (0.5, 0.36, 0.12), (0, 0, 0.06))], ""
+    for name, side, x, y in FLIPPERS:
+        parts += [box(name, 2, (0.3, 0.05, 0.1), (0.15 * x, 0, 0))]
+        at = (0.25 * x, 0.27 * y, 0)
+        parts += [joint(f"{name}_j", "revolute", "base", name, at, more=LIMITS.format(-3.1, 3.1))]
+        entry += f'[[flippers]]\nbody = "{name}"\nside = "{side}"\n'
+        entry += f"hull = [[0, 0, 0.115], [{0.28 * x}, 0, 0.075]]\n"
+    hull = "half_gauge = 0.2\nhull = [[-0.25, 0, 0.115], [0.25, 0, 0.115]]\n"
+    file = write(tmp_path, parts, REPLACED + hull + entry)
+    with pytest.warns(RobotWarning, match="its flippers bear 29% of its weight on level ground"):
+        load_parameters(str(file))
+    assert any("bear 29% of its weight" in line for line in check(file).warnings)
+
+
+MACHINES = {
+    "digger": lambda folder: digger(folder, '[joints]\nstick_joint = 1.0\nboom_joint = "free"\n'),
+    "offset": lambda folder: write(folder, rover([(0.3, 0.3), (-0.3, 0.3)], 0.05), REPLACED),
+    "six": lambda folder: write(folder, rover(SIX), ON_WHEELS),
+    "shaft": lambda folder: write(folder, *shaft([("left", "left", 0), ("right", "right", 0)])),
+    "snowmobile": lambda folder: write(
+        folder, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE + SKIS
+    ),
+    "waist": lambda folder: write(
+        folder, articulated(), ON_WHEELS + '[joints]\nwaist = "free"\n[drive]\nlag = 0.1\n'
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [*MACHINES, "rescue", "box"])
+def test_the_robot_file_of_a_check_makes_the_same_robot(tmp_path, name):
+    source = MACHINES[name](tmp_path) if name in MACHINES else name
+    checked = check(source)
+    assert not checked.errors
+    first = load_tracked(source)
+    again = tmp_path / "again.toml"
+    text = checked.file
+    if name not in MACHINES:  # the path of a shipped model is relative to the folder of the command
+        text = text.replace(checked.file.splitlines()[0], f'model = "{first.model.as_posix()}"')
+    again.write_text(text)
+    second = load_tracked(again)
+    assert [each.is_complete for each in second.gear] == [True] * len(first.gear)
+    assert second.drive == first.drive
+    assert (second.half_gauge, second.offset) == (first.half_gauge, first.offset)
+    models = [build_tracked(robot).model for robot in (first, second)]
+    for field in ("body_mass", "qpos0", "geom_pos", "geom_size", "body_pos", "body_quat"):
+        np.testing.assert_array_equal(getattr(models[0], field), getattr(models[1], field))
+    for field in ("pair_solref", "pair_solimp", "eq_data", "actuator_gainprm", "jnt_range"):
+        np.testing.assert_array_equal(getattr(models[0], field), getattr(models[1], field))
+
+
+def test_a_check_says_where_each_number_comes_from(tmp_path):
+    facts = dict(check(write(tmp_path, rover([(0.3, 0.233), (-0.3, 0.233)]), REPLACED)).facts)
+    assert facts["tracks on the chassis"] == (
+        "both, half gauge 0.233 from l1, r1, l0, r0; motors left, right"
+    )
+    facts = dict(check(digger(tmp_path)).facts)
+    assert facts["tracks on the chassis"].startswith("both, half gauge 0.4 given")
+    assert facts["joints that hold"] == "boom_joint at 0, stick_joint at 0.5236"
+
+
+def test_a_check_offers_motors_of_effort_and_velocity_limits(tmp_path):
+    parts = [box("base", 30, (0.8, 0.3, 0.15), (0, 0, 0.2))]
+    limit = '<limit lower="-1e16" upper="1e16" effort="20" velocity="8"/>'
+    for name, x, y in (("lf", 0.3, 0.3), ("rf", 0.3, -0.3), ("lr", -0.3, 0.3), ("rr", -0.3, -0.3)):
+        parts.append(wheel(name, (x, y, 0), more=limit))
+    file = write(tmp_path, parts, REPLACED)
+    offered = check(file).file.partition("# motors by the effort")[2].splitlines()[1:]
+    tables = "\n".join(line.removeprefix("# ") for line in offered)
+    motors = load_tracked(write(tmp_path, parts, REPLACED + tables)).drive
+    assert motors is not None
+    assert (motors.torque_limit, motors.top_speed) == (40.0, 0.8)
+    assert motors.strength(8.0) == pytest.approx(40.0)
