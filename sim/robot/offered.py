@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 from xml.etree.ElementTree import Element
@@ -30,7 +31,12 @@ def offered_motors(built: TrackedModel) -> str:
         root = parsed(robot.model)
     except TrackslipError:
         return ""
-    limits = [_limit(joint) for joint in root.iter("joint") if _child(joint) in robot.wheels]
+    # a flipper's hinge turns about its axis, too, but not endlessly
+    limits = [
+        _limit(joint)
+        for joint in root.iter("joint")
+        if _child(joint) in robot.wheels and _is_endless(joint)
+    ]
     stated = [(effort, velocity) for effort, velocity in limits if _is_stated(effort, velocity)]
     if not stated:
         return ""
@@ -63,6 +69,19 @@ def drive_of(limits: Sequence[tuple[float, float]], radius: float) -> Drive:
 def _child(joint: Element) -> str:
     child = joint.find("child")
     return "" if child is None else child.get("link", "")
+
+
+def _is_endless(joint: Element) -> bool:
+    """True for a joint that turns by more than a circle, as wheels do."""
+    if joint.get("type") == "continuous":
+        return True
+    limit = joint.find("limit")
+    if limit is None:
+        return False
+    try:
+        return float(limit.get("upper", "0")) - float(limit.get("lower", "0")) > 2 * math.pi
+    except ValueError:
+        return False
 
 
 def _limit(joint: Element) -> tuple[float, float]:

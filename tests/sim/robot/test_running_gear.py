@@ -477,3 +477,15 @@ def test_a_check_offers_motors_of_effort_and_velocity_limits(tmp_path):
     assert motors is not None
     assert (motors.torque_limit, motors.top_speed) == (40.0, 0.8)
     assert motors.strength(8.0) == pytest.approx(40.0)
+
+
+def test_hinges_of_flippers_offer_no_motors_of_belts(tmp_path):
+    """A shaft with an effort limit isn't what turns the belts."""
+    limit = '<limit lower="-1.5" upper="1.5" effort="200" velocity="2"/>'
+    parts = [
+        box("base", 30, (0.5, 0.2, 0.12), (0, 0, 0.12)),
+        box("flipper", 2, (0.3, 0.05, 0.1), (0.15, 0, 0)),
+        joint("shaft", "revolute", "base", "flipper", "0.25 0.25 0.09", more=limit),
+    ]
+    text = 'wheels = ["flipper"]\nhalf_gauge = 0.18\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n'
+    assert "[drive]" not in check(write(tmp_path, parts, text)).file
