@@ -487,5 +487,6 @@ def test_hinges_of_flippers_offer_no_motors_of_belts(tmp_path):
         box("flipper", 2, (0.3, 0.05, 0.1), (0.15, 0, 0)),
         joint("shaft", "revolute", "base", "flipper", "0.25 0.25 0.09", more=limit),
     ]
-    text = 'wheels = ["flipper"]\nhalf_gauge = 0.18\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n'
+    hull = "[[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]"
+    text = f'wheels = ["flipper"]\nhalf_gauge = 0.18\nhull = {hull}\n'
     assert "[drive]" not in check(write(tmp_path, parts, text)).file
