@@ -12,7 +12,7 @@ import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,21 +32,25 @@ fields.
 Omitted fields are zero or empty; a field that is an array of messages gets one message, with the
 given fields.
 """
-_ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # indices of x, y, yaw in x, y, z, roll, pitch, yaw
-JOINTS = ["left_sprocket", "right_sprocket"]
+_PLANAR: Final = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
+JOINTS: Final = ["left_sprocket", "right_sprocket"]
 """Names of the sprocket joints in /joint_states."""
-FIELD = (52.0, 10.0, 0.0)
+FIELD: Final = (52.0, 10.0, 0.0)
 """Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions, an arbitrary
 field.
 """
-START = 1_767_225_600
+START: Final = 1_767_225_600
 """Stamp for t = 0, 2026-01-01; a stamp of zero would mean that there is no stamp [s]."""
-_SINCE_1970 = 1e9  # a log that begins later than this has times since 1970 [s]
-_LAST = 2**31 - 1  # largest number of seconds that a stamp can hold
+_SINCE_1970: Final = 1e9  # a log that begins later than this has times since 1970 [s]
+_LAST: Final = 2**31 - 1  # largest number of seconds that a stamp can hold
 # covariance of x, y [m^2] and yaw [rad^2], and of their rates, common in configurations of
 # diff_drive_controller
-_WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
-_EXACT = np.zeros((3, 3))
+_WHEEL_COVARIANCE: Final = np.diag([0.001, 0.001, 0.01])
+_EXACT: Final = np.zeros((3, 3))
+# of sensor_msgs/NavSatFix
+_AUGMENTED_FIX: Final = {"status": 2, "service": 1}  # a GPS fix with ground-based augmentation
+_COVARIANCE_UNKNOWN: Final = 0
+_COVARIANCE_KNOWN: Final = 3
 
 
 @functools.cache
@@ -73,9 +77,9 @@ class Publication:
 def messages(kind: str, fields: Fields) -> Iterator[Any]:
     """Messages of the type `kind` with these fields."""
     known = definitions()
-    columns = (
-        _column(node, detail, fields.get(name)) for name, (node, detail) in known.fielddefs[kind][1]
-    )
+    columns = []
+    for name, (node, detail) in known.fielddefs[kind][1]:
+        columns.append(_column(node, detail, fields.get(name)))
     return map(known.types[kind], *columns)
 
 
@@ -88,7 +92,8 @@ def _column(node: int, detail: Any, value: Any) -> Iterator[Any]:
     if isinstance(value, np.ndarray):
         return iter(value.tolist() if value.ndim == 1 else value)
     if node == Nodetype.BASE:
-        return repeat(value if value is not None else "" if detail[0] == "string" else 0)
+        zero = "" if detail[0] == "string" else 0
+        return repeat(zero if value is None else value)
     (inner, element), length = detail
     if inner == Nodetype.NAME:
         return ([message] for message in messages(element, value))
@@ -105,12 +110,11 @@ def pose(of: Array, covariance: Array | None = None) -> Fields:
     """Fields of a geometry_msgs/Pose, or of a PoseWithCovariance with a covariance (3, 3) or (M, 3,
     3).
     """
-    fields = {"position": {"x": of[:, 0], "y": of[:, 1]}, "orientation": _quaternion(of[:, 2])}
-    return (
-        fields
-        if covariance is None
-        else {"pose": fields, "covariance": _in_space(covariance, len(of))}
-    )
+    position = {"x": of[:, 0], "y": of[:, 1]}
+    fields = {"position": position, "orientation": _quaternion(of[:, 2])}
+    if covariance is None:
+        return fields
+    return {"pose": fields, "covariance": _in_space(covariance, len(of))}
 
 
 def twist(of: Array, covariance: Array | None = None) -> Fields:
@@ -118,11 +122,9 @@ def twist(of: Array, covariance: Array | None = None) -> Fields:
     3, 3).
     """
     fields = {"linear": {"x": of[:, 0], "y": of[:, 1]}, "angular": {"z": of[:, 2]}}
-    return (
-        fields
-        if covariance is None
-        else {"twist": fields, "covariance": _in_space(covariance, len(of))}
-    )
+    if covariance is None:
+        return fields
+    return {"twist": fields, "covariance": _in_space(covariance, len(of))}
 
 
 def transforms(
@@ -131,13 +133,13 @@ def transforms(
     """A topic of tf2_msgs/TFMessage with one transform per message, the pose of `frames[1]` in
     `frames[0]`.
     """
-    moved = {"translation": {"x": of[:, 0], "y": of[:, 1]}, "rotation": _quaternion(of[:, 2])}
-    moved_frame = {
+    translation = {"x": of[:, 0], "y": of[:, 1]}
+    transform = {
         "header": header(stamps, frames[0]),
         "child_frame_id": frames[1],
-        "transform": moved,
+        "transform": {"translation": translation, "rotation": _quaternion(of[:, 2])},
     }
-    return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": moved_frame}, latched)
+    return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": transform}, latched)
 
 
 def _quaternion(heading: Array) -> Fields:
@@ -147,7 +149,8 @@ def _quaternion(heading: Array) -> Fields:
 def _in_space(covariance: Array, count: int) -> Array:
     """Covariances (M, 36) of x, y, z, roll, pitch and yaw, with zeros for z, roll and pitch."""
     full = np.zeros((count, 6, 6))
-    full[:, _ROW, _COLUMN] = covariance
+    rows, columns = _PLANAR
+    full[:, rows, columns] = covariance
     return full.reshape(count, 36)
 
 
@@ -160,19 +163,23 @@ class RunTopics:
         """Prepare the topics; `readings` (T,) is the mask of rows with encoder readings, None for
         all rows.
         """
-        self._log, self._geometry = log, geometry
+        self._log = log
+        self._geometry = geometry
         self._start = 0 if log.time[0] > _SINCE_1970 else START
-        self._read = (
-            np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
-        )
+        if readings is None:
+            self._read = np.ones(len(log.time), bool)
+        else:
+            self._read = np.asarray(readings, bool)
         self._odom: Array | None = None  # poses (T, 3) from dead reckoning without slip
         if geometry is not None:
             driven = body_twist(log.omega[1:], 0.0, geometry)
-            self._odom = se2.chain(np.zeros(3), se2.advance(np.zeros(3), driven, np.diff(log.time)))
+            steps = se2.advance(np.zeros(3), driven, np.diff(log.time))
+            self._odom = se2.chain(np.zeros(3), steps)
 
     def encoders(self) -> Iterator[Publication]:
         """Topics on the motion of the sprockets."""
-        log, read = self._log, self._read
+        log = self._log
+        read = self._read
         stamps = self._stamps(log.time[read])
         turned = log.omega[1:] * np.diff(log.time)[:, None]
         angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
@@ -185,7 +192,8 @@ class RunTopics:
         yield Publication("/joint_states", "sensor_msgs/msg/JointState", stamps, joints)
         if self._geometry is not None and self._odom is not None:
             driven = _planar(body_twist(log.omega[read], 0.0, self._geometry))
-            odom, frames = self._odom[read], ("odom", "base_link")
+            odom = self._odom[read]
+            frames = ("odom", "base_link")
             yield _odometry(
                 "/odom", stamps, frames, odom, _WHEEL_COVARIANCE, driven, _WHEEL_COVARIANCE
             )
@@ -195,7 +203,8 @@ class RunTopics:
         """Topic of the body twists from a controller, or from the commanded sprocket speeds without
         slip.
         """
-        log, commanded = self._log, self._log.twist_command
+        log = self._log
+        commanded = log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
             commanded = body_twist(log.command, 0.0, self._geometry)
         if commanded is not None:
@@ -207,39 +216,43 @@ class RunTopics:
         them.
         """
         log = self._log
-        errors = np.broadcast_to(
-            _EXACT if covariance is None else covariance, (len(log.time), 3, 3)
-        )
-        if log.covariance is not None:
-            errors = np.where(
-                np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True), log.covariance, errors
-            )
+        covariances = self._covariances(_EXACT if covariance is None else covariance)
         headed = log.has_heading
         if headed.any():
-            stamps, seen = self._stamps(log.time[headed]), log.pose[headed]
-            fields = {"header": header(stamps, "map"), "pose": pose(seen, errors[headed])}
-            yield Publication(
-                "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", stamps, fields
-            )
+            stamps = self._stamps(log.time[headed])
+            seen = log.pose[headed]
+            fields = {"header": header(stamps, "map"), "pose": pose(seen, covariances[headed])}
+            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+            yield Publication("/pose", kind, stamps, fields)
             if self._odom is not None:
                 corrected = se2.compose(seen, se2.inverse(self._odom[headed]))
                 yield transforms("/tf", stamps, ("map", "odom"), corrected)
         rest = log.has_place & ~headed
         if rest.any():
-            yield _fixes("/fix", self._stamps(log.time[rest]), log.pose[rest, :2], errors[rest])
+            stamps = self._stamps(log.time[rest])
+            yield _fixes("/fix", stamps, log.pose[rest, :2], covariances[rest])
+
+    def _covariances(self, otherwise: Array) -> Array:
+        """Covariances (T, 3, 3) of the poses; `otherwise` (3, 3) where the log has none."""
+        log = self._log
+        if log.covariance is None:
+            return np.broadcast_to(otherwise, (len(log.time), 3, 3))
+        is_known = np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True)
+        return np.where(is_known, log.covariance, otherwise)
 
     def truth(self) -> Iterator[Publication]:
         """Topic of the true motion."""
-        log, read = self._log, self._read
-        if log.truth is not None:
-            stamps, frames = self._stamps(log.time[read]), ("map", "base_link")
+        truth = self._log.truth
+        if truth is not None:
+            read = self._read
+            stamps = self._stamps(self._log.time[read])
             yield _odometry(
                 "/ground_truth",
                 stamps,
-                frames,
-                log.truth.pose[read],
+                ("map", "base_link"),
+                truth.pose[read],
                 _EXACT,
-                log.truth.twist[read],
+                truth.twist[read],
                 _EXACT,
             )
 
@@ -254,17 +267,9 @@ class RunTopics:
             return
         time, scan = scans
         stamps = self._stamps(time)
-        fields = {
-            "header": header(stamps, "laser"),
-            "angle_min": float(scan.bearings[0]),
-            "angle_max": float(scan.bearings[-1]),
-            "angle_increment": scan.beam_step,
-            "scan_time": float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
-            "range_max": float(scan.max_range),
-            # as in REP 117
-            "ranges": np.where(np.isnan(scan.ranges), np.inf, scan.ranges).astype(np.float32),
-        }
-        yield Publication("/scan", "sensor_msgs/msg/LaserScan", stamps, fields)
+        yield Publication(
+            "/scan", "sensor_msgs/msg/LaserScan", stamps, _scan_fields(stamps, time, scan)
+        )
         begin = self._stamps(np.minimum(time[:1], log.time[0]))
         mount = np.asarray(scan.mount, float)[None]
         yield transforms("/tf_static", begin, ("map", "laser"), mount, latched=True)
@@ -272,21 +277,35 @@ class RunTopics:
     def _stamps(self, time: Array) -> Stamps:
         """Stamps (M,) [ns] for times (M,) [s]."""
         whole = np.floor(time)
-        within = ((whole + self._start >= 0) & (whole + self._start < _LAST)).all()
-        require(within, "times of the run", time.tolist()[:1], f"stamps from 0 to {_LAST} s")
-        parts = np.rint((time - whole) * 1e9).astype(np.int64)
-        return (whole.astype(np.int64) + self._start) * 10**9 + parts
+        seconds = whole + self._start
+        is_stamp = (seconds >= 0) & (seconds < _LAST)
+        allowed = f"stamps from 0 to {_LAST} s"
+        require(is_stamp.all(), "times of the run", time.tolist()[:1], allowed)
+        nanoseconds = np.rint((time - whole) * 1e9).astype(np.int64)
+        return (whole.astype(np.int64) + self._start) * 10**9 + nanoseconds
 
 
 def command_topic(name: str, stamps: Stamps, commanded: Array, stamped: bool = True) -> Publication:
     """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s]; stamps are 0
     unless `stamped`.
     """
-    fields = {
-        "header": header(stamps if stamped else 0 * stamps, "base_link"),
-        "twist": twist(_planar(commanded)),
-    }
+    in_header = stamps if stamped else np.zeros_like(stamps)
+    fields = {"header": header(in_header, "base_link"), "twist": twist(_planar(commanded))}
     return Publication(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
+
+
+def _scan_fields(stamps: Stamps, time: Array, scan: Scan) -> Fields:
+    """Fields of a sensor_msgs/LaserScan."""
+    echoes = np.where(np.isnan(scan.ranges), np.inf, scan.ranges)  # as in REP 117
+    return {
+        "header": header(stamps, "laser"),
+        "angle_min": float(scan.bearings[0]),
+        "angle_max": float(scan.bearings[-1]),
+        "angle_increment": scan.beam_step,
+        "scan_time": float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
+        "range_max": float(scan.max_range),
+        "ranges": echoes.astype(np.float32),
+    }
 
 
 def _odometry(
@@ -314,15 +333,17 @@ def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Public
     from pymap3d import enu2geodetic
 
     latitude, longitude, altitude = enu2geodetic(*place.T, 0.0, *FIELD)
-    horizontal = covariance * np.array([1.0, 1.0, 0.0]) * np.array([[1.0], [1.0], [0.0]])
+    # of x, y and, in place of the yaw, the altitude, which is exact
+    of_place = covariance * np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+    is_known = bool(of_place.any())
     fields = {
         "header": header(stamps, "gnss"),
-        "status": {"status": 2, "service": 1},  # a GPS fix with ground-based augmentation
+        "status": _AUGMENTED_FIX,
         "latitude": latitude,
         "longitude": longitude,
         "altitude": altitude,
-        "position_covariance": horizontal.reshape(-1, 9),
-        "position_covariance_type": 3 if np.any(horizontal) else 0,  # known, or unknown
+        "position_covariance": of_place.reshape(-1, 9),
+        "position_covariance_type": _COVARIANCE_KNOWN if is_known else _COVARIANCE_UNKNOWN,
     }
     return Publication(name, "sensor_msgs/msg/NavSatFix", stamps, fields)
 

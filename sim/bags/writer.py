@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -21,21 +21,17 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
 
-MCAP = ".mcap"
+MCAP: Final = ".mcap"
 """Suffix of the data file in a bag."""
-_TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
+_TOPIC: Final = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 
 def require_topic(name: str, field: str = "topic") -> None:
     """Raise InvalidValueError unless a topic may have this name:
     https://design.ros2.org/articles/topic_and_service_names.html.
     """
-    require(
-        _TOPIC.fullmatch(name),
-        field,
-        name,
-        "names of letters, digits and _, joined by /, as in /cmd_vel",
-    )
+    allowed = "names of letters, digits and _, joined by /, as in /cmd_vel"
+    require(_TOPIC.fullmatch(name), field, name, allowed)
 
 
 def write_bag(
@@ -81,10 +77,10 @@ def write_bag(
         *contents.truth(),
         *contents.scans(scans),
     ]
-    about = (
-        {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
-    )
-    _write(Path(path), topics, {"run": log.run, **about})
+    about = {"run": log.run}
+    if geometry is not None:
+        about |= {name: repr(value) for name, value in vars(geometry).items()}
+    _write(Path(path), topics, about)
 
 
 def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/cmd_vel") -> None:
@@ -111,7 +107,8 @@ def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) 
             # the folder's name is also the file's
             draft = Path(staging) / path.name.removesuffix(MCAP)
             _fill(draft, topics, about)
-            os.replace(draft / f"{draft.name}{MCAP}" if path.suffix == MCAP else draft, path)
+            is_file = path.suffix == MCAP
+            os.replace(draft / f"{draft.name}{MCAP}" if is_file else draft, path)
     except OSError as error:
         raise OutputError(f"{path}: can't be written ({error.strerror or error})") from error
 
@@ -128,14 +125,15 @@ def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str])
         opened: dict[str, Any] = {}
         for topic in topics:
             if topic.name not in opened:
-                durability = [_latched()] if topic.latched else []
+                profiles = [_latched()] if topic.latched else []
                 opened[topic.name] = writer.add_connection(
-                    topic.name, topic.kind, typestore=store, offered_qos_profiles=durability
+                    topic.name, topic.kind, typestore=store, offered_qos_profiles=profiles
                 )
-        rows = (
+        # the messages of all topics in the order of their stamps
+        rows = [
             zip(topic.stamps.tolist(), repeat(topic), messages(topic.kind, topic.fields))
             for topic in topics
-        )
+        ]
         for stamp, topic, message in heapq.merge(*rows, key=itemgetter(0)):
             writer.write(opened[topic.name], stamp, store.serialize_cdr(message, topic.kind))
 
@@ -153,13 +151,13 @@ def _latched() -> Any:
 
     never = QosTime(0, 0)
     return Qos(
-        *(
-            QosHistory.KEEP_LAST,
-            1,
-            QosReliability.RELIABLE,
-            QosDurability.TRANSIENT_LOCAL,
-            never,
-            never,
-        ),
-        *(QosLiveliness.SYSTEM_DEFAULT, never, False),
+        history=QosHistory.KEEP_LAST,
+        depth=1,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL,
+        deadline=never,
+        lifespan=never,
+        liveliness=QosLiveliness.SYSTEM_DEFAULT,
+        liveliness_lease_duration=never,
+        avoid_ros_namespace_conventions=False,
     )

@@ -35,7 +35,7 @@ _CACHED_ERRORS: Final = 64  # number of candidates with cached errors
 _VAGUE: Final = 0.7
 _SIGNIFICANT: Final = 2.0  # value, relative to its standard error, above which it isn't vague
 # cosine between error slopes of parameters above which the target can't distinguish the parameters
-_ALIKE: Final = 0.95
+_INDISTINCT: Final = 0.95
 _MAD: Final = 1.4826  # ratio of standard deviation to median magnitude for normal errors
 # scale of the loss [standard deviations], at 95 % of least squares' efficiency for normal errors
 _CAUCHY: Final = 2.385
@@ -302,8 +302,8 @@ class _Problem:
         own_gradient = np.zeros((labels, *gradient.shape[1:]))
         np.add.at(own_hessian, label[labelled], hessian[labelled])
         np.add.at(own_gradient, label[labelled], gradient[labelled])
-        whole = hessian.sum(axis=0) + np.eye(len(self.names))  # with the priors
-        return newton_steps(whole - own_hessian, own_gradient)
+        full_hessian = hessian.sum(axis=0) + np.eye(len(self.names))  # with the priors
+        return newton_steps(full_hessian - own_hessian, own_gradient)
 
     def _normal(self, end: _End) -> tuple[Array, Array]:
         """Contributions of each error to the normal equations (n, p, p) and to the loss gradient
@@ -343,11 +343,11 @@ class _Problem:
         weight = np.sqrt(self._layout.share)[:, None]
         slope = end.slope * weight / end.sigma[self._layout.kind, None]
         strength = np.linalg.norm(slope, axis=0)
-        alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
+        is_similar = np.abs(slope.T @ slope) > _INDISTINCT * np.outer(strength, strength)
         is_significant = np.abs(end.scaled) >= _SIGNIFICANT * spread
         reasons = {}
         for k in np.flatnonzero((spread > _VAGUE) & ~is_significant):
-            others = [name for j, name in enumerate(self.names) if j != k and alike[j, k]]
+            others = [name for j, name in enumerate(self.names) if j != k and is_similar[j, k]]
             is_mixed = strength[k] >= 1 and others
             what = f"distinguish it from {' and '.join(others)}" if is_mixed else "determine it"
             reasons[self.names[k]] = f"the target does not {what}"

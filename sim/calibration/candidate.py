@@ -174,7 +174,7 @@ def _radius(side: int) -> Parameter:
     return Parameter(read, write, spread=0.07)
 
 
-PARAMETERS = {
+PARAMETERS: Final = {
     "half_gauge": _field("robot.half_gauge", 0.1, "m", relative=True),
     "contact_length": _field("robot.contact_length", 0.15, "m", relative=True, write=_with_length),
     "radius_error": _field("robot.radius_error", 0.07),
@@ -193,7 +193,7 @@ PARAMETERS = {
     "lag": Parameter(_lag, _with_lag, 1.0, "s", relative=True, high=1.0),
 }
 """Parameters that can be fitted, by name; radii are fitted as relative errors."""
-OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})
+OF_SENSOR: Final = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})
 """Parameters without an effect on the robot's motion."""
-OF_DRIVE = frozenset({"lag"})
+OF_DRIVE: Final = frozenset({"lag"})
 """Parameters that only matter when commands drive the robot."""

@@ -8,7 +8,7 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from trackslip.memory import half_of_memory
 
 Arrays = dict[str, NDArray[Any]]
 
-ABOUT = "about"
+ABOUT: Final = "about"
 """Name of the JSON text among the arrays."""
-_ARRAY = "array"  # the only key of a table that stands for an array, by name
+# the only key of a table that stands for an array, by name
+_ARRAY: Final = "array"
 
 
 def write_arrays(path: Path, about: Any, arrays: Arrays) -> None:

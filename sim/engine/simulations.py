@@ -160,7 +160,9 @@ class Simulations(Restorable):
         self.state = States(self.batch.qpos, self.batch.qvel, free)
         """States (N, ...) of the robots, views of the batch."""
 
-    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com_offset: Array) -> None:
+    def _set_payload(
+        self, rows: NDArray[np.int_], body: int, mass: Array, com_offset: Array
+    ) -> None:
         """Scale the mass and inertia of a body by `mass` (R,), and shift its centre of mass by
         `com_offset` (R, 2) [m].
 

@@ -182,9 +182,9 @@ class Fleet(Simulations):
 
         mass = np.array([setup.mass for setup in setups])
         com_offset = np.array([setup.com_offset for setup in setups])
-        self._drive(rows, 1.0)  # `_load` needs moving belts
-        self._load(rows, self._chassis, mass, com_offset)
-        self._drive(rows, 0.0)
+        self._set_belts(rows, 1.0)  # `_set_payload` needs moving belts
+        self._set_payload(rows, self._chassis, mass, com_offset)
+        self._set_belts(rows, 0.0)
         self._ground.put([setup.ground for setup in setups], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
 
@@ -194,7 +194,7 @@ class Fleet(Simulations):
         require((np.abs(error) <= MAX_RADIUS_ERROR).all(), "radius_error", error.tolist(), allowed)
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
 
-    def _drive(self, rows: Rows, belts: float | Array) -> None:
+    def _set_belts(self, rows: Rows, belts: float | Array) -> None:
         """Set surface speeds, a scalar or (R, P), of the pads on the robots `rows` (R,) [m/s]."""
         self.belts[rows] = belts
         if self.shear is not None:
@@ -282,16 +282,16 @@ class Fleet(Simulations):
         periods_at_once = len(mean) if is_whole else 1
 
         parts = []
-        before = None if self.shear is None else self._placed(rows)
+        before = None if self.shear is None else self._places(rows)
         for k in range(0, len(mean), periods_at_once):
             if varies:
                 self._lay_friction(rows)
             if is_towed:
                 self._tow(rows)
-            self._drive(rows, belts[k])
+            self._set_belts(rows, belts[k])
             parts.append(self._roll(rows, periods_at_once))
             if before is not None:
-                after = self._placed(rows)
+                after = self._places(rows)
                 self._ground.moved(rows, before, after, track_speeds[k])
                 before = after
 
@@ -359,7 +359,7 @@ class Fleet(Simulations):
         """Mean friction coefficients (N, 2) over the pads, along and across the tracks [-]."""
         return self._ground.friction.mean(axis=1)
 
-    def _ran(self) -> Array:
+    def _run_time(self) -> Array:
         """Times (N,) since the robots' runs began [s]."""
         return (self._periods - self._began) * self.period
 
@@ -367,7 +367,7 @@ class Fleet(Simulations):
         """Update the friction of all pads on the robots `rows` (R,) for their current places and
         time.
         """
-        self._ground.lay(rows, self._ran(), self.state.qpos[:, :2], self.state.heading)
+        self._ground.lay(rows, self._run_time(), self.state.qpos[:, :2], self.state.heading)
 
     def _tow(self, rows: Rows) -> None:
         """Apply the pull to the robots `rows` (R,), along their headings halfway through the next
@@ -376,7 +376,7 @@ class Fleet(Simulations):
         heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
         cos = np.cos(heading)
         sin = np.sin(heading)
-        force = self._pulled(rows)
+        force = self._present_pull(rows)
         pull = [-force * cos, -force * sin, np.zeros_like(force)]
 
         # moments of the pull at the hitch about the centre of mass
@@ -386,9 +386,9 @@ class Fleet(Simulations):
         moment = [-pitch * sin, pitch * cos, yaw]
         self._wrench[rows] = np.stack(pull + moment, axis=-1)
 
-    def _pulled(self, rows: Rows) -> Array:
+    def _present_pull(self, rows: Rows) -> Array:
         """Pull (R,) on the robots `rows` (R,) at present [N]."""
-        has_begun = self._ran()[rows] >= self.pull.since - _ROUNDING
+        has_begun = self._run_time()[rows] >= self.pull.since - _ROUNDING
         return np.where(has_begun, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
@@ -415,7 +415,7 @@ class Fleet(Simulations):
         turns = np.rint((headings[:-1] - headings[1:]) / _TURN)  # of the jumps between neighbours
         self._heading[rows] = heading + _TURN * np.add.reduce(turns)
 
-    def _placed(self, rows: Rows) -> Array:
+    def _places(self, rows: Rows) -> Array:
         """Positions x and y [m], and cosines and sines of the headings, (4, R), of the robots
         `rows` (R,).
         """
@@ -447,7 +447,7 @@ class Fleet(Simulations):
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
         self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
         self._put_back(rows, start)
-        self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
+        self._ground.hold(rows, heading, self._relative_pull(rows), self.pull.height)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
         """Undo the drift, about a micrometre, from poses `start` (R, 3) while the robots `rows`
@@ -468,13 +468,13 @@ class Fleet(Simulations):
         self.batch.time[rows] = 0.0
         self._heading[rows] = start[:, 2]
 
-    def _towed(self, rows: np.ndarray) -> Array:
+    def _relative_pull(self, rows: np.ndarray) -> Array:
         """Pull (R,) on the robots `rows` (R,) relative to their normal force [-]."""
         masses = self.batch.expanded("body_mass")
         gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
         mass = self.robot.mass if masses is None else masses[rows].sum(axis=1)
         normal_force = mass * gravity * np.cos(self._ground.slope[rows])
-        return self._pulled(rows) / normal_force
+        return self._present_pull(rows) / normal_force
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) per normal force, forwards and to the left, that keep the robots'
@@ -482,7 +482,7 @@ class Fleet(Simulations):
         """
         direction = self._ground.uphill - self.pose()[:, 2]
         steepness = np.tan(self._ground.slope)
-        along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
+        along = steepness * np.cos(direction) + self._relative_pull(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from sim.common.settings import build, read_named
 from trackslip.errors import (
@@ -19,19 +20,19 @@ from trackslip.errors import (
     require_within,
 )
 
-MAX_FRICTION = 10.0
+MAX_FRICTION: Final = 10.0
 """Largest friction coefficient [-]."""
-MAX_SLOPE = 1.5
+MAX_SLOPE: Final = 1.5
 """Largest slope [rad]."""
-MAX_SHEAR = 0.2
+MAX_SHEAR: Final = 0.2
 """Largest shear modulus [m]."""
-UNLESS_ZERO = {"stored_unless": 0.0}
+UNLESS_ZERO: Final = {"stored_unless": 0.0}
 """Metadata for a field that is omitted from files if it is zero, so that older files stay
 unchanged.
 """
-_TURN = 2 * math.pi
-_MAX_PATCHES = 10_000  # largest number of patches, and of changes, on a ground
-_HARD = 0.778 / 0.70
+_TURN: Final = 2 * math.pi
+_MAX_PATCHES: Final = 10_000  # largest number of patches, and of changes, on a ground
+_HARD: Final = 0.778 / 0.70  # ratio of the friction across to along on hard ground, as on stone
 
 
 @dataclass(frozen=True)
@@ -128,10 +129,8 @@ class Ground(Checked):
     @property
     def largest_shear(self) -> float:
         """Largest shear modulus of the ground, its patches and its changes [m]."""
-        of_patches, of_changes = (
-            (p.shear or 0.0 for p in self.patches),
-            (c.shear or 0.0 for c in self.changes),
-        )
+        of_patches = [patch.shear or 0.0 for patch in self.patches]
+        of_changes = [change.shear or 0.0 for change in self.changes]
         return max(self.shear, *of_patches, *of_changes, 0.0)
 
     def gravity(self, size: float) -> tuple[float, float, float]:
@@ -155,7 +154,7 @@ def _hard(along: float) -> Ground:
     return Ground(along, round(along * _HARD, 3))
 
 
-NAMED_GROUNDS: dict[str, Ground] = {
+NAMED_GROUNDS: Final[dict[str, Ground]] = {
     # the paper's paving: along assumed; across tuned to slips and radii (trackslip calibrate)
     "stone": Ground(),
     "concrete": _hard(0.75),  # dry concrete: Noon

@@ -186,11 +186,11 @@ class Shear(Restorable):
         modulus = surface[..., 2]
         needed = np.sqrt(((push / friction) ** 2).sum(axis=-1))  # share of the friction
         force = load * np.sqrt((push**2).sum(axis=-1))
-        whole = np.maximum(force.sum(axis=1), _FLAT)
+        total = np.maximum(force.sum(axis=1), _FLAT)
         factor = np.full((len(rows), 1), _RESERVE)  # mobilised over needed
         for _ in range(_ROUNDS):
             possible = np.minimum(factor, _MOST_AT_REST / np.maximum(needed, _FLAT))
-            exerted = (force * possible).sum(axis=1) / whole
+            exerted = (force * possible).sum(axis=1) / total
             raised = np.where(exerted > 0, _RESERVE / np.maximum(exerted, _FLAT), 1.0)
             factor = factor * raised[:, None]
         share = np.minimum(factor * needed, _MOST_AT_REST)

@@ -125,8 +125,8 @@ def replay(
     """
     require_within("clock", clock, -RUN_UP, RUN_UP, "s")
     logs = [log] if isinstance(log, RunLog) else list(log)
-    parameters, own = load_parameters(robot)
-    ground = ground or own
+    parameters, file_ground = load_parameters(robot)
+    ground = ground or file_ground
     logs = [_placed(log, parameters.geometry) for log in logs]
     motion = Replayer(logs, inputs).run(parameters, ground, threads)
     sensor = sensor or Mounting()
@@ -143,8 +143,8 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
     look = first_look(drives_of(logs)[0], geometry)
 
     def parts(log: RunLog) -> list[RunLog]:
-        own = [drive for drive in look.drives if drive.name == log.run]
-        return [replace(log, valid=np.isin(log.time, drive.time)) for drive in own]
+        drives = [drive for drive in look.drives if drive.name == log.run]
+        return [replace(log, valid=np.isin(log.time, drive.time)) for drive in drives]
 
     return [parts(log) for log in logs]
 
@@ -239,12 +239,12 @@ class Replayer:
 
     def _commands(self, time: Array) -> Array:
         """Commands (P, N, 2) at times (N, P) [rad/s]."""
-        held = []
+        commands = []
         for log, at in zip(self.logs, time, strict=True):
             assert log.command is not None
             row = np.searchsorted(log.time, at + _ROUNDING, side="right") - 1
-            held.append(log.command[np.maximum(row, 0)])
-        return np.stack(held, axis=1)
+            commands.append(log.command[np.maximum(row, 0)])
+        return np.stack(commands, axis=1)
 
 
 def _fastest_command(log: RunLog) -> float:

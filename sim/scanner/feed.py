@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +18,7 @@ from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
 from trackslip.restorable import Restorable
 
-_SLACK = 0.2  # margin around the plate, within which beams are not selected again [m]
+_SLACK: Final = 0.2  # margin around the plate, within which beams are not selected again [m]
 
 
 @dataclass(frozen=True)
@@ -39,26 +40,28 @@ class _Aim:
         `heading` ascend in equal steps [rad]. All points of a plate are within `radius` from its
         centre [m].
         """
+        # bearings of the circles in which the plates are
         radius += _SLACK
         x, y = (centre - origin)[:, :2].T
         distance = np.hypot(x, y)
         bearing = wrap_angle(np.arctan2(y, x) - heading)
-        spread = np.where(
-            distance > radius,
-            np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)),
-            np.pi,
-        )
+        sine = np.minimum(radius / np.maximum(distance, radius), 1.0)
+        half_width = np.where(distance > radius, np.arcsin(sine), np.pi)
+
+        # as indices of beams; circles behind the scanner, where bearings wrap, take all beams
         last = len(bearings) - 1
         step = (bearings[-1] - bearings[0]) / last
-        low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
-        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where bearings wrap
-        low, high = (
-            np.where(around, 0, np.clip(low, 0, last)),
-            np.where(around, last, np.clip(high, 0, last)),
-        )
+        low = np.clip((bearing - half_width - bearings[0]) / step, 0, last)
+        high = np.clip((bearing + half_width - bearings[0]) / step, 0, last)
+        wraps = np.abs(bearing) + half_width > np.pi
+        low = np.where(wraps, 0, low)
+        high = np.where(wraps, last, high)
+
+        # as many beams for each robot as the widest circle needs
         first = np.floor(low).astype(int)
         count = min(int((np.ceil(high) - first).max()), last) + 1
-        return cls(centre, np.minimum(first, last + 1 - count)[:, None] + np.arange(count))
+        first = np.minimum(first, last + 1 - count)
+        return cls(centre, first[:, None] + np.arange(count))
 
     def holds(self, centre: Array) -> bool:
         """Whether the selection is still valid for plates around `centre` (N, 3) [m]."""
@@ -100,13 +103,10 @@ class ScannerFeed(Restorable):
         """
         if isinstance(generators, int):
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
-        require(
-            len(generators) == fleet.size,
-            "generators",
-            len(generators),
-            f"{fleet.size}, one per robot",
-        )
-        self._scanner, self._fleet = scanner, fleet
+        count = len(generators)
+        require(count == fleet.size, "generators", count, f"{fleet.size}, one per robot")
+        self._scanner = scanner
+        self._fleet = fleet
         self._random = [g.spawn(1)[0] for g in generators]
         self._noise = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
         require(bool((self._noise >= 0).all()), "noise", self._noise.tolist(), "at least 0 m")
@@ -120,10 +120,9 @@ class ScannerFeed(Restorable):
         self.bearings = scanner.bearings
         """Directions (B,) of the beams in the LRF's frame [rad]."""
         direction = self._heading + self.bearings
-        # (B, 3)
-        self._rays = np.stack(
-            [np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1
-        )
+        self._rays = np.zeros((len(direction), 3))  # unit vectors along the beams
+        self._rays[:, 0] = np.cos(direction)
+        self._rays[:, 1] = np.sin(direction)
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
         self._around = obstacles.ranges(self._origin[:2], self._rays[:, :2])  # (B,) [m]
@@ -145,8 +144,9 @@ class ScannerFeed(Restorable):
             self._aimed_origins, self._aimed_rays, geomgroup=self._groups, bodyexclude=self._lrf
         )
         distance[distance < 0] = np.nan
+        nearest = np.fmin(distance, self._around[aim.beams])
         ranges = np.tile(self._around, (self._fleet.size, 1))
-        np.put_along_axis(ranges, aim.beams, np.fmin(distance, self._around[aim.beams]), axis=1)
+        np.put_along_axis(ranges, aim.beams, nearest, axis=1)
         return ranges
 
     def _aimed(self) -> _Aim:

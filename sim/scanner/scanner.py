@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass
+from typing import Final
 
 import numpy as np
 
@@ -22,14 +23,14 @@ from trackslip.errors import (
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
-_MAX_BEAMS = 20_000  # largest number of beams per scan
-_MIN_RATE = 5.0  # smallest scan rate [Hz]
-_MAX_ERROR = 0.5  # largest range error from a single cause [m]
-_MIN_STEP = 1e-6  # smallest step to which ranges are rounded [m]
-_COORDINATE = require_within, -1000.0, 1000.0, "m"  # check for coordinates
-_MAX_RADIUS = 10.0  # largest radius of a post [m]
-_MAX_NUMBER = 10_000  # largest number of posts and of walls
-_MIN_DISTANCE = 0.01  # smallest distance between an obstacle and the scanner [m]
+_MAX_BEAMS: Final = 20_000  # largest number of beams per scan
+_MIN_RATE: Final = 5.0  # smallest scan rate [Hz]
+_MAX_ERROR: Final = 0.5  # largest range error from a single cause [m]
+_MIN_STEP: Final = 1e-6  # smallest step to which ranges are rounded [m]
+_COORDINATE: Final = (require_within, -1000.0, 1000.0, "m")  # check for coordinates
+_MAX_RADIUS: Final = 10.0  # largest radius of a post [m]
+_MAX_NUMBER: Final = 10_000  # largest number of posts and of walls
+_MIN_DISTANCE: Final = 0.01  # smallest distance between an obstacle and the scanner [m]
 
 
 def require_share(name: str, value: float) -> None:
@@ -60,19 +61,16 @@ class LaserScanner(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        opened, step, rounding = self.field_of_view, self.resolution, self.quantisation
-        few_beams = f"at least field_of_view / {_MAX_BEAMS}, for at most that many beams"
-        for valid, name, allowed in (
-            (not 0 < rounding < _MIN_STEP, "quantisation", f"0, or at least {_MIN_STEP:g} m"),
-            (self.rate >= _MIN_RATE, "rate", f"at least {_MIN_RATE:g} Hz"),
-            (opened / step <= _MAX_BEAMS, "resolution", few_beams),
-            (
-                step < opened <= 2 * np.pi,
-                "field_of_view",
-                "greater than the resolution, at most 2 pi",
-            ),
-        ):
-            require(valid, name, getattr(self, name), allowed)
+        rounding = self.quantisation
+        is_step = rounding == 0 or rounding >= _MIN_STEP
+        require(is_step, "quantisation", rounding, f"0, or at least {_MIN_STEP:g} m")
+        require(self.rate >= _MIN_RATE, "rate", self.rate, f"at least {_MIN_RATE:g} Hz")
+        beams = self.field_of_view / self.resolution
+        allowed = f"at least field_of_view / {_MAX_BEAMS}, for at most that many beams"
+        require(beams <= _MAX_BEAMS, "resolution", self.resolution, allowed)
+        is_opened = self.resolution < self.field_of_view <= 2 * np.pi
+        allowed = "greater than the resolution, at most 2 pi"
+        require(is_opened, "field_of_view", self.field_of_view, allowed)
 
     def measure(
         self, true_ranges: Array, random: Sequence[np.random.Generator], noise: Array | None = None
@@ -84,16 +82,16 @@ class LaserScanner(Checked):
         only in this method.
         """
         shape = true_ranges.shape[1:]
+        deviation = self.noise if noise is None else noise.reshape(-1, *np.ones(len(shape), int))
         ranges = np.stack([generator.standard_normal(shape) for generator in random])
-        ranges *= self.noise if noise is None else noise.reshape(-1, *np.ones(len(shape), int))
+        ranges *= deviation
         ranges += true_ranges
         ranges += self.range_bias
         if self.quantisation > 0:
             ranges = np.round(ranges / self.quantisation) * self.quantisation
         if self.dropout > 0:
-            ranges[np.stack([generator.random(shape) for generator in random]) < self.dropout] = (
-                np.nan
-            )
+            drawn = np.stack([generator.random(shape) for generator in random])
+            ranges[drawn < self.dropout] = np.nan
         ranges[true_ranges > self.max_range] = np.nan
         return ranges
 
@@ -132,10 +130,13 @@ class Post(Checked):
     def ranges(self, origin: Array, direction: Array) -> Array:
         """Distances (...) to the post along beams; see `Obstacles.ranges`."""
         centre = np.array([self.x, self.y]) - origin
-        along, across = np.sum(centre * direction, axis=-1), _cross(direction, centre)
+        along = np.sum(centre * direction, axis=-1)
+        across = _cross(direction, centre)
         half_chord = np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
-        met = (np.abs(across) <= self.radius) & (along + half_chord >= 0)
-        return np.where(met, np.maximum(along - half_chord, 0.0), np.nan)
+        is_beside = np.abs(across) > self.radius
+        is_behind = along + half_chord < 0
+        distance = np.maximum(along - half_chord, 0.0)
+        return np.where(is_beside | is_behind, np.nan, distance)
 
 
 @dataclass(frozen=True)
@@ -159,15 +160,17 @@ class Wall(Checked):
     def ranges(self, origin: Array, direction: Array) -> Array:
         """Distances (...) to the wall along beams, see `Obstacles.ranges`; a beam parallel to the
         wall misses it.
+
+        A beam meets the wall where distance * direction = start + share * side.
         """
         start = np.array([self.x0, self.y0]) - origin
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
-        # range * direction = start + share * side
         determinant = _cross(direction, side)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):  # 0 for parallel beams
             distance = _cross(start, side) / determinant
             share = _cross(start, direction) / determinant
-        return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)
+        is_met = (distance >= 0) & (share >= 0) & (share <= 1)
+        return np.where(is_met, distance, np.nan)
 
 
 @dataclass(frozen=True)
@@ -203,15 +206,15 @@ class Obstacles:
         allowed = f"at least {_MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
         for name in ("posts", "walls"):
             for k, obstacle in enumerate(getattr(self, name)):
-                near = (obstacle.ranges(scanner, around) < _MIN_DISTANCE).any()
-                require(not near, f"{name}[{k}]", obstacle, allowed)
+                is_near = obstacle.ranges(scanner, around) < _MIN_DISTANCE
+                require(not is_near.any(), f"{name}[{k}]", obstacle, allowed)
 
 
 def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-NAMED_OBSTACLES: dict[str, Obstacles] = {
+NAMED_OBSTACLES: Final[dict[str, Obstacles]] = {
     # posts beside and behind the circles, two of them within the length of a plate from the largest
     # circle
     "posts": Obstacles(

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -46,16 +46,18 @@ from trackslip.errors import (
 )
 from trackslip.kinematics import Array
 
-_MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # number of solids and length of a course [m]
-_CLEARANCE = 0.3  # distance from the floor to the lowest point of the course [m]
-_CELL = 0.02  # cell size of the table for `look_up` on courses of moderate size [m]
-_MAX_CELLS = 2_000_000
-_FLOOR = (0.40, 0.43, 0.40, 1.0)
-_FLOOR_SIZE = 50.0  # half size of the floor when drawn; it is infinite [m]
-_START_BEFORE = 1.0  # distance from the start to the first piece [m]
-_NAME = "course/"  # prefix in the names of a course's geoms
-_COURSES = Path(models.__file__).parent / "courses"
-_KINDS: dict[str, type[Any]] = {
+_MAX_SOLIDS: Final = 2000  # number of solids of a course
+_MAX_COURSE: Final = 1000.0  # length of a course [m]
+_CLEARANCE: Final = 0.3  # distance from the floor to the lowest point of the course [m]
+_CELL: Final = 0.02  # cell size of the table for `look_up` on courses of moderate size [m]
+_MAX_CELLS: Final = 2_000_000
+_MARGIN: Final = 2  # cells of the table beyond the course
+_FLOOR: Final = (0.40, 0.43, 0.40, 1.0)
+_FLOOR_SIZE: Final = 50.0  # half size of the floor when drawn; it is infinite [m]
+_START_BEFORE: Final = 1.0  # distance from the start to the first piece [m]
+_NAME: Final = "course/"  # prefix in the names of a course's geoms
+_COURSES: Final = Path(models.__file__).parent / "courses"
+_KINDS: Final[dict[str, type[Any]]] = {
     "flat": Flat,
     "ramp": Ramp,
     "step": Step,
@@ -113,23 +115,28 @@ class Course(Checked):
         for piece in self.pieces:
             require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
         super().__post_init__()
-        require_at_most(
-            "length of the course", self.placed[-1].x + self.start_length, _MAX_COURSE, "m"
-        )
+        length = self.placed[-1].x + self.start_length
+        require_at_most("length of the course", length, _MAX_COURSE, "m")
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
         """Start platform, pieces and goal platform, placed on the course."""
-        placed = [Placed((), -self.start_length, 0.0)]
+        x = -self.start_length
+        z = 0.0
+        placed: list[Placed] = []
         kinds: Counter[str] = Counter()
+        count = 0
         for piece in (Flat(self.start_length), *self.pieces, Flat(self.goal_length)):
             kind = type(piece).__name__
             # independent of other pieces on the course
             rng = generator(self.seed, f"{kind} {kinds[kind]}")
-            placed.append(piece.place(Site(placed[-1].x, placed[-1].z, self.width, rng)))
             kinds[kind] += 1
-            require_at_most("solids of the course", sum(len(p.solids) for p in placed), _MAX_SOLIDS)
-        return tuple(placed[1:])
+            placed.append(piece.place(Site(x, z, self.width, rng)))
+            x = placed[-1].x
+            z = placed[-1].z
+            count += len(placed[-1].solids)
+            require_at_most("solids of the course", count, _MAX_SOLIDS)
+        return tuple(placed)
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -176,10 +183,12 @@ class Course(Checked):
     def height(self, x: Array, y: Array) -> Array:
         """Exact heights (...) of the surface at points x, y, which are broadcast to (...) [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        points, height = np.stack([x.ravel(), y.ravel()]), np.full(x.size, self.floor)
+        points = np.stack([x.ravel(), y.ravel()])
+        height = np.full(x.size, self.floor)
         for solid in self.solids:
             low, high = solid.bounds[:, :2, None]
-            (near,) = np.nonzero(((points >= low - EDGE) & (points <= high + EDGE)).all(axis=0))
+            is_near = (points >= low - EDGE) & (points <= high + EDGE)
+            (near,) = np.nonzero(is_near.all(axis=0))
             height[near] = np.maximum(height[near], solid.height(*points[:, near]))
         return height.reshape(x.shape)
 
@@ -194,18 +203,20 @@ class Course(Checked):
     def table(self) -> Table:
         """Heights for `look_up` on a grid that extends beyond the course."""
         low, high = self.bounds[:, :2]
-        cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
-        x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
+        area = float(np.prod(high - low))
+        cell = max(_CELL, math.sqrt(area / _MAX_CELLS))
+        x = np.arange(low[0] - _MARGIN * cell, high[0] + (_MARGIN + 1) * cell, cell)
+        y = np.arange(low[1] - _MARGIN * cell, high[1] + (_MARGIN + 1) * cell, cell)
         heights = np.full((len(x), len(y)), self.floor)
         for solid in self.solids:
-            rows, columns = (
-                slice(*np.searchsorted(line, solid.bounds[:, k] + [-EDGE, EDGE]))
-                for k, line in enumerate((x, y))
-            )
+            # the part of the grid around the solid, a view of the heights
+            x_ends, y_ends = (solid.bounds[:, :2] + [[-EDGE], [EDGE]]).T
+            rows = slice(*np.searchsorted(x, x_ends))
+            columns = slice(*np.searchsorted(y, y_ends))
             part = heights[rows, columns]
-            at = np.broadcast_arrays(x[rows, None], y[columns])
-            seen = solid.height(*(places.ravel() for places in at))
-            np.maximum(part, seen.reshape(part.shape), out=part)
+            x_part, y_part = np.broadcast_arrays(x[rows, None], y[columns])
+            height = solid.height(x_part.ravel(), y_part.ravel())
+            np.maximum(part, height.reshape(part.shape), out=part)
         return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
     def add_to(self, spec: mujoco.MjSpec, *, looks: bool = True) -> list[str]:
@@ -216,20 +227,23 @@ class Course(Checked):
         prefix=..., frame=...)`. With `looks`, the supports of slopes are drawn as meshes, which
         don't collide.
         """
-        taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
-        require(not taken, "spec", spec.modelname, "one without a course")
+        is_taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
+        require(not is_taken, "spec", spec.modelname, "one without a course")
         base = Base(self.floor, self.friction, looks)
         add_lines(spec)
-        names = [f"{_NAME}{k}" for k in range(len(self.solids))]
-        for solid, geom in zip(self.solids, names, strict=True):
-            solid.add_to(spec, geom, base)
-        floor = {
-            "size": [_FLOOR_SIZE, _FLOOR_SIZE, 1.0],
-            "pos": [0.0, 0.0, self.floor],
+        names = []
+        for k, solid in enumerate(self.solids):
+            names.append(f"{_NAME}{k}")
+            solid.add_to(spec, names[-1], base)
+        names.append(f"{_NAME}floor")
+        spec.worldbody.add_geom(
+            name=names[-1],
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[_FLOOR_SIZE, _FLOOR_SIZE, 1.0],
+            pos=[0.0, 0.0, self.floor],
             **look(_FLOOR, base),
-        }
-        spec.worldbody.add_geom(name=f"{_NAME}floor", type=mujoco.mjtGeom.mjGEOM_PLANE, **floor)
-        return [*names, f"{_NAME}floor"]
+        )
+        return names
 
 
 class Table(NamedTuple):
@@ -248,15 +262,21 @@ def look_up(courses: Sequence[Course], points: Array) -> Array:
     """
     tables = [course.table for course in courses]
     shape = np.array([table.heights.shape for table in tables])[:, None]  # (N, 1, 2)
-    at = points - np.array([table.origin for table in tables])[:, None]
-    at = at * np.array([table.per_metre for table in tables])[:, None, None]
-    at = np.clip(at, 0.0, shape - 1.001)
+    origin = np.array([table.origin for table in tables])[:, None]
+    per_metre = np.array([table.per_metre for table in tables])[:, None, None]
+    at = np.clip((points - origin) * per_metre, 0.0, shape - 1.001)  # [cells]
     cell = at.astype(int)
-    first = cell[..., 0] * shape[..., 1] + cell[..., 1]
-    corners = first[..., None] + shape[..., 1:] * [0, 0, 1, 1] + [0, 1, 0, 1]  # (N, P, 4)
-    near = np.array([table.heights.take(own) for table, own in zip(tables, corners, strict=True)])
     u, v = np.moveaxis(at - cell, -1, 0)
-    back, front = ((1 - v) * near[..., k] + v * near[..., k + 1] for k in (0, 2))
+
+    # indices (N, P, 4) of the cells' corners in the tables, which are stored row by row
+    columns = shape[..., 1:]
+    first = cell[..., :1] * columns + cell[..., 1:]
+    corners = first + columns * [0, 0, 1, 1] + [0, 1, 0, 1]
+    near = [table.heights.take(own) for table, own in zip(tables, corners, strict=True)]
+    back_right, back_left, front_right, front_left = np.moveaxis(np.array(near), -1, 0)
+
+    back = (1 - v) * back_right + v * back_left
+    front = (1 - v) * front_right + v * front_left
     return np.asarray((1 - u) * back + u * front)
 
 
@@ -289,26 +309,30 @@ def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ())
     error message. Raises InvalidValueError for any other source, SettingsFileError for an
     unreadable file and invalid fields.
     """
-    named = _COURSES / f"{source}.toml"
-    table = (
-        read_toml(named)
-        if source in course_names()
-        else read_named("course", source, (*course_names(), *drawn))
-    )
+    if source in course_names():
+        table = read_toml(_COURSES / f"{source}.toml")
+    else:
+        table = read_named("course", source, (*course_names(), *drawn))
     course = Course.from_table(table, source)
     return course if seed is None else dataclasses.replace(course, seed=seed)
 
 
 def _piece(row: object, where: str) -> Piece:
+    """A piece from a table of its fields and its `kind`; raises SettingsFileError, citing
+    `where`.
+    """
     if not isinstance(row, dict):
         raise SettingsFileError(f"{where}: {row!r:.80} is not a table")
-    fields = {name: value for name, value in row.items() if name != "kind"}
-    alike = [
-        name
-        for name, kind in _KINDS.items()
-        if {f.name for f in dataclasses.fields(kind)} == set(fields)
-    ]
-    kind = row.get("kind", alike[0] if alike else None)
+    given = {name: value for name, value in row.items() if name != "kind"}
+    kind = row.get("kind", _kind_with(set(given)))
     if not isinstance(kind, str) or kind not in _KINDS:
         raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")
-    return build(_KINDS[kind], fields, where)
+    return build(_KINDS[kind], given, where)
+
+
+def _kind_with(names: set[str]) -> str | None:
+    """The first kind of pieces that has exactly these fields."""
+    for kind, piece in _KINDS.items():
+        if {field.name for field in dataclasses.fields(piece)} == names:
+            return kind
+    return None

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import mujoco
 import numpy as np
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from trackslip.kinematics import Array
 
 Colour = tuple[float, float, float, float]
-EDGE = 1e-12
+EDGE: Final = 1e-12
 """Tolerance for points that are just outside a solid due to rounding [m]."""
-STONE: Colour = (0.62, 0.64, 0.66, 1.0)
-SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
-WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
-EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
-LINES = "course/lines"
+STONE: Final[Colour] = (0.62, 0.64, 0.66, 1.0)
+SLATE: Final[Colour] = (0.40, 0.43, 0.47, 1.0)
+WOOD: Final[Colour] = (0.72, 0.55, 0.35, 1.0)
+EARTH: Final[Colour] = (0.55, 0.47, 0.37, 1.0)
+LINES: Final = "course/lines"
 """Name of the material that all geoms of a course have."""
 # torsional and rolling friction: MuJoCo's defaults, ignored for condim 3 [m]
-_NO_TURNING = 0.005, 0.0001
+_NO_TURNING: Final = (0.005, 0.0001)
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,9 @@ class Level:
 
     def height(self, x: Array, y: Array) -> Array:
         """Heights (P,) of the top; see `Solid`."""
-        inside = (
-            (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE) & (np.abs(y) <= self.half_width + EDGE)
-        )
-        return np.where(inside, self.z, -np.inf)
+        is_along = (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE)
+        is_across = np.abs(y) <= self.half_width + EDGE
+        return np.where(is_along & is_across, self.z, -np.inf)
 
     def continues(self, behind: Level) -> bool:
         """Whether the block `behind` continues this block without an edge."""
@@ -80,11 +79,12 @@ class Level:
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the block to `spec`; see `Solid`."""
+        half_length = (self.x1 - self.x0) / 2
         half_height = (self.z - base.floor) / 2
         spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[(self.x1 - self.x0) / 2, self.half_width, half_height],
+            size=[half_length, self.half_width, half_height],
             pos=[(self.x0 + self.x1) / 2, 0.0, self.z - half_height],
             **look(self.colour, base),
         )
@@ -115,16 +115,23 @@ class Box:
     def height(self, x: Array, y: Array) -> Array:
         """Heights (P,), see `Solid`: where vertical lines first leave any of the slabs between
         opposite faces.
+
+        In the box's frame, the vertical line through a point begins at `start` at the height of the
+        centre, and moves along an axis of the box by `rise` per height. It is within the slab
+        across this axis from a height `reach` below the `middle` to as much above it.
         """
-        centre, half = np.array(self.centre), np.array(self.half) + EDGE
-        # (3, P), in the box
-        start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])
-        enters, leaves = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        for axis, rise in enumerate(self.rotation[2]):  # slab between the faces along each axis
-            if rise == 0:
+        centre = np.array(self.centre)
+        half = np.array(self.half) + EDGE
+        beside = np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])
+        start = self.rotation.T @ beside  # (3, P)
+        enters = np.full(len(x), -np.inf)
+        leaves = np.full(len(x), np.inf)
+        for axis, rise in enumerate(self.rotation[2]):
+            if rise == 0:  # the line is parallel to the slab
                 leaves[np.abs(start[axis]) > half[axis]] = -np.inf
                 continue
-            middle, reach = -start[axis] / rise, half[axis] / abs(rise)
+            middle = -start[axis] / rise
+            reach = half[axis] / abs(rise)
             np.maximum(enters, middle - reach, out=enters)
             np.minimum(leaves, middle + reach, out=leaves)
         return np.where(enters <= leaves, centre[2] + leaves, -np.inf)
@@ -146,10 +153,16 @@ class Box:
         """Draw the support of a sloping box, from its lower face down to the floor; the support
         doesn't collide.
         """
-        signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
-        lower = self.centre + signs * self.half @ self.rotation.T  # (4, 3)
-        below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
-        spec.add_mesh(name=name, uservert=np.concatenate([lower, below]).ravel())
+        length, width, height = self.half
+        corners = [
+            (-length, -width, -height),
+            (-length, width, -height),
+            (length, -width, -height),
+            (length, width, -height),
+        ]
+        lower = self.centre + np.array(corners) @ self.rotation.T  # (4, 3)
+        on_floor = np.column_stack([lower[:, :2], np.full(4, base.floor)])
+        spec.add_mesh(name=name, uservert=np.concatenate([lower, on_floor]).ravel())
         seen = look(self.colour, base) | {"contype": 0, "conaffinity": 0}
         spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **seen)
 
@@ -168,42 +181,54 @@ class Grid:
     def bounds(self) -> Array:
         """Corners (2, 3) of a box around the surface; see `Solid`."""
         low = [self.x0, -self.width / 2, self.heights.min()]
-        return np.array([low, [self.x0 + self.length, self.width / 2, self.heights.max()]])
+        high = [self.x0 + self.length, self.width / 2, self.heights.max()]
+        return np.array([low, high])
 
     @cached_property
     def _stored(self) -> tuple[float, float, NDArray[np.float32]]:
         """Lowest height, range of the heights [m], and heights scaled to 0 to 1, in the form that
         MuJoCo stores.
         """
-        low, high = float(self.heights.min()), float(self.heights.max())
+        low = float(self.heights.min())
+        high = float(self.heights.max())
         span = (high - low) or 1.0
         return low, span, ((self.heights - low) / span).astype(np.float32)
 
     def height(self, x: Array, y: Array) -> Array:
         """Heights (P,), see `Solid`; rectangles are cut from the first to the last corner, as in
         MuJoCo's ray casts.
+
+        Within a rectangle, u and v go from 0 to 1 along x and y. To the right of the cut, u > v,
+        the surface goes from the first corner along x to the corner between, and on along y to the
+        last one; to its left, the other way round.
         """
         low, span, shares = self._stored
-        heights, (rows, columns) = low + span * shares.astype(float), shares.shape
-        dx, dy = self.length / (columns - 1), self.width / (rows - 1)
-        u, v = (x - self.x0) / dx, (y + self.width / 2) / dy
-        column, row = (
-            np.clip(at.astype(int), 0, most - 2) for at, most in ((u, columns), (v, rows))
-        )
-        u, v = u - column, v - row
-        first, last = heights[row, column], heights[row + 1, column + 1]
-        right = u > v  # right of the cut, in the direction of y
-        corner = np.where(right, heights[row, column + 1], heights[row + 1, column])
-        along_x, along_y = np.where(
-            right, [corner - first, last - corner], [last - corner, corner - first]
-        )
-        beside = np.abs(x - self.x0 - self.length / 2) > self.length / 2 + EDGE
-        beside |= np.abs(y) > self.width / 2 + EDGE
-        return np.where(beside, -np.inf, first + u * along_x + v * along_y)
+        heights = low + span * shares.astype(float)
+        rows, columns = shares.shape
+        u = (x - self.x0) / (self.length / (columns - 1))
+        v = (y + self.width / 2) / (self.width / (rows - 1))
+        column = np.clip(u.astype(int), 0, columns - 2)
+        row = np.clip(v.astype(int), 0, rows - 2)
+        u = u - column
+        v = v - row
+
+        first = heights[row, column]
+        last = heights[row + 1, column + 1]
+        is_right = u > v
+        between = np.where(is_right, heights[row, column + 1], heights[row + 1, column])
+        along_x = np.where(is_right, between - first, last - between)
+        along_y = np.where(is_right, last - between, between - first)
+        height = first + u * along_x + v * along_y
+
+        from_middle = np.abs(x - self.x0 - self.length / 2)
+        is_beyond = from_middle > self.length / 2 + EDGE
+        is_beside = np.abs(y) > self.width / 2 + EDGE
+        return np.where(is_beyond | is_beside, -np.inf, height)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the height field to `spec`; see `Solid`."""
-        (low, span, shares), (rows, columns) = self._stored, self.heights.shape
+        low, span, shares = self._stored
+        rows, columns = self.heights.shape
         size = [self.length / 2, self.width / 2, span, low - base.floor]
         spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=shares.ravel())
         spec.worldbody.add_geom(

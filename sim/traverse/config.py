@@ -168,7 +168,7 @@ class CrossingReward(Checked):
     """One-time penalty for failing [-]."""
 
     def terms(
-        self, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
+        self, gain: Array, work: Array, duration: Array, change: Array, outcome: Outcomes
     ) -> tuple[Array, ...]:
         """Terms (N,) of the reward, in the order of `TERMS`.
 
@@ -183,7 +183,7 @@ class CrossingReward(Checked):
         return (
             self.weight_progress * gain,
             -self.weight_energy * work,
-            -self.weight_time * took,
+            -self.weight_time * duration,
             -self.weight_change * square / change.shape[1],
             self.weight_reached * has_reached - self.weight_failed * has_failed,
         )

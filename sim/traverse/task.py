@@ -237,24 +237,24 @@ class Crossing(Task):
         self.world.begin(where, courses, starts, mass=masses)
         self._difficulty[where] = [episode.difficulty for episode in episodes]
         self._seed[where] = [episode.seed for episode in episodes]
-        self._length[where] = self.world.way[where]
+        self._length[where] = self.world.distance_to_goal[where]
         self._clear(where, self._penetration, self._work)
 
     def step(self, actions: ArrayLike) -> None:
         """Simulate one control period, see Task; robots whose episodes have ended stand still."""
         action, change = self._clipped(actions)
         running = self.outcome == Outcome.DRIVING
-        before = self.world.way
+        before = self.world.distance_to_goal
         self.world.step(self.actions.command(action))
         work = np.where(running, one_by_one(self.world.work), 0.0)
         self._work += work
         depth = np.where(running, self.world.contact.depth.max(axis=1), 0.0)
         self._penetration = np.maximum(self._penetration, depth)
-        gain = np.where(running, before - self.world.way, 0.0)
+        gain = np.where(running, before - self.world.distance_to_goal, 0.0)
         ended = np.where(running, self.outcome, Outcome.DRIVING)
-        took = np.where(running, self.period, 0.0)
+        duration = np.where(running, self.period, 0.0)
         change = np.where(running[:, None], change, 0.0)
-        terms = self.config.reward.terms(gain, work / self._weight, took, change, ended)
+        terms = self.config.reward.terms(gain, work / self._weight, duration, change, ended)
         self._earn(terms, running)
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
@@ -271,7 +271,7 @@ class Crossing(Task):
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
             "difficulty": self._difficulty,
             # share of the distance from start to goal [-]
-            "progress": 1 - world.way / self._length,
+            "progress": 1 - world.distance_to_goal / self._length,
             "true_position": world.state.position,  # (N, 3) [m]
             "true_velocity": world.state.velocity,  # (N, 3) [m/s]
             "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]

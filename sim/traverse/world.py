@@ -207,10 +207,10 @@ class Traverse(Simulations):
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         for factor in factors:
             require_positive("mass", factor)
-        # `_load` needs moving belts
+        # `_set_payload` needs moving belts
         self._belts.set(self.tracked.motor_speeds(np.ones((count, 2))), where)
         with engine_errors(self.tracked.robot.model):
-            self._load(where, self.tracked.body, factors, np.zeros((count, 2)))
+            self._set_payload(where, self.tracked.body, factors, np.zeros((count, 2)))
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
@@ -315,7 +315,7 @@ class Traverse(Simulations):
         return look_up(self.course, points)
 
     @property
-    def way(self) -> Array:
+    def distance_to_goal(self) -> Array:
         """Distances (N,) along x that remain until courses are crossed [m]."""
         return self.goal - self.state.position[:, 0]
 
@@ -371,7 +371,7 @@ class Traverse(Simulations):
         applies = {
             Outcome.TIME: self.time > self.limits.time - self.period / 2,
             Outcome.STUCK: self._stuck.observe(state.position, self.servo.speed),
-            Outcome.REACHED: self.way <= 0,
+            Outcome.REACHED: self.distance_to_goal <= 0,
             Outcome.FELL: is_below | is_beside,
             Outcome.TIPPED: state.upright < np.cos(_LEAN),
             Outcome.EXPLODED: broken,

@@ -156,7 +156,7 @@ def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: 
     return before + share[:, None] * (levers[now] - before)
 
 
-DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
+DRIVING: Final[dict[str, Callable[[Array, Driver, np.random.Generator], Array]]] = {
     "random": _random,
     "eights": _eights,
     "stop_and_go": _stop_and_go,
@@ -194,22 +194,23 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
     clock shows the row's time.
     """
     read = encoders.time
-    within = (stamps >= read[0]) & (stamps <= read[-1])
-    stamps, poses = stamps[within], poses[within]
+    is_within = (stamps >= read[0]) & (stamps <= read[-1])
+    stamps = stamps[is_within]
+    poses = poses[is_within]
     time = np.union1d(read, stamps)
     after = np.searchsorted(read, time)
-    held = np.searchsorted(read, time, side="right") - 1
+    before = np.searchsorted(read, time, side="right") - 1
     pose = np.full((len(time), 3), np.nan)
     valid = np.zeros(len(time), bool)
-    seen = np.searchsorted(time, stamps)
-    pose[seen] = poses
-    valid[seen] = True
+    has_pose = np.searchsorted(time, stamps)
+    pose[has_pose] = poses
+    valid[has_pose] = True
     return RunLog(
         run=encoders.run,
         time=time,
         omega=encoders.omega[after],
         pose=pose,
-        command=None if encoders.command is None else encoders.command[held],
+        command=None if encoders.command is None else encoders.command[before],
         valid=valid,
         read=np.isin(time, read),
         truth=None if encoders.truth is None else _truth_at(encoders.truth, read, time, after),
