@@ -50,7 +50,8 @@ def add_tracks(
             up.
         track: the track or the pair to add.
         terrain: geoms, or their names, to connect with the tracks immediately; if omitted, call
-            `connect` later.
+            `connect` later. On a body that doesn't move, the belts of a conveyor carry bodies that
+            do: name the geoms of these.
 
     Raises:
         InvalidValueError: for a body that is not in the spec, a name that is already used, terrain
