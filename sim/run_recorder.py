@@ -23,7 +23,8 @@ FAILURE = "failure"
 """Key in a log's metadata for the reason if the run ended early."""
 SATURATION = "saturation"
 """Key in a log's metadata for its `Saturation`, if a motor was at its limit."""
-_SIDES = ("left", "right")
+# of motors; one in the middle runs at the mean of both sides
+_SIDES = ("left", "right", "middle")
 _UPRIGHT = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
 
 
@@ -89,7 +90,7 @@ class Saturation:
     """The motor of a run that was at its limit for longer, and by how much it was too weak."""
 
     motor: str
-    """Side of the motor, left or right."""
+    """Side of the motor: left, right or middle."""
     share: float
     """Share of the time at the limit [-]."""
     torque: float
@@ -99,8 +100,8 @@ class Saturation:
 
     @classmethod
     def of(cls, saturated: Array, torque: Array, needed: Array) -> Saturation | None:
-        """Find it from shares of the time (T, 2), torques and needed torques (T, 2) [N m]; None if
-        no motor reached its limit.
+        """Find it from shares of the time, torques and needed torques (T, M) of M motors [N m];
+        None if no motor reached its limit.
         """
         share = saturated.mean(axis=0)
         if not share.any():
