@@ -44,7 +44,9 @@ def run(config: Config) -> None:
 
     world = make_world(config)
     robot, course, about = world.tracked.robot, world.course[0], about_world(world)
-    looks = build_tracked(robot, course, preset=config.preset, looks=True)
+    looks = build_tracked(
+        robot, course, preset=config.preset, friction=course.frictions, looks=True
+    )
     notes = without_motors(config.robot, or_tireless(robot.drive))
     with Run(config) as run:
         with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:

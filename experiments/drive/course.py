@@ -39,7 +39,7 @@ class DrivenCourse:
     angles: Array  # (R, F) flipper angles, positive with the tips up [rad]
     command: Command  # (R, ...)
     work: Array  # (R, T) work of the belts against the ground since the previous row [J]
-    motors: MotorReading  # (R, 2) of the left and right motors
+    motors: MotorReading  # (R, M) of the left and right motors, and one in the middle, if any
     contact: Reading  # (R, T) means since the previous row
 
     @property

@@ -48,6 +48,8 @@ def make_world(config: Config) -> Traverse:
         require(is_random, "seed", config.seed, "left out: the course has no random parts")
     course = Footprint.of(robot).fit(course)
     if config.friction is not None:
+        allowed = "left out: the course states its friction across the tracks, too"
+        require(not course.is_plane, "friction", config.friction, allowed)
         course = replace(course, friction=config.friction)
     return Traverse(
         robot,
@@ -187,7 +189,9 @@ def about_world(world: Traverse) -> dict[str, Any]:
             "model": robot.model.name,
             "packages": [each.name for each in robot.packages],
         },
-        "course": {name: getattr(course, name) for name in ("friction", "seed", "width")}
+        "course": {
+            name: getattr(course, name) for name in ("friction", "friction_across", "seed", "width")
+        }
         | {"goal": float(world.goal[0])},
         "seed": course.seed,
         "mass": float(tracked.model.body_subtreemass[tracked.body]),

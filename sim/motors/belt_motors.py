@@ -14,7 +14,7 @@ from sim.motors.motor import EvenTorque, TorqueLaw
 from trackslip.errors import require
 
 Floats = NDArray[Any]
-_STATES: Final = 12  # number of arrays in a state
+_STATES: Final = 13  # number of arrays in a state
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,8 @@ class MotorReading:
     """Largest torque that the set point took in the last `BatchBelts.run` in which one of the
     motors was too weak; 0 before that (..., T) [N m].
     """
+    position: Floats
+    """Distance that the belt has run in all steps so far (..., T) [m]."""
 
 
 class BeltMotors:
@@ -69,7 +71,8 @@ class BeltMotors:
         # views: belt speeds [m/s], torques [N m], powers [W], energies [J]
         self.speed, self._torque, self._power, self._energy = self._state[5:9]
         # views: times at the limits [s], torques there [N m], torques for the set points [N m]
-        self._saturated_time, self._saturated_torque, self._needed = self._state[9:]
+        self._saturated_time, self._saturated_torque, self._needed = self._state[9:12]
+        self._position = self._state[12]  # view: distances that the belts have run [m]
         self.begin(np.arange(size))
 
     def begin(self, rows: NDArray[np.int_]) -> None:
@@ -112,6 +115,10 @@ class BeltMotors:
         """Set points (R, T) in the simulations `rows` [m/s]."""
         return self._goal[rows]
 
+    def roll(self, rows: NDArray[np.int_], duration: float) -> None:
+        """Let the belts in the simulations `rows` run at their set points for a `duration` [s]."""
+        self._position[rows] += self._goal[rows] * duration
+
     def limited(self, rows: NDArray[np.int_]) -> bool:
         """Whether any motor in the simulations `rows` has a limit."""
         return bool(np.isfinite(self._limit[rows]).any())
@@ -135,6 +142,8 @@ class BeltMotors:
         power = torque * goal[:, None]
         power[:, 0] = torque[:, 0] * (start + goal) / 2
         kept = rows[held]
+        self.roll(kept, traction.shape[1] * step)
+        self._position[kept] += (self.speed[kept] - self._goal[kept]) * step / 2
         self.speed[kept] = self._goal[kept]
         self._owed[kept] = 0.0
         self._change[kept] = 0.0
@@ -157,6 +166,7 @@ class BeltMotors:
             self._saturated_time[rows].copy(),
             self._saturated_torque[rows].copy(),
             self._needed[rows].copy(),
+            self._position[rows].copy(),
         )
 
     def advance(
@@ -221,6 +231,7 @@ class BeltMotors:
         self._saturated_time[rows] += is_saturated * step
         self._saturated_torque[rows] = np.where(is_saturated, torque, self._saturated_torque[rows])
         speed = speeds(np.arange(len(rows)), omega)
+        self._position[rows] += (self.speed[rows] + speed) / 2 * step
         self._change[rows] = speed - self.speed[rows]
         self.speed[rows] = speed
         self._slope[rows] = slope

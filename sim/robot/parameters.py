@@ -78,7 +78,9 @@ class RobotParameters(Checked):
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
     drive: Drive | None = field(default_factory=Drive, metadata={"stored_unless": Drive()})
-    """Servos and motors; None for motors of unlimited torque, as in files without `[drive]`."""
+    """Servos and motors; None for motors of unlimited torque, as in files without `[drive]`. The
+    default is the shipped robot's, of 25 kg, whatever the other parameters are.
+    """
     radius_split: float = checked(
         0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO
     )

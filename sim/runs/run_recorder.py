@@ -23,7 +23,8 @@ FAILURE: Final = "failure"
 """Key in a log's metadata for the reason if the run ended early."""
 SATURATION: Final = "saturation"
 """Key in a log's metadata for its `Saturation`, if a motor was at its limit."""
-_SIDES: Final = ("left", "right")
+# of motors; one in the middle runs at the mean of both sides
+_SIDES: Final = ("left", "right", "middle")
 _ICR: Final = ("offset", "radius_error")  # attributes of laws that record their ICRs
 _UPRIGHT: Final = float(np.cos(0.5))  # cosine of the lean beyond which a robot has tipped over
 # data of a contact sensor
@@ -98,7 +99,7 @@ class Saturation:
     """The motor of a run that was at its limit for longer, and by how much it was too weak."""
 
     motor: str
-    """Side of the motor, left or right."""
+    """Side of the motor: left, right or middle."""
     share: float
     """Share of the time at the limit [-]."""
     torque: float
@@ -108,8 +109,8 @@ class Saturation:
 
     @classmethod
     def of(cls, saturated: Array, torque: Array, needed: Array) -> Saturation | None:
-        """Find it from shares of the time (T, 2), torques and needed torques (T, 2) [N m]; None if
-        no motor reached its limit.
+        """Find it from shares of the time, torques and needed torques (T, M) of M motors [N m];
+        None if no motor reached its limit.
         """
         share = saturated.mean(axis=0)
         if not share.any():

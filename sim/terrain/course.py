@@ -8,7 +8,7 @@ import dataclasses
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -84,13 +84,17 @@ class Course(Checked):
     width: float = checked(3.0, *LENGTH)
     """Width of the course [m]."""
     friction: float = checked(0.7, require_positive, 10.0)
-    """Coefficient of friction of all surfaces [-]."""
+    """Coefficient of friction of all surfaces; along the tracks, if it differs across them [-]."""
     seed: int = checked(0, require_whole, 0)
     """Root seed for random properties, such as rough ground."""
     start_length: float = checked(2.0, *LENGTH)
     """Length of the level platform before the first piece [m]."""
     goal_length: float = checked(2.0, *LENGTH)
     """Length of the level platform behind the last piece [m]."""
+    friction_across: float | None = field(default=None, metadata={"stored_unless": None})
+    """Coefficient of friction across the tracks, if it differs; only for courses of flat pieces,
+    whose ground is then an infinite plane [-].
+    """
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], where: str) -> Course:
@@ -117,6 +121,23 @@ class Course(Checked):
         super().__post_init__()
         length = self.placed[-1].x + self.start_length
         require_at_most("length of the course", length, _MAX_COURSE, "m")
+        if self.friction_across is not None:
+            require_positive("friction_across", self.friction_across, 10.0)
+            # only on a plane, the frame of a contact turns with the robot
+            is_even = len(self.solids) == 1 and isinstance(self.solids[0], Level)
+            allowed = "left out, unless all pieces are flat"
+            require(is_even, "friction_across", self.friction_across, allowed)
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether the ground is an infinite plane instead of blocks above a floor."""
+        return self.friction_across is not None
+
+    @property
+    def frictions(self) -> tuple[float, float]:
+        """Coefficients of friction along and across the tracks [-]."""
+        across = self.friction if self.friction_across is None else self.friction_across
+        return self.friction, across
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
@@ -166,6 +187,8 @@ class Course(Checked):
     @property
     def floor(self) -> float:
         """Height of the surrounding floor [m]."""
+        if self.is_plane:
+            return float(self.bounds[0, 2])
         return float(self.bounds[0, 2]) - _CLEARANCE
 
     @property
@@ -232,7 +255,8 @@ class Course(Checked):
         base = Base(self.floor, self.friction, looks)
         add_lines(spec)
         names = []
-        for k, solid in enumerate(self.solids):
+        solids = () if self.is_plane else self.solids
+        for k, solid in enumerate(solids):
             names.append(f"{_NAME}{k}")
             solid.add_to(spec, names[-1], base)
         names.append(f"{_NAME}floor")

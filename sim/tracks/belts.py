@@ -342,6 +342,8 @@ class BatchBelts:
                 self._batch.state[where[weak]] = before[weak]
                 for k in range(steps):
                     reading.put((weak, k), self.step(where[weak]))
+        else:
+            self._motors.roll(where, steps * float(self._batch.model.opt.timestep))
         return reading
 
     def _read(self, rows: Any) -> Reading:

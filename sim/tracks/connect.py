@@ -139,7 +139,8 @@ def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> Non
     Args:
         spec: a spec with tracks, attached robots included.
         terrain: geoms of the spec, or their names; by default all colliding geoms of the world and
-            of bodies fixed to it.
+            of bodies fixed to it. On a body that doesn't move, the belts of a conveyor carry bodies
+            that do: name the geoms of these.
 
     Raises:
         InvalidValueError: for a geom that is not in the spec, a spec without tracks, and different

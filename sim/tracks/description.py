@@ -139,18 +139,20 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
     require_stable(model.opt.timestep, preset)
     set_options(model.opt, preset)
     body = int(tracks.bodies[0])
+    is_conveyor = model.body_treeid[body] < 0
+    trees = loads_on(model, body) if is_conveyor else model.body_treeid[[body]]
     require(
-        model.body_weldid[body] != 0,
+        trees.size,
         "body",
         tracks.names[0],
-        "on a body that moves: give the robot a free joint",
+        "on a body that moves, or connected with one: give the robot or the load a free joint",
     )
     mass = float(moving_mass(model, body)) * tracks.load
-    # belts don't wake robots
-    model.tree_sleep_policy[model.body_treeid[body]] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+    # belts don't wake what they move
+    model.tree_sleep_policy[trees] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    # a robot held on a test rig, for example, has no mobility at all
-    rocks = max(mobility(model, tracks, mass), 1.0)
+    # a robot held on a test rig and a conveyor, for example, have no mobility at all
+    rocks = 1.0 if is_conveyor else max(mobility(model, tracks, mass), 1.0)
     grip = preset.grip * preset.regularisation / preset.regularise(gravity, rocks, np.inf)
     place = {int(geom): k for k, geom in enumerate(tracks.geoms)}
     ends = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
@@ -180,9 +182,23 @@ def set_contacts(model: mujoco.MjModel, tracks: TracksInModel) -> None:
 
 def moving_mass(model: mujoco.MjModel, bodies: NDArray[np.int_] | int) -> Any:
     """Masses (...) of the robots to which `bodies` (...) belong, without fixed bodies that carry a
-    robot [kg].
+    robot; of bodies that don't move, such as a conveyor's, the masses of all loads on them [kg].
     """
-    return model.body_subtreemass[model.tree_bodyadr[model.body_treeid[bodies]]]
+
+    def mass(body: int) -> float:
+        tree = model.body_treeid[body]
+        trees = loads_on(model, body) if tree < 0 else [tree]
+        return float(model.body_subtreemass[model.tree_bodyadr[trees]].sum())
+
+    return np.vectorize(mass, otypes=[float])(bodies)
+
+
+def loads_on(model: mujoco.MjModel, body: int) -> NDArray[np.int_]:
+    """Trees of bodies that have contact pairs with a body which doesn't move."""
+    ends = model.geom_bodyid[np.stack([model.pair_geom1, model.pair_geom2], axis=1)]
+    others = ends[(ends == body).any(axis=1)]
+    trees = np.unique(model.body_treeid[others])
+    return trees[trees >= 0]
 
 
 def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float:

@@ -65,6 +65,11 @@ class Slots:
         """Coefficient of friction of the first course [-]."""
         return self._listed[0].friction
 
+    @property
+    def frictions(self) -> tuple[float, float]:
+        """Coefficients of friction of the first course along and across the tracks [-]."""
+        return self._listed[0].frictions
+
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body in `spec`; return the names of their geoms."""
         for course, first in zip(self._listed, self._first_field, strict=False):

@@ -109,7 +109,9 @@ class Traverse(Simulations):
             require_positive("top_speed", top_speed)
         self.slots = Slots(courses, boxes)
         """The terrain in the model."""
-        self.tracked = build_tracked(robot, self.slots, preset=preset)
+        self.tracked = build_tracked(
+            robot, self.slots, preset=preset, friction=self.slots.frictions
+        )
         """The compiled robot."""
         model = self.tracked.model
         belts = self.tracked.belts
@@ -138,6 +140,10 @@ class Traverse(Simulations):
         """Top speed of the belts [m/s]."""
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5), a view of the batch
         self._terrain_pairs = self.slots.pairs(model)
+        along, across = self.slots.frictions
+        self._is_anisotropic = along != across
+        # (P,) whether the first direction of a pair's contacts is across the track
+        self._is_lateral = model.pair_friction[self._terrain_pairs, 0] != along
         self.slots.bind_batch(self.batch)
         self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
@@ -322,8 +328,13 @@ class Traverse(Simulations):
     def _lay(self, row: int, course: Course) -> None:
         self.slots.lay(row, course)
         self.course[row] = course
+        along, across = course.frictions
+        allowed = "equal to that along, as on the first of the world's courses"
+        require(self._is_anisotropic or along == across, "friction_across", across, allowed)
         # other pairs, such as those in the robot's own model, keep their friction
-        self._friction[row, self._terrain_pairs, :2] = course.friction
+        first = np.where(self._is_lateral, across, along)
+        second = np.where(self._is_lateral, along, across)
+        self._friction[row, self._terrain_pairs, :2] = np.stack([first, second], axis=1)
         bounds = course.bounds
         self._bottom[row] = bounds[0, 2] - _DROP
         self._side[row] = np.abs(bounds[:, 1]).max()

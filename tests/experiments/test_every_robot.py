@@ -16,18 +16,22 @@ from experiments.predict import Config as PredictConfig
 from experiments.predict import predicted_world
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_summary import saturation_warnings
+from experiments.simulate.motors import without_motors
 from experiments.simulate.options import GroundOptions
 from experiments.simulate.world import World
 from experiments.track import Config as TrackConfig
+from experiments.train.config import Config as TrainConfig
+from experiments.train.tasks import learning_task
 from experiments.tune import Config as TuneConfig
 from experiments.validate.measurements import Setup, paper_turns
 from experiments.wander.config import Config as WanderConfig
 from sim import Drive, Fleet, Ground, RobotParameters, Traverse, load_robot, load_tracked, open_loop
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
-from sim.motors.motor import TOP_SPEED, UNLIMITED, Motor, tireless
+from sim.motors.motor import TOP_SPEED, UNLIMITED, Motor, or_tireless, tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RADIUS_ERROR, robot_file_text
 from sim.runs.log_replay import Replayer
+from sim.runs.run_recorder import Saturation
 from sim.terrain import Course, Flat
 from sim.traverse.policy import scripted
 from trackslip.errors import InvalidValueError
@@ -392,3 +396,37 @@ def test_drive_warns_of_a_weak_motor_as_grid_does(tmp_path, trackslip):
         assert found is not None, command
         assert float(found[1]) > 90
         assert 2.5 < float(found[2]) < 0.8 * 25.0 * 9.81 * 0.06 / 2
+
+
+def test_a_motor_in_the_middle_is_named_too():
+    share = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 1.0]])
+    torque = np.array([[1.0, 1.0, 2.0], [1.0, 1.0, -2.0]])
+    needed = np.array([[1.0, 1.0, 2.5], [1.0, 1.0, -4.0]])
+    found = str(Saturation.of(share, torque, needed))
+    assert found == (
+        "the middle motor is at its limit for 75.0% of the time: 2 N m at hand, 4 N m needed"
+    )
+
+
+def test_motors_without_a_limit_are_named_and_others_not():
+    assert without_motors("mine", tireless(1.5)) == [
+        "mine has no motors: its torque is unlimited, and its top speed 1.5 m/s; a table [drive] "
+        "in its file describes them"
+    ]
+    assert without_motors("mine", replace(tireless(), torque_limit=100.0)) == []
+    assert without_motors("mine", Drive()) == []
+
+
+@pytest.mark.parametrize("name", ["plain_own", "heavy"])
+def test_policies_learn_with_the_motors_of_the_robots_file(name, files):
+    pytest.importorskip("stable_baselines3")
+    robot = source(name, files)
+    drive, error, _ = NUMBERS[name]
+    task = learning_task(TrainConfig(robot=robot, robots=16, compensation="none"))
+    assert (task.robot, task.drive) == (robot, or_tireless(drive))
+    assert task.env.task.fleet.drive.drive == or_tireless(drive)
+    low, high = task.env.task.config.drawn.radius_error
+    assert (low + high) / 2 == pytest.approx(error)
+    crossing = learning_task(TrainConfig(robot=robot, robots=16, env="traverse"))
+    assert crossing.env.task.world.tracked.robot.drive == drive
+    assert crossing.drive == or_tireless(drive)
