@@ -11,6 +11,9 @@ from .path_tracking.config import TrackingReward as TrackingReward
 from .path_tracking.randomization import Randomization as Randomization
 from .robot.check import RobotCheck as RobotCheck
 from .robot.check import check as check
+from .robot.gear import FlipperMotor as FlipperMotor
+from .robot.gear import RunningGear as RunningGear
+from .robot.joint_rules import JointRule as JointRule
 from .robot.named import load_tracked as load_tracked
 from .robot.parameters import RobotParameters as RobotParameters
 from .robot.robot import load_robot as load_robot

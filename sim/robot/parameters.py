@@ -168,19 +168,18 @@ class RobotParameters(Checked):
         """
         # mean squares of the coordinates of the ground's springs; they yield by SINK, so a high
         # robot leans further
-        spread_x, end, spread_y = (
-            self.contact_length**2 / 12,
-            self.contact_length / 2,
-            self.half_gauge**2,
-        )
+        spread_x = self.contact_length**2 / 12
+        spread_y = self.half_gauge**2
+        end = self.contact_length / 2
         if self.axles:
             spread_x = float(np.mean(np.square(self.axles))) + self.patch_length**2 / 12
             end = float(np.abs(self.axles).max()) + self.patch_length / 2
         highest = _FIRM * min(spread_x, spread_y) / SINK
         allowed = f"at most {highest:.4g} m, to stand on {self.contact} of this length and gauge"
         require(self.com_height <= highest, "com_height", self.com_height, allowed)
-        reach_x = spread_x / end * (1 - self.com_height * SINK / spread_x)
-        reach_y = self.half_gauge * (1 - self.com_height * SINK / spread_y)
+        leaning = self.com_height * SINK
+        reach_x = spread_x / end * (1 - leaning / spread_x)
+        reach_y = self.half_gauge * (1 - leaning / spread_y)
         for name, com, reach in (("com_x", self.com_x, reach_x), ("com_y", self.com_y, reach_y)):
             require(abs(com) < reach, name, com, f"between -{reach:.4g} and {reach:.4g} m")
         central = abs(self.com_x) / reach_x + abs(self.com_y) / reach_y < 1
@@ -193,36 +192,31 @@ def require_inertia(inertia: Sequence[float]) -> None:
     inertia [kg m^2].
     """
     allowed = "six finite numbers xx, yy, zz, xy, xz, yz, as a rigid body has them [kg m^2]"
-    require(
-        len(inertia) == 6 and bool(np.isfinite(inertia).all()), "inertia", list(inertia), allowed
-    )
+    are_six = len(inertia) == 6 and bool(np.isfinite(inertia).all())
+    require(are_six, "inertia", list(inertia), allowed)
     xx, yy, zz, xy, xz, yz = inertia
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    require(
-        moments[0] > 0 and moments[2] <= moments[:2].sum() * (1 + 1e-9),
-        "inertia",
-        list(inertia),
-        allowed,
-    )
+    # no moment exceeds the sum of the others
+    is_bounded = moments[2] <= moments[:2].sum() * (1 + 1e-9)
+    require(moments[0] > 0 and is_bounded, "inertia", list(inertia), allowed)
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
     """The text of a robot file; `ground` must be level, without patches or changes."""
-    shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
-    values = {f.name: (f, getattr(parameters, f.name)) for f in dataclasses.fields(parameters)}
-    given = {
-        name: value
-        for name, (f, value) in values.items()
-        if f.metadata.get("stored_unless", ...) != value
-    }
+    given = {}
+    for field_ in dataclasses.fields(parameters):
+        value = getattr(parameters, field_.name)
+        if field_.metadata.get("stored_unless", ...) != value:
+            given[field_.name] = value
+    given.pop("drive", None)
     if parameters.axles:
         del given["contact_length"]
     driven = ""
-    given.pop("drive", None)
     if parameters.drive is not None:
         drive = dataclasses.asdict(parameters.drive)
         motor = _lines(drive.pop("motor"))
         driven = f"\n[drive]\n{_lines(drive)}\n[drive.motor]\n{motor}"
+    shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
     friction = f"along = {ground.along!r}\nacross = {ground.across!r}\n{shear}"
     return f"# {comment}\n{_lines(given)}\n[ground]\n{friction}{driven}"
 
@@ -234,6 +228,8 @@ def ground_file_text(ground: Ground, comment: str) -> str:
 
 
 def _lines(values: dict[str, Any]) -> str:
-    return "".join(
-        f"{name} = {list(v) if isinstance(v, tuple) else v!r}\n" for name, v in values.items()
-    )
+    lines = []
+    for name, value in values.items():
+        shown = list(value) if isinstance(value, tuple) else value
+        lines.append(f"{name} = {shown!r}\n")
+    return "".join(lines)

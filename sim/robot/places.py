@@ -93,12 +93,12 @@ class Frame:
         if self.plane is None or self.is_bodys:
             return hull
         first, second = self.axes[list(self.plane)][:, [_X, _Z]]
-        turned = [np.array([x, z]) for x, z, _ in hull]
-        places = [(float(at @ first), float(at @ second)) for at in turned]
-        return tuple(
-            (round(a, 6), round(b, 6), radius)
-            for (a, b), (_, _, radius) in zip(places, hull, strict=True)
-        )
+        given = []
+        for x, z, radius in hull:
+            place = np.array([x, z])
+            a, b = float(place @ first), float(place @ second)
+            given.append((round(a, 6), round(b, 6), radius))
+        return tuple(given)
 
     def to_chassis(self, y: float, hull: Wheels) -> list[list[float]]:
         """Places (x, y, z) and radii of the wheels of a track at `y`, in the chassis' frame [m]."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 import hashlib
 import math
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -66,28 +65,31 @@ def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
     spec = mujoco.MjSpec.from_file(str(MODELS / file))
     for name in _TRACK_LOOKS:
         spec.delete(spec.body(name))
-    shipped, chassis = RobotParameters(), spec.body("chassis")
+    shipped = RobotParameters()
+    chassis = spec.body("chassis")
     size = np.array([parameters.contact_length, parameters.half_gauge, parameters.half_gauge])
     size /= [shipped.contact_length, shipped.half_gauge, shipped.half_gauge]
     spec.mesh("hull").scale = size
     for name in BODY_LOOKS:
         geom = spec.geom(name)
-        geom.pos, geom.size = geom.pos * size, geom.size * size
+        geom.pos = geom.pos * size
+        geom.size = geom.size * size
+
     raised = np.array([0.0, 0.0, parameters.plate_height - shipped.plate_height])
-    mast, plate = spec.geom("mast"), spec.geom("plate")
-    mast.pos, plate.pos = mast.pos + raised / 2, plate.pos + raised
+    mast = spec.geom("mast")
+    mast.pos = mast.pos + raised / 2
     mast.size[1] += max(raised[2] / 2, -0.1)
+    plate = spec.geom("plate")
+    plate.pos = plate.pos + raised
     if lrf := spec.body("lrf"):  # only the field's model has it
         lrf.pos = lrf.pos + raised
+
     for site in (site for site in chassis.sites if "_footprint" in site.name):
         site.pos[1] = np.copysign(parameters.half_gauge, site.pos[1])
         # to either side of the middle: covers any contact points
         site.size[0] = parameters.contact_length
-    _set_mass(
-        chassis,
-        parameters,
-        np.array([size[0], size[1], parameters.com_height / shipped.com_height]),
-    )
+    growth = np.array([size[0], size[1], parameters.com_height / shipped.com_height])
+    _set_mass(chassis, parameters, growth)
     return spec
 
 
@@ -95,11 +97,14 @@ def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> 
     """Set the chassis' mass, its centre and its inertia; the shape grows by factors `growth` (3,)
     along x, y, z.
     """
-    second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
-    second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
-    inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
-    chassis.mass, chassis.ipos = parameters.mass, parameters.centre_of_mass
-    chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], inertia
+    scaled = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
+    # second moments along x, y, z, which grow with the squares of the shape
+    second = (scaled.sum() / 2 - scaled) * growth**2
+    of_shape = (*(second.sum() - second), 0.0, 0.0, 0.0)
+    chassis.mass = parameters.mass
+    chassis.ipos = parameters.centre_of_mass
+    chassis.inertia = [0.0, 0.0, 0.0]
+    chassis.fullinertia = parameters.inertia or of_shape
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
@@ -110,16 +115,16 @@ def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Pr
     `single` pads.
     """
     if not parameters.axles:
-        n = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
-        return parameters.contact_length * _middles(
-            n
-        ), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
+        count = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
+        points = parameters.contact_length * _middles(count)
+        return points, LEVEL if count == 2 * LEVEL.segments else LEVEL_WIDE
     warn_if_unverified(parameters.half_gauge, parameters.contact_length)
-    points = _middles(_SHEARING) if single else np.array(_GAUSS)
+    in_patch = _middles(_SHEARING) if single else np.array(_GAUSS)
     # least that the engine allows, for any ground
     softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)
     preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))
-    return np.add.outer(parameters.axles, parameters.patch_length * points).ravel(), preset
+    around = parameters.patch_length * in_patch
+    return np.add.outer(parameters.axles, around).ravel(), preset
 
 
 def _middles(count: int) -> Array:
@@ -135,35 +140,35 @@ def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Ar
     number of points.
     """
     chassis = spec.body("chassis")
-    pads, plain = [geom for geom in chassis.geoms if "_pad" in geom.name], spec.pairs[0]
-    x, preset = contact_points(parameters, single)
-    radius, group, ground, friction = (
-        pads[0].size[0],
-        pads[0].group,
-        plain.geomname1,
-        list(plain.friction),
-    )
+    pads = [geom for geom in chassis.geoms if "_pad" in geom.name]
+    plain = spec.pairs[0]
+    ground = plain.geomname1
+    friction = list(plain.friction)
+    radius = pads[0].size[0]
+    group = pads[0].group
     for thing in (*spec.pairs, *pads):
         spec.delete(thing)
-    contact = preset.contact(
-        -float(spec.option.gravity[2]), 1 / (2 * len(x)), preset.regularisation, preset.grip
-    )
+
+    x, preset = contact_points(parameters, single)
+    gravity = -float(spec.option.gravity[2])
+    contact = preset.contact(gravity, 1 / (2 * len(x)), preset.regularisation, preset.grip)
     spec.option.impratio = preset.impratio
     raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
     for side, y in zip(("left", "right"), parameters.half_gauge * -TRACK_SIGNS, strict=True):
         place = np.stack([x, np.full_like(x, y), np.full_like(x, radius)], axis=1)
+        # from the first to the second end of each pad
         spans = np.hstack([place, place + raised]) if single else place.reshape(-1, 6)
         for k, span in enumerate(spans):
-            name, unseen = (
-                f"{side}_pad{k}",
-                {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": group},
-            )
+            name = f"{side}_pad{k}"
             chassis.add_geom(
                 name=name,
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 size=[radius, 0.0, 0.0],
                 fromto=span,
-                **unseen,
+                mass=0.0,
+                contype=0,
+                conaffinity=0,
+                group=group,
             )
             spec.add_pair(
                 geomname1=ground, geomname2=name, condim=3, friction=friction, **vars(contact)
@@ -241,13 +246,17 @@ def load_robot(
     model = spec.compile()
     # else the engine would ignore later writes, as tracks are compiled at rest
     model.flg_surfacevel = 1
-    half_gauge = parameters.half_gauge
-    pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
+
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    first = int(model.geom("left_pad0").id)
+    pads = slice(first, first + 2 * len(x) // count)
     forwards = data.geom_xmat[pads, :3]  # the robot's forward direction in each pad's frame
-    middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -TRACK_SIGNS
-    plate, lrf = model.geom("plate"), model.body("lrf")
+    ahead = forwards[:, 2]
+    middles = x.reshape(-1, count).mean(axis=1)
+    y = parameters.half_gauge * -TRACK_SIGNS
+    plate = model.geom("plate")
+    lrf = model.body("lrf")
     heading = data.body("lrf").xmat[::3]
     return Robot(
         model=model,
@@ -257,11 +266,11 @@ def load_robot(
         plate_radius=float(np.linalg.norm(plate.size)),
         pads=pads,
         pad_side=np.repeat([0, 1], len(middles)),
-        pad_sign=forwards[:, 2] if single_contacts else np.sign(forwards[:, 2]),
-        pad_slant=forwards[:, 0] / forwards[:, 2],
-        pad_position=np.stack([np.tile(middles, 2), np.repeat(y, len(middles))], axis=1),
+        pad_sign=ahead if single_contacts else np.sign(ahead),
+        pad_slant=forwards[:, 0] / ahead,
+        pad_position=_on_both_sides(middles, y),
         pad_pairs=slice(0, 2 * len(middles)),
-        contact_points=np.stack([np.tile(x, 2), np.repeat(y, len(x))], axis=1),
+        contact_points=_on_both_sides(x, y),
         lrf_mount=np.array([*lrf.pos[:2], np.arctan2(heading[1], heading[0])]),
         lrf_height=float(lrf.pos[2]),
         digest=digest,
@@ -269,6 +278,11 @@ def load_robot(
         contact_sensors=contact_sensors,
         points_per_pad=count,
     )
+
+
+def _on_both_sides(x: Array, y: Array) -> Array:
+    """Points (2 n, 2) at `x` (n,) on the left and then on the right, at `y` (2,) [m]."""
+    return np.stack([np.tile(x, 2), np.repeat(y, len(x))], axis=1)
 
 
 @lru_cache(maxsize=16)
@@ -300,10 +314,15 @@ def composite(
     own = np.asarray(bodies, int)
     mass = model.body_mass[own]
     centre = mass @ data.xipos[own] / mass.sum()
-    turned, away = data.ximat[own].reshape(-1, 3, 3), data.xipos[own] - centre
-    inertia = (turned * model.body_inertia[own, None]) @ turned.swapaxes(1, 2)
-    square = (away**2).sum(axis=1)[:, None, None] * np.eye(3) - away[:, :, None] * away[:, None]
-    return float(mass.sum()), centre, (inertia + mass[:, None, None] * square).sum(axis=0)
+    turned = data.ximat[own].reshape(-1, 3, 3)
+    about_own = (turned * model.body_inertia[own, None]) @ turned.swapaxes(1, 2)
+
+    # Steiner's part: the mass times |r|^2 1 - r r^T, at the distance r from the common centre
+    away = data.xipos[own] - centre
+    squares = (away**2).sum(axis=1)[:, None, None] * np.eye(3)
+    steiner = squares - away[:, :, None] * away[:, None]
+    inertia = (about_own + mass[:, None, None] * steiner).sum(axis=0)
+    return float(mass.sum()), centre, inertia
 
 
 def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
@@ -322,10 +341,10 @@ def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
             continue
         mass, centre, inertia = composite(model, data, own)
         shapes = np.isin(model.geom_bodyid, own)
-        shapes = shapes if shapes.any() else np.isin(model.geom_bodyid, links)
-        reach = (
-            np.linalg.norm(data.geom_xpos[shapes] - centre, axis=1) + model.geom_rbound[shapes]
-        ).max(initial=0.0)
+        if not shapes.any():
+            shapes = np.isin(model.geom_bodyid, links)
+        away = np.linalg.norm(data.geom_xpos[shapes] - centre, axis=1)
+        reach = (away + model.geom_rbound[shapes]).max(initial=0.0)
         gyration = float(np.sqrt(np.linalg.eigvalsh(inertia)[-1] / mass))
         if gyration > reach:
             worst = own[model.body_inertia[own].max(axis=1).argmax()]

@@ -8,13 +8,18 @@ import dataclasses
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from sim.motors.motor import Drive
 from sim.robot.gear import FlipperMotor, RunningGear
 from sim.robot.joint_rules import FREE, HOLD
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel
+
+_FIELDS: Final = tuple(
+    field for field in dataclasses.fields(RunningGear) if field.name not in ("flipper", "origin")
+)
+_ALWAYS: Final = ("sides", "contact")  # fields that are stated even if they have their defaults
 
 
 def tracked_file_text(built: TrackedModel, folder: Path, offered: str = "") -> str:
@@ -45,24 +50,12 @@ def tracked_file_text(built: TrackedModel, folder: Path, offered: str = "") -> s
 
 def _gear(gear: RunningGear) -> str:
     """A table `tracks`."""
-    lines = ["[[tracks]]" + (f"  # {gear.origin}" if gear.origin else "")]
-    places: dict[str, Any] = {
-        "body": gear.body,
-        "sides": gear.sides,
-        "y": list(gear.y) if isinstance(gear.y, tuple) else gear.y,
-        "hull": [list(wheel) for wheel in gear.hull],
-        "aside": list(gear.aside),
-        "wheels": list(gear.wheels),
-        "contact": gear.contact,
-        "drive": gear.drive,
-        "patch_length": gear.patch_length,
-        "width": gear.width,
-        "lines": gear.lines,
-    }
-    defaults = {field.name: field.default for field in dataclasses.fields(RunningGear)}
-    for name, value in places.items():
-        if name in ("sides", "contact") or value not in ("", [], defaults[name]):
-            lines.append(f"{name} = {_text(value)}")
+    values: dict[str, Any] = {field.name: getattr(gear, field.name) for field in _FIELDS}
+    lines = [f"[[tracks]]  # {gear.origin}" if gear.origin else "[[tracks]]"]
+    for field in _FIELDS:
+        value = values[field.name]
+        if value != field.default or field.name in _ALWAYS:
+            lines.append(f"{field.name} = {_text(value)}")
     if gear.flipper is not None:
         lines.append(f"flipper = {_motor(gear.flipper)}")
     return "\n".join(lines)

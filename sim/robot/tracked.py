@@ -153,10 +153,11 @@ class TrackedRobot:
         require(len(set(flippers)) == len(flippers), "flippers", bodies, allowed)
         if self.tracks:
             return
-        if not self.hull and self.flippers:
+        if not self.hull and not self.half_gauge:
+            allowed = "given, unless `wheels`, [[tracks]] or [[flippers]] tell it"
+            require(self.flippers, "half_gauge, hull", None, allowed)
             return  # a robot that stands on its flippers
-        allowed = "the wheels of a track, unless [[tracks]], [[flippers]] or `wheels` tell them"
-        require(self.hull, "hull", list(self.hull), allowed)
+        Hull.from_wheels(self.hull)
         require_positive("half_gauge", self.half_gauge)
         self._pair.track(levelled(self.hull), "accurate", (1.0, 1.0))
 

@@ -114,17 +114,17 @@ def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
     """Surface velocities (G, 6): about y for spheres and lateral capsules, along their own z for
     other capsules.
     """
-    direction, axes = np.zeros((len(geoms), 6)), np.zeros((len(geoms), 9))
+    axes = np.zeros((len(geoms), 9))
     for geom, into in zip(geoms, axes, strict=True):
         mujoco.mju_quat2Mat(into, model.geom_quat[geom])
-    across, speed = axes.reshape(-1, 3, 3)[:, 1, 2], 1 / model.geom_size[geoms, 0]
-    sphere, lies_across = (
-        model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE,
-        np.abs(across) > 0.5,
-    )
-    direction[:, 2] = ~sphere & ~lies_across
-    direction[:, 4] = np.where(sphere, speed, 0.0)
-    direction[:, 5] = np.where(~sphere & lies_across, np.sign(across) * speed, 0.0)
+    across = axes.reshape(-1, 3, 3)[:, 1, 2]  # of each geom's z axis
+    turning = 1 / model.geom_size[geoms, 0]  # rate at a belt speed of 1 m/s [rad/s]
+    is_sphere = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE
+    is_lateral = ~is_sphere & (np.abs(across) > 0.5)
+    direction = np.zeros((len(geoms), 6))
+    direction[:, 2] = ~is_sphere & ~is_lateral
+    direction[:, 4] = np.where(is_sphere, turning, 0.0)
+    direction[:, 5] = np.where(is_lateral, np.sign(across) * turning, 0.0)
     return direction
 
 
@@ -219,14 +219,18 @@ def mobility(model: mujoco.MjModel, tracks: TracksInModel, mass: float) -> float
 def _stiffest(
     model: mujoco.MjModel, data: mujoco.MjData, tracks: TracksInModel, mass: float, run: int
 ) -> float:
+    """`mobility` of the tracks on one of their runs."""
     shape = tracks.hull.runs[run]
-    rows = []
     places = 2 if tracks.segment >= shape.length else 5
+    shares = np.linspace(0.0, 1.0, places)
+    rows = []
     for body in tracks.bodies:
-        rotation, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
-        normal = rotation[:, [0, 2]] @ shape.outwards
-        for part, (aside, load) in itertools.product(np.linspace(0.0, 1.0, places), tracks.lines):
-            point = origin + rotation[:, [0, 2]] @ (shape.start + part * (shape.end - shape.start))
+        rotation = data.xmat[body].reshape(3, 3)
+        in_plane = rotation[:, [0, 2]]
+        normal = in_plane @ shape.outwards
+        for share, (aside, load) in itertools.product(shares, tracks.lines):
+            on_run = shape.start + share * (shape.end - shape.start)
+            point = data.xpos[body] + in_plane @ on_run
             point += aside * rotation[:, 1]
             jacobian = np.zeros((3, model.nv))
             mujoco.mj_jac(model, data, jacobian, None, point, body)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -15,13 +16,21 @@ from trackslip.errors import require_positive
 
 Array = NDArray[np.float64]
 
-BOX, CYLINDER = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
-_TYRE, _SHOE, _MARK = (0.10, 0.10, 0.11, 1.0), (0.15, 0.15, 0.17, 1.0), (0.93, 0.66, 0.07, 1.0)
-_WHEEL, _BOLT = (0.22, 0.23, 0.26, 1.0), (0.80, 0.81, 0.83, 1.0)
+BOX: Final = int(mujoco.mjtGeom.mjGEOM_BOX)
+CYLINDER: Final = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
+_TYRE: Final = (0.10, 0.10, 0.11, 1.0)
+_SHOE: Final = (0.15, 0.15, 0.17, 1.0)
+_MARK: Final = (0.93, 0.66, 0.07, 1.0)
+_WHEEL: Final = (0.22, 0.23, 0.26, 1.0)
+_BOLT: Final = (0.80, 0.81, 0.83, 1.0)
 _THICKNESS = 0.2  # thickness of a belt, relative to the smallest wheel's radius [-]
 _PITCH = 0.034  # approximate distance between shoes [m]
 _MARKED = 9  # every ninth shoe is painted to make the belt's motion visible
 _BOLTS = 5
+# of bolts, radius and distance from the wheel's middle / the wheel's radius
+_BOLT_RADIUS, _BOLT_CIRCLE = 0.13, 0.62
+_BOLT_HEIGHT = 0.003  # above the disc [m]
+_DISC_WIDTH = 0.46  # half the width of a disc, relative to the belt's width [-]
 # of road wheels, radius / end wheels' radius and distance / own radius
 _ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6
 _TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # turns a cylinder's axis from z to -y
@@ -42,11 +51,16 @@ class Pieces:
     @property
     def rotation(self) -> Array:
         """Rotation matrices (..., P, 3, 3) of the pieces' geoms in the body's frame."""
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        zero, one = np.zeros_like(c), np.ones_like(c)
-        rows = [np.stack(row, axis=-1) for row in ((c, zero, s), (zero, one, zero), (-s, zero, c))]
-        turn = np.stack(rows, axis=-2)
-        return np.where((self.kind == CYLINDER)[:, None, None], turn @ _TURN_TO_Y, turn)
+        turn = np.zeros((*self.angle.shape, 3, 3))
+        cos = np.cos(self.angle)
+        sin = np.sin(self.angle)
+        turn[..., 0, 0] = cos
+        turn[..., 0, 2] = sin
+        turn[..., 1, 1] = 1.0
+        turn[..., 2, 0] = -sin
+        turn[..., 2, 2] = cos
+        is_cylinder = (self.kind == CYLINDER)[:, None, None]
+        return np.where(is_cylinder, turn @ _TURN_TO_Y, turn)
 
 
 @dataclass(frozen=True)
@@ -80,50 +94,66 @@ class TrackLook:
         the lower run.
         """
         hull = self._inside(self._thickness)
-        k = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])  # the most backward run
-        low, first, last = (
-            hull.runs[k],
-            hull.wheels[k, 2],
-            hull.wheels[(k + 1) % len(hull.wheels), 2],
-        )
+        lower = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])
+        run = hull.runs[lower]  # the one that leads backwards most
+        first = hull.wheels[lower, 2]
+        last = hull.wheels[(lower + 1) % len(hull.wheels), 2]
+
+        # road wheels between the two end wheels
         radius = _ROAD_WHEEL * min(first, last)
-        room = low.length - first - last
+        room = run.length - first - last
         count = max(0, int(room // (_ROAD_GAP * radius)))
         along = first + (np.arange(count) + 0.5) * room / max(count, 1)
-        where = low.start + along[:, None] * low.along - radius * low.outwards
-        return np.concatenate([hull.wheels, np.column_stack([where, np.full(count, radius)])])
+        where = run.start + along[:, None] * run.along - radius * run.outwards
+        road_wheels = np.column_stack([where, np.full(count, radius)])
+        return np.concatenate([hull.wheels, road_wheels])
 
     def _shoes(self, travel: Array) -> Pieces:
         belt = self._inside(self._thickness / 2)
         length = float(belt.ends[-1])
         count = max(3, round(length / _PITCH))
         pitch = length / count
-        place, heading = belt.place(np.arange(count) * pitch + travel[..., None])
-        size = np.tile([pitch / 2, self.width / 2, self._thickness / 2], (count, 1))
-        rgba = np.where((np.arange(count) % _MARKED == 0)[:, None], _MARK, _SHOE)
-        position = np.stack([place[..., 0], np.full_like(heading, self.y), place[..., 1]], axis=-1)
-        return Pieces(np.full(count, BOX), size, rgba, position, -heading)
+        number = np.arange(count)
+        place, heading = belt.place(number * pitch + travel[..., None])
+        half_size = [pitch / 2, self.width / 2, self._thickness / 2]
+        is_marked = (number % _MARKED == 0)[:, None]
+        y = np.full_like(heading, self.y)
+        return Pieces(
+            kind=np.full(count, BOX),
+            size=np.tile(half_size, (count, 1)),
+            rgba=np.where(is_marked, _MARK, _SHOE),
+            position=np.stack([place[..., 0], y, place[..., 1]], axis=-1),
+            angle=-heading,
+        )
 
     def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...]) -> Pieces:
         """The pieces of a wheel: a disc, and bolts that turn with the disc."""
         x, z, radius = wheel
-        angle = travel[..., None] / radius + np.append(0.0, 2 * np.pi * np.arange(_BOLTS) / _BOLTS)
-        away = np.append(0.0, np.full(_BOLTS, 0.62 * radius))
-        half = 0.46 * self.width
-        size = np.array([[radius, half, 0.0], *[[0.13 * radius, half + 0.003, 0.0]] * _BOLTS])
-        place = [x + away * np.sin(angle), np.full_like(angle, self.y), z + away * np.cos(angle)]
         count = 1 + _BOLTS
-        rgba_of_each = np.array([rgba, *[_BOLT] * _BOLTS])
-        return Pieces(np.full(count, CYLINDER), size, rgba_of_each, np.stack(place, axis=-1), angle)
+        phases = np.append(0.0, 2 * np.pi * np.arange(_BOLTS) / _BOLTS)
+        away = np.append(0.0, np.full(_BOLTS, _BOLT_CIRCLE * radius))
+        angle = travel[..., None] / radius + phases
+        half_width = _DISC_WIDTH * self.width
+        disc = [radius, half_width, 0.0]
+        bolt = [_BOLT_RADIUS * radius, half_width + _BOLT_HEIGHT, 0.0]
+        ahead = x + away * np.sin(angle)
+        up = z + away * np.cos(angle)
+        return Pieces(
+            kind=np.full(count, CYLINDER),
+            size=np.array([disc, *[bolt] * _BOLTS]),
+            rgba=np.array([rgba, *[_BOLT] * _BOLTS]),
+            position=np.stack([ahead, np.full_like(angle, self.y), up], axis=-1),
+            angle=angle,
+        )
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
-    kind, size, rgba = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba")
-    )
-    position = np.concatenate([part.position for part in parts], axis=-2)
     return Pieces(
-        kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1)
+        kind=np.concatenate([part.kind for part in parts]),
+        size=np.concatenate([part.size for part in parts]),
+        rgba=np.concatenate([part.rgba for part in parts]),
+        position=np.concatenate([part.position for part in parts], axis=-2),
+        angle=np.concatenate([part.angle for part in parts], axis=-1),
     )
 
 
@@ -161,11 +191,10 @@ class DrawnTracks:
         positive.
         """
         require_positive("width", width)
-        self._belts, self._looks = (
-            belts,
-            [TrackLook(hull.wheels, 0.0, width) for hull in belts.hulls],
-        )
-        self._travel, self._time = np.zeros(len(belts.names)), 0.0
+        self._belts = belts
+        self._looks = [TrackLook(hull.wheels, 0.0, width) for hull in belts.hulls]
+        self._travel = np.zeros(len(belts.names))
+        self._time = 0.0
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
         """Append the tracks to a scene; the belts are assumed to have kept their current speeds

@@ -79,17 +79,23 @@ class Hull:
         the belt [m].
         """
         ends = self.ends
-        s = np.mod(distance, ends[-1])
-        piece = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
-        s = s - np.append(0.0, ends)[piece]
-        run, on_wheel = piece // 2, piece % 2 == 1
+        along = np.mod(distance, ends[-1])
+
+        # runs have even numbers, and the arcs after them odd ones
+        piece = np.minimum(np.searchsorted(ends, along, side="right"), len(ends) - 1)
+        run = piece // 2
+        is_on_wheel = piece % 2 == 1
+        from_start = along - np.append(0.0, ends)[piece]
+
+        # the wheel at the run's end, around which the arc bends
         x, z, radius = np.moveaxis(np.roll(self.wheels, -1, axis=0)[run], -1, 0)
-        heading = self.headings[run] - np.where(on_wheel, s / radius, 0.0)
-        ahead, up = np.cos(heading), np.sin(heading)
+        heading = self.headings[run] - np.where(is_on_wheel, from_start / radius, 0.0)
+        ahead = np.cos(heading)
+        up = np.sin(heading)
         start = np.array([each.start for each in self.runs])[run]
-        straight = start + s[..., None] * np.stack([ahead, up], axis=-1)
+        straight = start + from_start[..., None] * np.stack([ahead, up], axis=-1)
         bent = np.stack([x - radius * up, z + radius * ahead], axis=-1)
-        return np.where(on_wheel[..., None], bent, straight), heading
+        return np.where(is_on_wheel[..., None], bent, straight), heading
 
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:

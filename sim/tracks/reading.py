@@ -56,17 +56,25 @@ class Reading:
     @classmethod
     def none(cls, *shape: int) -> Reading:
         """A reading of the given shape for tracks that are in the air with their belts at rest."""
-        traction, load, sliding, belt, slip, depth, missing = np.zeros((7, *shape))
-        sliding[:] = slip[:] = np.nan
-        return cls(traction, load, sliding, belt, slip, load > 0, depth, missing)
+        undefined = np.full(shape, np.nan)
+        return cls(
+            traction=np.zeros(shape),
+            load=np.zeros(shape),
+            sliding=undefined.copy(),
+            belt=np.zeros(shape),
+            slip=undefined,
+            touching=np.zeros(shape, bool),
+            depth=np.zeros(shape),
+            missing=np.zeros(shape),
+        )
 
     @classmethod
     def joined(cls, readings: Sequence[Reading]) -> Reading:
         """Join consecutive readings (N, steps, T) along the axis of steps."""
-        names = vars(readings[0])
-        return cls(
-            *(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names)
-        )
+        joined = {}
+        for name in vars(readings[0]):
+            joined[name] = np.concatenate([getattr(each, name) for each in readings], axis=1)
+        return cls(**joined)
 
     def mean(self) -> Reading:
         """Means (N, T) over the steps of a reading (N, steps, T), except maxima for depth and
@@ -75,30 +83,29 @@ class Reading:
         Mean slip is the sum of the belts' sliding over the sum of their travel in contact; NaN if
         they hardly moved.
         """
-        steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
-        slid, driven = (
-            np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt)
-        )
-        sliding, slip = np.full((2, *slid.shape), np.nan)
+        steps = self.belt.shape[1]
+        touched = np.logical_or.reduce(self.touching, axis=1)
+        slid = np.where(self.touching, self.sliding, 0.0).sum(axis=1)
+        driven = np.where(self.touching, self.belt, 0.0).sum(axis=1)
+        sliding = np.full(slid.shape, np.nan)
         np.divide(slid, self.touching.sum(axis=1), out=sliding, where=touched)
-        np.divide(slid, driven, out=slip, where=touched & (np.abs(driven) > _CRAWLING * steps))
-        traction, load, belt = (
-            values.mean(axis=1) for values in (self.traction, self.load, self.belt)
-        )
+        slip = np.full(slid.shape, np.nan)
+        has_moved = np.abs(driven) > _CRAWLING * steps
+        np.divide(slid, driven, out=slip, where=touched & has_moved)
         return Reading(
-            traction,
-            load,
-            sliding,
-            belt,
-            slip,
-            touched,
-            self.depth.max(axis=1),
-            self.missing.max(axis=1),
+            traction=self.traction.mean(axis=1),
+            load=self.load.mean(axis=1),
+            sliding=sliding,
+            belt=self.belt.mean(axis=1),
+            slip=slip,
+            touching=touched,
+            depth=self.depth.max(axis=1),
+            missing=self.missing.max(axis=1),
         )
 
     def __getitem__(self, rows: Any) -> Reading:
         """The reading for the simulations `rows`."""
-        return Reading(*(values[rows] for values in vars(self).values()))
+        return Reading(**{name: values[rows] for name, values in vars(self).items()})
 
     def put(self, rows: Any, other: Reading) -> None:
         """Replace the reading for the simulations `rows`."""
@@ -129,8 +136,11 @@ def read_contacts(
         lateral: leftward axes of the tracks (..., T, 3), in the world's frame.
         speeds: belt speeds (..., T) [m/s].
     """
-    force, distance = sensed[1:4], sensed[4]
-    normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
+    force = sensed[1:4]
+    distance = sensed[4]
+    normal = sensed[5:8]
+    tangent = sensed[8:11]
+    velocity = sensed[11:14]
 
     def total(values: Floats) -> Floats:
         """Sums (..., T) over contacts in their order, so that a track's sum is bitwise independent
@@ -142,32 +152,47 @@ def read_contacts(
     # direction of the belt's motion in the contact's frame: perpendicular to the normal and the
     # wheels' axes
     left = lateral.reshape(-1, 3)[owner].T
-    first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
+    first = _triple(left, normal, tangent)
+    second = -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)
     size[size == 0] = 1.0
+
+    # means weighted by the load
     weight = force[0]
     load = total(weight)
     touching = load > 0
     over_ground = total(weight * (first * velocity[1] + second * velocity[2]) / size)
-    sliding = speeds - np.divide(over_ground, load, out=np.full(load.shape, np.nan), where=touching)
+    mean_speed = np.full(load.shape, np.nan)
+    np.divide(over_ground, load, out=mean_speed, where=touching)
+    sliding = speeds - mean_speed
     traction = total((first * force[1] + second * force[2]) / size)
-    depth, smallest = np.zeros(speeds.size), np.zeros(speeds.size)
+    slip = np.full(load.shape, np.nan)
+    np.divide(sliding, speeds, out=slip, where=np.abs(speeds) > _STILL)
+
+    # each track's last contact has its smallest force, which those left out don't exceed
+    depth = np.zeros(speeds.size)
     np.maximum.at(depth, owner, -distance)
-    smallest[owner] = weight  # each track's last contact has its smallest force
+    smallest = np.zeros(speeds.size)
+    smallest[owner] = weight
     left_out = lost * smallest.reshape(speeds.shape)
-    missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
-    slip = np.divide(
-        sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL
-    )
+    missing = np.zeros(load.shape)
+    np.divide(left_out, load + left_out, out=missing, where=left_out > 0)
     return Reading(
-        traction, load, sliding, speeds, slip, touching, depth.reshape(speeds.shape), missing
+        traction=traction,
+        load=load,
+        sliding=sliding,
+        belt=speeds,
+        slip=slip,
+        touching=touching,
+        depth=depth.reshape(speeds.shape),
+        missing=missing,
     )
 
 
 def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
-    product: Floats = (
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+    """Triple products (C,) of vectors (3, C): a, and the cross product of b and c."""
+    x = a[0] * (b[1] * c[2] - b[2] * c[1])
+    y = a[1] * (b[2] * c[0] - b[0] * c[2])
+    z = a[2] * (b[0] * c[1] - b[1] * c[0])
+    product: Floats = x + y + z
     return product

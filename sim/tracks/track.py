@@ -62,13 +62,17 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines) -> t
     """
     parts = []
     for k, (y, share) in enumerate(lines):
-        edge = len(lines) > 1 and k in (0, len(lines) - 1)
+        is_edge = len(lines) > 1 and k in (0, len(lines) - 1)
         for part in _line(hull, segments, anisotropic):
             x, _, z = part.shape["pos"]
-            name, shape = f"{part.name}_{k}" if k else part.name, part.shape | {"pos": [x, y, z]}
-            parts.append(
-                replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge)
+            changed = replace(
+                part,
+                name=f"{part.name}_{k}" if k else part.name,
+                shape=part.shape | {"pos": [x, y, z]},
+                weight=part.weight * share,
+                edge=is_edge,
             )
+            parts.append(changed)
     return tuple(parts)
 
 
@@ -112,22 +116,23 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
     longest = hull.longest_below
     parts = []
     for i, run in enumerate(hull.runs):
-        below = bool(run.outwards[1] < 0)
-        count = max(1, round(segments * run.length / longest)) if below else 1
+        faces_ground = bool(run.outwards[1] < 0)
+        count = max(1, round(segments * run.length / longest)) if faces_ground else 1
         # small enough for opposite runs not to overlap
         radius = min(run.radius / 2, _MAX_RUN_RADIUS)
         middle = (run.start + run.end) / 2 - radius * run.outwards
         # angle about y, from z to the belt's direction
         turn = np.arctan2(run.along[0], run.along[1])
+        turned = [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0]
         for j, (start, end) in enumerate(_chain(run.length, count)):
             x, z = middle + (start + end) / 2 * run.along
             shape = {
                 "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
                 "pos": [x, 0.0, z],
                 "size": [radius, (end - start) / 2, 0.0],
-                "quat": [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0],
+                "quat": turned,
             }
-            parts.append(Part(f"run{i}_{j}", shape, 1.0, below))
+            parts.append(Part(f"run{i}_{j}", shape, 1.0, faces_ground))
     for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
         parts.append(_wheel(i, x, z, radius, anisotropic))
     return tuple(parts)
@@ -154,22 +159,21 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
 
 
 def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
+    name = f"wheel{index}"
+    place = [x, 0.0, z]
     if not anisotropic:
-        sphere = {
-            "type": mujoco.mjtGeom.mjGEOM_SPHERE,
-            "pos": [x, 0.0, z],
-            "size": [radius, 0.0, 0.0],
-        }
-        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, True)
+        size = [radius, 0.0, 0.0]
+        sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": place, "size": size}
+        return Part(name, sphere, WHEEL_WEIGHT, True)
     # on a plane, only a capsule's contact frame turns with the robot; a capsule touches at both
     # ends
     across = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
-        "pos": [x, 0.0, z],
+        "pos": place,
         "size": [radius, radius / 100, 0.0],
-        "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
+        "quat": [math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0],
     }
-    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True)
+    return Part(name, across, WHEEL_WEIGHT / 2, True)
 
 
 @dataclass(frozen=True)
