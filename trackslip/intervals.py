@@ -34,6 +34,37 @@ class Gain(NamedTuple):
         return {name: None if np.isnan(value) else value for name, value in self._asdict().items()}
 
 
+def mean_of_groups(values: Array, variance: Array) -> tuple[Array, Array]:
+    """Means (f,) of the values (n, f) of n groups, and their covariance (f, f), if the true values
+    scatter between groups.
+
+    With y_i the value of a group and s_i² the variance of its error, the scatter between groups is
+    estimated by moments (R. DerSimonian and N. Laird, 1986):
+
+        tau² = (sum_i (y_i - m)² / s_i² - (n - 1)) / (S_1 - S_2 / S_1),   S_k = sum_i s_i^(-2 k)
+
+    where m is the mean with the weights 1 / s_i². The groups then have the weights
+    w_i = 1 / (s_i² + tau²). The covariance of the weighted means is from the scatter about them,
+
+        C_ab = sum_i sqrt(w_ia w_ib) (y_ia - m_a) (y_ib - m_b) / (n - 1),   sum_i w_ia = 1
+
+    so that Student's t with n - 1 degrees of freedom gives intervals (G. Knapp and J. Hartung,
+    *Improved tests for a random effects meta-regression*, 2003).
+    """
+    freedom = len(values) - 1
+    precision = 1 / np.maximum(variance, 1e-300)
+    mean = np.average(values, axis=0, weights=precision)
+    excess = np.sum(precision * (values - mean) ** 2, axis=0) - freedom
+    total = precision.sum(axis=0)
+    between = np.maximum(excess, 0.0) / (total - np.sum(precision**2, axis=0) / total)
+
+    weight = 1 / (variance + between)
+    weight = weight / weight.sum(axis=0)
+    mean = np.sum(weight * values, axis=0)
+    apart = np.sqrt(weight) * (values - mean)
+    return mean, apart.T @ apart / freedom
+
+
 def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
     """Newton steps (G, f) of f parameters from the minimum without each of G data parts to the
     minimum with all data.

@@ -28,7 +28,7 @@ from trackslip.identification.comparison import (
 from trackslip.identification.far_poses import are_far_apart, other_separations
 from trackslip.identification.law_fit import DriveFit, fit_drives, prior_means
 from trackslip.identification.longer_windows import LongerWindows, covering_longer_windows
-from trackslip.identification.path import DriveModel
+from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import FAR_AHEAD, Pairs, PredictionErrors
 from trackslip.intervals import FEWEST_BLOCKS, Gain
 from trackslip.kinematics import Array, RobotGeometry
@@ -37,6 +37,13 @@ from trackslip.se2 import Mounting
 
 TODAY: Final = "today"  # name of the prediction without identification: dead reckoning without slip
 _WORSE: Final = 1.1  # least ratio of mean errors for an alarm
+_MULTIPLIERS: Final = {
+    "offset": "wheel_separation_multiplier",
+    "radius_error": "wheel radius multiplier",
+    "radius_error_left": "left_wheel_radius_multiplier",
+    "radius_error_right": "right_wheel_radius_multiplier",
+}
+"""The multiplier that each parameter of the answer's law determines."""
 _LEAST_SHARE: Final = 0.02  # share of the motions below which a curvature doesn't count [-]
 
 
@@ -87,7 +94,9 @@ def compare_drives(
         sides = fit_drives(DIFF_DRIVE, look.drives, geometry, sensor, reference=reference, lag=lag)
         answer = sides if radii_differ(sides) else reference
         mean = prior_means(answer.fit.model, sensor)
-        answer, longer = covering_longer_windows(answer, mean)
+        # differences between runs hide those between lengths of windows
+        if not answer.fit.is_mean_of_runs:
+            answer, longer = covering_longer_windows(answer, mean)
         laws[answer.name] = answer
 
     # 3. Held-out predictions by the laws, and those of today and by gains, without a fit.
@@ -305,20 +314,37 @@ def _whole_turns(law: DriveFit, sensor: Mounting | None) -> list[Alarm]:
 
 
 def _differing_runs(law: DriveFit) -> list[Alarm]:
-    """Return an alarm if parameters of a law differ between runs, which are too few to tell how
-    much.
+    """Return an alarm if runs differ in multipliers of the answer's law, or in the place of their
+    sensor, with the runs at both ends.
     """
-    fit = law.fit
-    names = [fit.model.names[k] for k in fit.free[fit.differs_between_runs].tolist()]
-    of_law = [name for name in names if name in law.values]
-    if not of_law:
+    runs = law.fit.runs
+    if runs is None:
         return []
-    count = int(fit.run_of_block.max()) + 1
-    line = (
-        f"{' and '.join(of_law)} of law {law.name} differ between the {count} runs by more than "
-        f"the intervals say: take {FEWEST_BLOCKS} runs or more"
-    )
+    ranges = list[str]()
+    for name, values in runs.sensors.items():
+        ranges.append(_range_of(name, values, runs.names, f" {EXTRAS[name].unit}"))
+    half_gauge = law.fit.model.geometry.half_gauge
+    for column in np.flatnonzero(runs.differ).tolist():
+        name = law.fit.model.names[law.fit.free[column]]
+        unit = half_gauge if name == "offset" else 1.0
+        multiplier = 1 + runs.values[:, column] / unit
+        ranges.append(_range_of(_MULTIPLIERS[name], multiplier, runs.names))
+
+    answer = "two runs don't tell their mean: take 3 or more, or identify each alone"
+    if law.fit.is_mean_of_runs and runs.sensors:
+        answer = "the answer is the mean of the runs, each with a sensor of its own"
+    elif law.fit.is_mean_of_runs:
+        answer = "the answer is the mean of the runs; identify those of each ground alone"
+    what = "the sensor was mounted anew in" if runs.sensors else "slip differs between"
+    line = f"{what} the {len(runs.names)} runs, {', '.join(ranges)}: {answer}"
     return [Alarm("runs", line)]
+
+
+def _range_of(name: str, values: Array, runs: Sequence[str], unit: str = "") -> str:
+    """The least and largest of the values (n,) of a parameter, with their runs."""
+    ends = [int(values.argmin()), int(values.argmax())]
+    least, largest = (f"{values[k]:.3g}{unit} ({runs[k]})" for k in ends)
+    return f"{name} from {least} to {largest}"
 
 
 def _alarms(law: DriveFit, near: _Predictions, far: _Predictions) -> list[Alarm]:
@@ -337,6 +363,9 @@ def _alarms(law: DriveFit, near: _Predictions, far: _Predictions) -> list[Alarm]
     if any(ahead.is_worse(ahead.held_out[name], TODAY) for ahead in (near, far)):
         line = f"law {name} predicts worse than the robot does today: don't use it"
         alarms.append(Alarm(TODAY, line))
+    # the mean of runs that differ isn't meant to predict those at hand
+    if law.fit.is_mean_of_runs:
+        return alarms
     # gains are fitted to all driving, too
     fitted = law.pairs.errors(law.fit.model, law.fit.values[None])
     if near.is_worse(fitted, GAINS):

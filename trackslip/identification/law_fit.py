@@ -14,6 +14,7 @@ from trackslip.drives.clocks import clock_of_drive, median_offset
 from trackslip.drives.drive import Drive, Drives
 from trackslip.drives.gains import gains_of
 from trackslip.identification.answer import NO_POSITIONS
+from trackslip.identification.between_runs import fit_runs
 from trackslip.identification.comparison import MACHINED, REFERENCE, FittedLaw, Uncertainty
 from trackslip.identification.far_poses import OFFSETS, are_far_apart, start_between_far_poses
 from trackslip.identification.path import EXTRAS, DriveModel
@@ -114,7 +115,7 @@ def fit_drives(
     # and is fitted from other starts, too.
     best: WindowFit | None = None
     for values in starts:
-        fit = fit_windows(model, first.drives, first.length, values, held, mean)
+        fit = fit_runs(model, first.drives, first.length, values, held, mean)
         if best is None or fit.loss < best.loss:
             best = fit
         if best.loss < first.loss + _SAME_LOSS:
@@ -197,7 +198,7 @@ def _reference(
     best: DriveFit | None = None
     for length in _lengths(drives):
         fits = [
-            _described(fit_windows(model, drives, length, values, held, mean), held, pairs)
+            _described(fit_runs(model, drives, length, values, held, mean), held, pairs)
             for values in starts
         ]
         fit = min(fits, key=_size)

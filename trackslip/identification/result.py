@@ -29,6 +29,7 @@ Method = Literal["steady", "drive"]
 """How laws are identified: from stretches of constant sprocket speeds, or from whole drives."""
 # largest half-width of a useful interval for a multiplier, which is 1 to 2 for tracks [-]
 _VAGUE: Final = 0.5
+_FEW_SAMPLES: Final = 6  # number of steady samples below which their number explains wide intervals
 # share of a significant change in a parameter by which steady stretches and whole drives may differ
 _NOTICED: Final = 0.1
 
@@ -76,17 +77,41 @@ class Identification:
         return tuple(sorted(alarms, key=lambda alarm: alarm.kind != TODAY))
 
     def _untold(self, others: Sequence[Alarm]) -> list[Alarm]:
-        """Return an alarm if the driving hardly determines D; none if `others` name the cause, or
-        if the robot turns enough.
+        """Return an alarm with the cause if the driving hardly determines D; none if `others` name
+        it, or if the robot turns enough in whole drives.
         """
         key = "wheel_separation_multiplier"
         times = self.answer.get(key)
         if times is None or others or not (key in self.undetermined or times.error > _VAGUE):
             return []
-        look = self.drive.look if self.drive is not None and self.method == "drive" else None
-        if look is not None and not look.turns_to_one_side and key not in self.undetermined:
+        if key in self.undetermined:
+            return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
+        if self.method == "steady":
+            return [Alarm("scatter", self._why_samples_are_vague(times))]
+        if self.drive is not None and not self.drive.look.turns_to_one_side:
             return []
-        return [Alarm("turns", "the driving doesn't determine D: drive turns to both sides")]
+        return [Alarm("turns", "the driving hardly determines D: drive turns to both sides")]
+
+    def _why_samples_are_vague(self, times: Gain) -> str:
+        """The reason for a wide interval of the separation multiplier from steady samples, and the
+        remedy.
+        """
+        samples = self.samples
+        vague = f"wheel_separation_multiplier is known to ± {times.error:.2g} only"
+        turns = samples.omega[:, 1] - samples.omega[:, 0]
+        if len(samples) < _FEW_SAMPLES:
+            return (
+                f"{vague}: {counted(len(samples), 'sample')} are too few: take {_FEW_SAMPLES} or "
+                "more, straight ahead and in turns to both sides"
+            )
+        if min(np.sum(turns > 0), np.sum(turns < 0)) == 0:
+            return f"{vague}: drive turns to both sides"
+        assert self.expressible is not None
+        missed = self.comparison.laws[self.expressible].rms
+        return (
+            f"{vague}: the samples scatter by {100 * missed:.2g} % of the belt speed about law "
+            f"{self.expressible}: measure longer, and check the rows that are far off in the report"
+        )
 
     def _unstated_multiplier(self) -> list[Alarm]:
         """Return an alarm if odometry with an unknown multiplier was used in place of encoders."""
@@ -96,7 +121,7 @@ class Identification:
                 times = self.answer.get("wheel_separation_multiplier")
                 then = f"; the answer is then current × {times.value:.2f}" if times else ""
                 line = (
-                    f"odometry {odometry} was computed with a "
+                    f"the odometry in {odometry} was computed with a "
                     "wheel_separation_multiplier that the log does "
                     f"not state: give --multiplier (1 if it had none){then}"
                 )

@@ -199,36 +199,47 @@ class SlipSamples:
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     """Raise LogError for a run with a motion unlike its sprockets', as from wrong units, signs,
     sides or gears.
+    """
+    plausible = are_plausible(samples.omega, samples.twist, geometry, samples.covariance)
+    standing = np.asarray(~samples.omega.any(axis=1))
+    for k in np.flatnonzero(standing | ~plausible)[:1].tolist():
+        if standing[k]:
+            raise LogError(f"run {samples.run[k]!r}: the sprockets stand still")
+        contradiction = contradiction_of(samples.omega[k], samples.twist[k], geometry)
+        raise LogError(f"run {samples.run[k]!r}: {contradiction}")
+
+
+def are_plausible(
+    omega: Array, twist: Array, geometry: RobotGeometry, covariance: Array | None = None
+) -> np.ndarray:
+    """(n,) bool: true for twists (n, 2), with any error covariances (n, 2, 2), that a robot may
+    have at sprocket speeds (n, 2).
 
     A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
     """
     length = np.array([1.0, geometry.half_gauge])
-    commanded = body_twist(samples.omega, 0.0, geometry)
-    along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
+    commanded = body_twist(omega, 0.0, geometry)
+    along = length * np.where(commanded < 0, -twist, twist)  # (n, 2) [m/s]
     size = length * np.abs(commanded)
-    covariance = (
-        0.0
-        if samples.covariance is None
-        else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
-    )
-    error = 4 * length * np.sqrt(covariance)  # beyond chance
+    variance = 0.0 if covariance is None else np.maximum(np.einsum("nkk->nk", covariance), 0.0)
+    error = 4 * length * np.sqrt(variance)  # beyond chance
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
-    fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
+    fastest = geometry.sprocket_radius * np.abs(omega).max(axis=1, keepdims=True)
     # where the sprockets differ or the sensor is off-centre
     plausible |= np.abs(along - size) <= 0.1 * fastest
-    standing = np.asarray(~samples.omega.any(axis=1))
-    for k in np.flatnonzero(standing | ~plausible.all(axis=1))[:1]:
-        if standing[k]:
-            raise LogError(f"run {samples.run[k]!r}: the sprockets stand still")
-        moves, says = (
-            f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (samples.twist[k], commanded[k])
-        )
-        raise LogError(
-            f"run {samples.run[k]!r}: it moves at {moves}, but its sprockets say {says}: check "
-            "the units (rad/s, m/s), "
-            f"the gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and "
-            "the signs"
-        )
+    return np.asarray(plausible.all(axis=1))
+
+
+def contradiction_of(omega: Array, twist: Array, geometry: RobotGeometry) -> str:
+    """How a twist (2,) contradicts sprocket speeds (2,), and what to check."""
+    moves, says = (
+        f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (twist, body_twist(omega, 0.0, geometry))
+    )
+    return (
+        f"it moves at {moves}, but its sprockets say {says}: check the units (rad/s, m/s), "
+        f"the gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and "
+        "the signs"
+    )
 
 
 @dataclass(frozen=True)

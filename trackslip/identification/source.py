@@ -17,6 +17,7 @@ import pyarrow as pa
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError, counted, first_line, require_within
+from trackslip.identification.misread_samples import refuse_misread
 from trackslip.identification.samples import Sampling, SlipSamples, usable_samples
 from trackslip.kinematics import GEARS, Array, RobotGeometry
 from trackslip.logs.angles import EncoderKind
@@ -246,6 +247,9 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
     if not len(values):
         raise LogError("no rows")
     omega = reading.sprocket_speeds(values[:, :2])
+    whole = np.isfinite(values).all(axis=1)
+    # a wrong unit is wrong in all rows: before single rows are left out
+    refuse_misread(omega[whole], values[whole, 2:], geometry)
     lateral = columns.optional((LATERAL,))
     refused = list[Refused]()
     usable = list[SlipSamples]()

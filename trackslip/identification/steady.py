@@ -363,15 +363,17 @@ class Fit:
             if value not in (low, high) and spread < max(_VAGUE * scale, abs(value) / 2):
                 continue
             is_one_radius = self.samples.by_command(self.geometry).max() == 0
-            why = (
-                "it takes runs of different radii"
-                if is_one_radius
-                else f"its standard error is {spread:.2g}"
-            )
-            return (
-                f"the {len(self.samples)} samples don't determine {key} (the fit stopped at "
-                f"{value:.3g}): {why}"
-            )
+            if is_one_radius:
+                why = "it takes runs of different radii"
+            elif value in (low, high):
+                why = f"its best value, {value:.3g}, is at a limit"
+            elif np.isinf(spread):
+                why = "other parameters can stand in for it"
+            else:
+                why = f"it is {value:.3g} with a standard error of {spread:.2g}"
+            many = len(self.samples) > 1
+            samples = f"the {len(self.samples)} samples don't" if many else "one sample doesn't"
+            return f"{samples} determine {key}: {why}"
         return ""
 
 
@@ -421,6 +423,11 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
 
     Raises LogError if the samples determine no law but `none`.
     """
+    if len(samples) < 2 and samples.covariance is None:
+        raise LogError(
+            "one sample doesn't show its own error: take 4 or more, straight ahead and in turns to "
+            "both sides"
+        )
     laws, warnings = dict[str, SteadyFit](), list[str]()
     sides = np.sign(np.diff(samples.omega, axis=1)[:, 0] * samples.omega.sum(axis=1))
     one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
@@ -463,7 +470,8 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
         validation={
             name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()
         },
-        warnings=tuple(warnings),
+        # where laws aren't compared, nothing is missing without those that can't be fitted
+        warnings=() if uncompared else tuple(warnings),
     )
 
 

@@ -15,7 +15,7 @@ Inference*, 2015).
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,11 +23,18 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.special import fdtri
+from scipy.special import fdtri, stdtrit
 
 from trackslip.drives.drive import Drives
 from trackslip.identification.path import DriveModel, Path
-from trackslip.intervals import DEVIATION_PER_MEDIAN, FEWEST_BLOCKS, cr3, newton_steps, student
+from trackslip.intervals import (
+    DEVIATION_PER_MEDIAN,
+    FEWEST_BLOCKS,
+    cr3,
+    mean_of_groups,
+    newton_steps,
+    student,
+)
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS: Final = 2.0
@@ -49,6 +56,9 @@ _FIRST_SPREAD: Final = 0.02
 # of a window that hardly moves don't tell how it is turned, so that its residuals say nothing of
 # the law (test_windows) [1/rad²]
 _LEAST_INFORMATION: Final = 9.0
+BEYOND_CHANCE: Final = 0.99
+"""Probability by which runs count as different in an F-test."""
+_FEWEST_RUNS: Final = 3  # least number of runs whose scatter gives an interval for their mean
 _TINY: Final = 1e-300  # instead of 0 in denominators
 _LEAST_SPREAD: Final = 1e-6  # rounding errors of a path [m, rad]
 
@@ -318,6 +328,18 @@ def _with_gyro(
 
 
 @dataclass(frozen=True)
+class RunValues:
+    """Parameters of each run, from fits to that run alone."""
+
+    names: tuple[str, ...]  # (n,) names of the runs
+    values: Array  # (n, l) values of the l free parameters of the law
+    variance: Array  # (n, l) variances of their errors, if residuals were independent
+    differ: np.ndarray  # (l,) bool: true for parameters that differ between runs beyond chance
+    # (n,) values by name of the sensor's parameters, if it sits elsewhere in each run
+    sensors: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class WindowFit:
     """The parameters of a drive model fitted to drives, with their uncertainty."""
 
@@ -333,6 +355,8 @@ class WindowFit:
     score: Array  # (G, f) gradient from each block; the sum, with the prior's gradient, is about 0
     prior: Array  # (f,) precisions of the priors
     loss: float  # `Residuals.loss`
+    # where parameters of the law, or of the sensor, differ between runs
+    runs: RunValues | None = None
 
     def without(self, blocks: np.ndarray) -> Array:
         """Parameters (F, p) without the blocks in each row of `blocks` (F, G) bool, by one Newton
@@ -386,12 +410,29 @@ class WindowFit:
         return runs if has_enough_runs else np.arange(len(self.score))
 
     @property
+    def is_mean_of_runs(self) -> bool:
+        """True if the law's values are means of those of the runs: these differ, and their scatter
+        is known.
+
+        A robust fit to all runs settles for some of them, and may turn to others if one is left
+        out. Neither its values nor their changes then say anything of the mean.
+        """
+        return self.runs is not None and len(self.runs.names) >= _FEWEST_RUNS
+
+    @property
     def covariance(self) -> Array:
-        """Covariance (f, f) of the free parameters: CR3 over runs or blocks, plus the priors'
-        share; NaN for too few blocks.
+        """Covariance (f, f) of the free parameters: CR3 over runs or blocks, or from the scatter
+        between the values of runs, plus the priors' share; NaN for too few blocks.
         """
         by_prior = self.inverse @ (self.prior[:, None] * self.inverse)
-        return cr3(self._changes_without(self._cluster_of_block)) + by_prior
+        by_scatter = cr3(self._changes_without(self._cluster_of_block))
+        if self.runs is not None and self.is_mean_of_runs:
+            _, of_law = mean_of_groups(self.runs.values, self.runs.variance)
+            size = len(of_law)
+            by_scatter[:size] = 0.0
+            by_scatter[:, :size] = 0.0
+            by_scatter[:size, :size] = of_law
+        return by_scatter + by_prior
 
     @property
     def quantile(self) -> Array:
@@ -399,24 +440,36 @@ class WindowFit:
         cluster = self._cluster_of_block
         normal = np.zeros((cluster.max() + 1, *self.curvature.shape))
         np.add.at(normal, cluster, self.block_normals)
-        return student(normal, self._normal)
+        quantile = student(normal, self._normal)
+        if self.runs is not None and self.is_mean_of_runs:
+            run_count, size = self.runs.values.shape
+            quantile[:size] = stdtrit(run_count - 1, 0.975)
+        return quantile
 
     @property
     def differs_between_runs(self) -> np.ndarray:
-        """(f,) bool: true for parameters that scatter more between runs than between blocks, beyond
-        chance (5 %, by an F-test); false where there are too few blocks, or runs enough for the
-        covariance.
+        """(f,) bool: true for parameters that differ between runs beyond chance (1 %, by an F-test
+        of the influences of blocks on them); false for a single run, and where no run has two
+        blocks.
+
+        Without a block, a parameter changes by minus the block's influence. If all runs have the
+        same value, the influences in a run of k blocks, with a mean m, scatter about 0 as they
+        scatter about m, and k m² has the variance of a single one.
         """
         runs = self.run_of_block
         run_count = int(runs.max()) + 1
         block_count = len(self.score)
-        if not 2 <= run_count < min(FEWEST_BLOCKS, block_count):
+        if run_count < 2 or block_count < max(FEWEST_BLOCKS, run_count + 1):
             return np.zeros(len(self.free), bool)
-        apart = self._changes_without(runs)
-        between_runs = (1 - 1 / run_count) * np.sum(apart**2, axis=0)
-        between_blocks = np.diag(cr3(self.changes_without_block))
-        by_chance = fdtri(run_count - 1, block_count - run_count, 0.95)
-        return np.asarray(between_runs > by_chance * between_blocks)
+        influence = -self.changes_without_block
+        blocks = np.bincount(runs)[:, None]
+        mean = np.zeros((run_count, len(self.free)))
+        np.add.at(mean, runs, influence)
+        mean /= blocks
+        between = np.sum(blocks * mean**2, axis=0) / (run_count - 1)
+        within = np.sum((influence - mean[runs]) ** 2, axis=0) / (block_count - run_count)
+        by_chance = fdtri(run_count - 1, block_count - run_count, BEYOND_CHANCE)
+        return np.asarray(between > by_chance * within)
 
     @property
     def _normal(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Final
 
@@ -30,6 +31,7 @@ _BOOLEANS: Final = {
 # seconds per unit of Arrow's times
 _TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _EXPECTED: Final = {
+    "t": "a number or a date with a time, as 2026-05-03T10:00:00.25",
     "valid": "true or false",
     "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s",
 }
@@ -103,7 +105,11 @@ class Columns:
         column = self._table.column(name)
         kind = column.type
         if _is_text(kind):
-            return _scaled(_from_text(column), scale)
+            cells = _from_text(column)
+            has_no_number = (cells.damaged | cells.empty).all() and cells.damaged.any()
+            if name == "t" and has_no_number:
+                return _from_dates(column)
+            return _scaled(cells, scale)
         if name == "t" and (pa.types.is_timestamp(kind) or pa.types.is_duration(kind)):
             scale = _TIME_UNITS[kind.unit]
             column = column.cast(pa.int64())
@@ -224,6 +230,27 @@ def _from_text(column: pa.ChunkedArray) -> Cells:
     except pa.ArrowInvalid:  # Arrow doesn't accept some text as a number
         values = np.array([_number(cell) for cell in text.to_pylist()])
     return _cells(values, empty.to_numpy())
+
+
+def _from_dates(column: pa.ChunkedArray) -> Cells:
+    """Cells from a text column of dates with times, as seconds since 1970; a date without a time
+    zone is in UTC.
+    """
+    seconds = np.array([_seconds(cell or "") for cell in column.to_pylist()])
+    return _cells(seconds, np.isnan(seconds))
+
+
+def _seconds(text: str) -> float:
+    """Seconds from 1970 to a date in ISO 8601: NaN for an empty text, infinity for one that is no
+    date.
+    """
+    if not text.strip():
+        return np.nan
+    try:
+        date = datetime.fromisoformat(text.strip())
+    except ValueError:
+        return np.inf
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
 def _number(text: str) -> float:

@@ -32,6 +32,14 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
 }
 """Units in which a column may be stated, by our unit, with the factor to it."""
+BELT_UNITS: Final[dict[str, dict[str, float]]] = {
+    "omega_l": UNITS["m/s"],
+    "omega_r": UNITS["m/s"],
+    "angle_l": UNITS["m"],
+    "angle_r": UNITS["m"],
+}
+"""Units in which motion of the belts may be stated in place of the sprockets', by our column, with
+the factor to m/s or m."""
 TICKS_PER_TURN: Final = (1e-3, 1e9)
 """Least and largest number of ticks per turn; with a gear, a turn may have fewer than one."""
 _QUATERNION: Final = ("qx", "qy", "qz", "qw")  # columns that may replace phi
@@ -93,8 +101,9 @@ class Layout:
         """
         if not self.sources:
             return table
+        radius = None if self.robot is None else self.robot.sprocket_radius
         chosen = {
-            name: _column_and_factor(name, text, table.column_names, source)
+            name: _column_and_factor(name, text, table.column_names, source, radius)
             for name, text in self.sources.items()
         }
         taken = {column for column, _ in chosen.values()}
@@ -111,8 +120,12 @@ class Layout:
         return pa.Table.from_arrays(columns, schema=pa.schema(fields, table.schema.metadata))
 
 
-def _column_and_factor(name: str, text: str, present: list[str], source: str) -> tuple[str, float]:
-    """The table's column that `text` names for our column `name`, and the factor to our unit."""
+def _column_and_factor(
+    name: str, text: str, present: list[str], source: str, radius: float | None
+) -> tuple[str, float]:
+    """The table's column that `text` names for our column `name`, and the factor to our unit, of a
+    robot whose sprockets have a known `radius` [m] or None.
+    """
     if text in present:  # a name may contain colons
         _require_once(text, present, source)
         return text, 1.0
@@ -124,11 +137,28 @@ def _column_and_factor(name: str, text: str, present: list[str], source: str) ->
             f"found {', '.join(present)[:200]!r}"
         )
     _require_once(column, present, source)
+    if unit in BELT_UNITS.get(name, {}):
+        return column, BELT_UNITS[name][unit] / _known_radius(radius, f"{name}={text}")
     units = UNITS.get(READ[name].unit, {}) if name in READ else {}
     if unit not in units:
-        allowed = f"one of {', '.join(units)}" if units else "left out: the column has no unit"
+        known = [*units, *BELT_UNITS.get(name, {})]
+        allowed = f"one of {', '.join(known)}" if known else "left out: the column has no unit"
         raise InvalidValueError("columns", f"{name}={text}", f"in a known unit: {allowed}")
     return column, units[unit]
+
+
+def _known_radius(radius: float | None, column: str) -> float:
+    """The radius of the sprockets [m]; raises InvalidValueError if it is unknown, as motion of the
+    belts in a `column` is divided by it.
+    """
+    if radius is None:
+        raise InvalidValueError(
+            "sprocket_radius",
+            None,
+            f"given (--half-gauge and --sprocket-radius): {column} is motion of the belts, which "
+            "is divided by it",
+        )
+    return radius
 
 
 def _require_once(column: str, present: list[str], source: str) -> None:

@@ -16,11 +16,13 @@ _TIME: Final = (
     r"(^|[^a-z])(t|time|times|stamp|timestamp|timestamps|sec|secs|seconds|clock)($|[^a-z])"
 )
 # the side alone, at the end of a word as in speedL, or of a usual letter as in wl
-_LEFT: Final = r"left|(^|[^a-z])[wn]?_?(l|lhs)($|[^a-z])|[a-z]L$"
-_RIGHT: Final = r"right|(^|[^a-z])[wn]?_?(r|rhs)($|[^a-z])|[a-z]R$"
-_SPEED: Final = r"rpm|omega|speed|vel|rad_?/?p?_?s(ec)?$|rps|dps|^[wn]_?[lr]$"
-# of the sides, what isn't a sprocket's measured motion: commands, and speeds in m/s
-_NOT_MEASURED: Final = r"cmd|command|target|set_?point|desired|m/s|mps"
+_LEFT: Final = r"left|(^|[^a-z])[wnv]?_?(l|lhs)($|[^a-z])|[a-z]L$"
+_RIGHT: Final = r"right|(^|[^a-z])[wnv]?_?(r|rhs)($|[^a-z])|[a-z]R$"
+_SPEED: Final = r"rpm|omega|speed|vel|rad_?/?p?_?s(ec)?$|rps|dps|^[wnv]_?[lr]$|^v_|_v$|m/s|mps|m_s$"
+# speeds of the belts, by their symbol: in m/s
+_BELT_SPEED: Final = r"^v_?[lr]$|^v_|_v$"
+# of the sides, what isn't a sprocket's or a belt's measured motion: commands
+_NOT_MEASURED: Final = r"cmd|command|target|set_?point|desired"
 _TICKS: Final = r"tick|count|enc|pulse"
 _ANGLE: Final = r"angle|position|(^|[^a-z])pos($|[^a-z])|joint"
 _HEADING: Final = r"yaw|heading|theta|phi|psi|azimuth"
@@ -39,6 +41,10 @@ _UNITS: Final = {
     "rpm": r"rpm\W*$",
     "deg/s": r"deg(rees)?_?(/|p|per)_?_?s(ec)?\W*$|dps\W*$",
     "turn/s": r"(^|[^a-z])(rps|rev_?/?p?s)\W*$",
+    "mm/s": r"mm_?(/|p|per|_)_?s(ec)?\W*$",
+    "cm/s": r"cm_?(/|p|per|_)_?s(ec)?\W*$",
+    "km/h": r"km_?(/|p|per)_?h\W*$|kmh\W*$",
+    "m/s": r"(^|[^a-z])m_?(/|p|per|_)_?s(ec)?\W*$",
     "deg": r"deg(rees)?\W*$|°\W*$",
     "mm": r"(^|[^a-z])mm\W*$",
     "cm": r"(^|[^a-z])cm\W*$",
@@ -49,7 +55,7 @@ _LONGEST_STEP: Final = 5.0  # a usual step of a log's times that is longer is in
 _MOST_RADIANS: Final = 6.6  # headings above this number, within a turn, are degrees
 _ALLOWED: Final = {
     "t": ("ms", "us", "ns"),
-    "omega": ("rpm", "deg/s", "turn/s"),
+    "omega": ("rpm", "deg/s", "turn/s", "mm/s", "cm/s", "km/h", "m/s"),
     "angle": ("deg",),
     "ticks": (),
     "x": ("mm", "cm"),
@@ -147,6 +153,8 @@ def _unit(name: str, column: str, values: Callable[[str], Array]) -> str:
     for unit in allowed:
         if re.search(_UNITS[unit], column, re.IGNORECASE):
             return f":{unit}"
+    if name.startswith("omega") and re.search(_BELT_SPEED, _plain(column), re.IGNORECASE):
+        return ":m/s"
     if name not in ("t", "phi"):
         return ""
     numbers = values(column)

@@ -108,7 +108,7 @@ def test_odometry_as_encoders_needs_the_multiplier_that_it_was_computed_with(tra
     (alarm,) = found.alarms
     assert alarm.kind == "multiplier"
     assert alarm.line == (
-        "odometry /odom was computed with a wheel_separation_multiplier that the log does not "
-        "state: give --multiplier "
+        "the odometry in /odom was computed with a wheel_separation_multiplier that the log does "
+        "not state: give --multiplier "
         f"(1 if it had none); the answer is then current × {right / 1.2:.2f}"
     )

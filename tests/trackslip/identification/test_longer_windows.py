@@ -1,6 +1,4 @@
-"""Pose sources whose errors depend on the length of windows, and runs whose slip differs."""
-
-from dataclasses import replace
+"""Pose sources whose errors depend on the length of windows."""
 
 import numpy as np
 import pytest
@@ -70,27 +68,3 @@ def test_intervals_cover_the_values_in_longer_windows():
     assert low <= longer.differing["offset"].low
     assert high == fit.interval95["offset"][1]
     assert covering.values == fit.values
-
-
-def runs(count: int, scatter: float) -> list[RunLog]:
-    """Runs of a minute, each with a D of its own."""
-    logs = []
-    for k, change in enumerate(np.random.default_rng(0).normal(size=count)):
-        robot = replace(HUSKY, offset=HUSKY.offset + scatter * change)
-        drive = drive_of(robot, seed=k, slip=0.02, duration=60.0)
-        logs.append(log_of(drive, *measured(drive, seed=10_000 + k), f"run {k}"))
-    return logs
-
-
-@pytest.mark.parametrize(("scatter", "alarms"), [(0.0, []), (0.03, ["runs"])])
-def test_few_runs_that_differ_are_an_alarm(scatter, alarms):
-    found = identify(runs(3, scatter), HUSKY.geometry, method="drive")
-    assert [alarm.kind for alarm in found.alarms] == alarms
-
-
-def test_intervals_of_many_runs_know_that_they_differ():
-    drives = drives_of(runs(8, 0.03))[0]
-    fit = fit_drives("icr_radius", drives, HUSKY.geometry)
-    between_runs = 0.03 / np.sqrt(8)
-    assert fit.stderr["offset"] > 0.6 * between_runs
-    assert not fit.fit.differs_between_runs.any()

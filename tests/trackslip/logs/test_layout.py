@@ -1,5 +1,7 @@
 """Columns with other names and units, headers of other programs, arrays and data frames."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -51,6 +53,59 @@ def test_one_option_renames_and_converts(tmp_path, kind):
     same(run)
 
 
+@pytest.mark.parametrize(
+    ("ours", "theirs", "factor"), [("omega", "v:m/s", 1.0), ("omega", "v:cm/s", 100.0)]
+)
+def test_speeds_of_belts_are_divided_by_the_radius(ours, theirs, factor):
+    column = theirs.partition(":")[0]
+    columns = {name: OURS[name].to_numpy() for name in COLUMNS}
+    option = {}
+    for side in ("l", "r"):
+        of_sprocket = columns.pop(f"{ours}_{side}")
+        columns[f"{column}_{side}"] = factor * GEOMETRY.sprocket_radius * of_sprocket
+        option[f"{ours}_{side}"] = theirs.replace(":", f"_{side}:")
+    (run,) = source_of_frame(pa.table(columns), replace(SIZE, layout=Layout(option))).logs
+    same(run)
+
+
+def test_distances_of_belts_are_angles_times_the_radius():
+    angle = np.linspace(0.0, 50.0, 200)
+    columns = {
+        "t": np.arange(200) * 0.1,
+        "left": 1e3 * GEOMETRY.sprocket_radius * angle,
+        "right": 1e3 * GEOMETRY.sprocket_radius * angle,
+        "x": np.zeros(200),
+        "y": np.zeros(200),
+    }
+    layout = Layout("angle_l=left:mm,angle_r=right:mm")
+    (run,) = source_of_frame(pa.table(columns), replace(SIZE, layout=layout)).logs
+    np.testing.assert_allclose(run.omega[1:], angle[1] / 0.1)
+
+
+def test_speeds_of_belts_take_the_radius():
+    table = pa.table({"t": [0.0], "v": [1.0]})
+    with pytest.raises(InvalidValueError, match="omega_l=v:m/s is motion of the belts"):
+        Layout("omega_l=v:m/s").applied(table, "log.csv")
+
+
+@pytest.mark.parametrize("separator", ["T", " "])
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_times_in_a_file_may_be_dates(tmp_path, separator, zone):
+    file = tmp_path / "log.csv"
+    rows = [f"2026-05-03{separator}10:00:{k:02d}.250{zone},1,1,0,0" for k in range(5)]
+    file.write_text("\n".join(["t,omega_l,omega_r,x,y", *rows]))
+    (run,) = read_log(file).runs
+    np.testing.assert_allclose(np.diff(run.time), 1.0)
+
+
+def test_times_of_day_are_answered_with_a_date(tmp_path):
+    file = tmp_path / "log.csv"
+    rows = [f"10:00:{k:02d},1,1,0,0" for k in range(5)]
+    file.write_text("\n".join(["t,omega_l,omega_r,x,y", *rows]))
+    with pytest.raises(LogError, match="'10:00:00' is not a number or a date with a time, as 2026"):
+        read_log(file)
+
+
 def test_a_damaged_cell_is_shown_as_it_stands_in_the_file(tmp_path):
     file = tmp_path / "log.csv"
     frame = pa.table(THEIRS).to_pandas().astype({"left_rpm": object})
@@ -83,6 +138,9 @@ RECOGNISED = {
     "ticks_r=enc_right,x=X [mm]:mm,y=Y [mm]:mm' --ticks-per-turn N",
     "t,wl,wr,pose.position.x,pose.position.y,pose.orientation.z,pose.orientation.w": "--columns "
     "omega_l=wl,omega_r=wr,x=pose.position.x,y=pose.position.y",
+    "t,v_left,v_right,x,y": "--columns omega_l=v_left:m/s,omega_r=v_right:m/s",
+    "t,vl,vr,x,y": "--columns omega_l=vl:m/s,omega_r=vr:m/s",
+    "t,left_mm_s,right_mm_s,x,y": "--columns omega_l=left_mm_s:mm/s,omega_r=right_mm_s:mm/s",
     "timestamp,speedL,speedR,theta": "--columns t=timestamp,omega_l=speedL,omega_r=speedR,"
     "phi=theta",
 }
