@@ -48,7 +48,7 @@ def test_plants_are_drawn_around_the_nominal_one_and_are_the_same_for_all_contro
     ]
     assert plants[3] == loops.plant(BenchmarkCase("lqr", "online", "circle", "stone", "random", 3))
     assert plants[3] != loops.plant(BenchmarkCase("linear", "none", "slalom", "stone", "zero", 3))
-    ratios = [plant.setting.ground.across / load_ground("stone").across for plant in plants]
+    ratios = [plant.setup.ground.across / load_ground("stone").across for plant in plants]
     noises = [plant.scanner_noise / loops.config.scanner.noise for plant in plants]
     for values, low, high in ((ratios, 0.8, 1.25), (noises, 0.5, 2.0)):
         assert low <= min(values) < max(values) <= high
