@@ -25,7 +25,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 CORE = (
     *("trackslip/test_kinematics", "trackslip/laws", "trackslip/controllers", "trackslip/odometry"),
-    *("trackslip/identification/test_windows", "sim/tracks", "sim/test_fleet", "sim/test_runs"),
+    *("trackslip/identification/test_windows", "sim/tracks", "sim/fleet", "sim/runs/test_loop"),
 )
 """Tests of the method, of tracks and of the closed loop: those to run after every change."""
 

@@ -1,5 +1,10 @@
 """Calibration targets: data on a robot's motion, and the errors of a candidate that repeats it in
 simulation.
+
+There are three: the paper's table of turns (`PublishedTurns`), steady samples (`SteadyRows`) and
+whole drives (`Drives`). A target gives n errors, simulated minus measured, and says in its `Layout`
+what a fit must know about them: which have the same standard deviation, which tell the same and
+share a weight, and which are independent of each other.
 """
 
 from __future__ import annotations
@@ -297,6 +302,8 @@ class Drives:
         windows = _all_windows(logs, geometry)
         stride = math.ceil(len(windows) / _MAX_WINDOWS)
         windows = windows[::stride]
+
+        # what is simulated, and what is compared
         self.windows = [window.log for window in windows]
         """Windows (W) that are compared."""
         replayer = Replayer([window.with_lead for window in windows], inputs)
@@ -305,7 +312,6 @@ class Drives:
         self._measured = se2.between(self._pairs.pose[:, 0], self._pairs.pose[:, 1])
         self.horizon = self._pairs.horizon
         """Horizon of each pair [s]."""
-
         source = np.array([window.source for window in windows])
         self.log = np.repeat(source[self._pairs.window], 3)
         """Index of each error's log (n,)."""
@@ -315,16 +321,18 @@ class Drives:
         """
 
     def _layout(self) -> Layout:
-        # in windows with the same constant command, all pairs over a horizon tell the same
+        # in windows with the same constant command, all pairs over a horizon tell the same, so
+        # that together they have the weight of one
         label = _same_commands(self.windows)[self._pairs.window]
         cluster = _renumbered(label)
-        group = 3 * np.searchsorted(HORIZONS, self.horizon)
+        horizon = np.searchsorted(HORIZONS, self.horizon)
         _, which, count = np.unique(
-            np.stack([cluster, group]), axis=1, return_inverse=True, return_counts=True
+            np.stack([cluster, horizon]), axis=1, return_inverse=True, return_counts=True
         )
         pairs_alike = count[which.reshape(-1)]
 
-        kind = _renumbered((group[:, None] + np.arange(3)).ravel())
+        # three kinds of errors, forwards, to the left and heading, for each horizon
+        kind = _renumbered((3 * horizon[:, None] + np.arange(3)).ravel())
         kinds = int(kind.max()) + 1
         return Layout(
             kind=kind,
@@ -433,6 +441,8 @@ class _Pairs:
         rows = np.flatnonzero(log.has_heading)
         time = log.time[rows]
         interval = float(np.median(np.diff(time)))
+
+        # pairs whose times differ by the horizon, but for half an interval
         stride = max(1, round(horizon / _PAIRS / interval))
         first = np.arange(0, len(rows), stride)
         last = np.searchsorted(time, time[first] + horizon - interval / 2)

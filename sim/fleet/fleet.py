@@ -232,6 +232,8 @@ class Fleet(Simulations):
             )
         if periods == 0:
             return
+
+        # all robots move as their servos demand, which shows the torques that this takes
         before = self._snapshot(EVERYONE)
         forecast = self.drive.forecast(periods)
         traction = self._run(EVERYONE, forecast.mean)
@@ -241,7 +243,7 @@ class Fleet(Simulations):
             self.drive.accept(forecast, torque)
             return
 
-        # `accept` advances all robots, so the weak robots' sprockets are set aside
+        # weak robots go back; their sprockets are set aside first, because `accept` advances all
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))

@@ -267,7 +267,8 @@ def _share(distance: Array, modulus: Array, belt: Array) -> Array:
     In this form, no exponential exceeds 1, however firm the ground, because h <= a.
     """
     a = distance / np.where(modulus > 0, modulus, 1.0)
-    half = np.empty_like(a)  # h
+    # h, half the change over a cell; where elements enter, a rises from 0 at the edge of the cell
+    half = np.empty_like(a)
     half[1:-1] = (a[2:] - a[:-2]) / 4
     half[_FRONT] = np.where(belt > 0, a[-1], (a[-1] - a[-2]) / 2)
     half[_REAR] = np.where(belt < 0, a[0], (a[1] - a[0]) / 2)
