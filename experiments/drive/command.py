@@ -1,5 +1,7 @@
 """`trackslip drive`: drive a tracked robot over a course."""
 
+from dataclasses import replace
+
 from experiments.common.manifest import command_line
 from experiments.common.results import (
     DRIVE_RECORDING,
@@ -38,7 +40,7 @@ def run(config: Config) -> None:
     from experiments.drive.recording import record_course_drive
     from experiments.drive.results import drive_summary, write_course_run
     from experiments.drive.world import about_world, driver, make_world
-    from experiments.simulate.motors import print_motors, without_motors
+    from experiments.simulate.motors import without_motors
     from sim.motors.motor import or_tireless
     from sim.robot.tracked_model import build_tracked
 
@@ -47,7 +49,8 @@ def run(config: Config) -> None:
     looks = build_tracked(
         robot, course, preset=config.preset, friction=course.frictions, looks=True
     )
-    notes = without_motors(config.robot, or_tireless(robot.drive))
+    motors = replace(or_tireless(robot.drive), top_speed=world.top_speed)
+    notes = without_motors(config.robot, motors)
     with Run(config) as run:
         with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:
             drive = drive_course(world, driver(config, world), advance)
@@ -66,5 +69,6 @@ def run(config: Config) -> None:
     table.print()
     for warning in reply.warnings:
         print(f"Warning: {warning}.")
-    print_motors(config.robot, or_tireless(robot.drive))
+    for note in notes:
+        print(f"Note: {note}.")
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: {reply.next[0]}")

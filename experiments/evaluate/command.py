@@ -20,7 +20,7 @@ from experiments.common.run import Run
 from experiments.evaluate.config import Config
 from experiments.evaluate.data_set import load_data_set
 from experiments.evaluate.log import parts, read_log
-from experiments.evaluate.models import known_geometry, models_of, robots_of
+from experiments.evaluate.models import known_geometry, models_of, notes_on_motors, robots_of
 from experiments.evaluate.page import Report
 from experiments.evaluate.prediction import Prediction, predict
 from experiments.recorder import record
@@ -59,6 +59,7 @@ def run(config: Config) -> None:
         step(1.0)
         # windows of folds are short
         notes = [*log.notes, *(() if config.folds else predictions[0].errors.notes)]
+        notes += notes_on_motors(config)
         checks = data.checks(predictions) if data else []
         title = data.title if data else f"Predictions of “{config.path.resolve().name}”"
         report = Report(

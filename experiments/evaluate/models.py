@@ -195,6 +195,17 @@ def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
     return LawInUse(GAINS, FAMILIES[REFERENCE].build(look.gains.law(geometry), geometry), geometry)
 
 
+def notes_on_motors(config: Config) -> list[str]:
+    """A line for each robot without motors that commands drive; measured speeds need no motors."""
+    if config.inputs == "encoders":
+        return []
+    return [
+        f"{robot} has no motors: its torque is unlimited, and it follows commands of any speed"
+        for robot in config.robot
+        if load_parameters(robot)[0].drive is None
+    ]
+
+
 def robots_of(
     config: Config, source: Source, part: np.ndarray
 ) -> tuple[dict[str, Sequence[Candidate]], Calibration | None]:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from experiments.benchmark.drive import ClosedLoops
 from experiments.calibrate.calibration import first_candidate
 from experiments.drive.config import Config as DriveConfig
 from experiments.drive.world import driver, make_world
+from experiments.evaluate.config import Config as EvaluateConfig
+from experiments.evaluate.models import notes_on_motors
 from experiments.predict import Config as PredictConfig
 from experiments.predict import predicted_world
 from experiments.simulate.grid_options import GridConfig
@@ -430,3 +433,12 @@ def test_policies_learn_with_the_motors_of_the_robots_file(name, files):
     crossing = learning_task(TrainConfig(robot=robot, robots=16, env="traverse"))
     assert crossing.env.task.world.tracked.robot.drive == drive
     assert crossing.drive == or_tireless(drive)
+
+
+def test_evaluate_names_robots_without_motors(files):
+    robots = (source("plain", files), source("plain_own", files))
+    config = EvaluateConfig(path=Path("log.csv"), robot=robots, inputs="commands")
+    assert notes_on_motors(config) == [
+        f"{robots[0]} has no motors: its torque is unlimited, and it follows commands of any speed"
+    ]
+    assert notes_on_motors(replace(config, inputs="encoders")) == []
