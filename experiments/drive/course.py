@@ -31,6 +31,7 @@ class DrivenCourse:
     course: Course
     goal: float  # x at which the course is crossed [m]
     tracks: tuple[str, ...]  # names (T,)
+    sides: tuple[int, int]  # indices of a track on the left and of one on the right
     flippers: tuple[str, ...]  # names (F,)
     outcome: str
     """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
@@ -106,6 +107,7 @@ def drive_course(
         course=world.course[0],
         goal=float(world.goal[0]),
         tracks=tuple(world.track_names),
+        sides=world.tracked.side_tracks,
         flippers=world.tracked.flipper_names,
         outcome=STOPPED if outcome == Outcome.DRIVING else outcome.label,
         time=columns["time"],

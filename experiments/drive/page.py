@@ -91,7 +91,7 @@ def answer(
         ("height gained", number(round(result["climbed"], 2) + 0.0, 2, "m")),
         (
             "slip, left | right track",
-            pair([percent(track["slip"]) for track in result["tracks"][:2]]),
+            pair([percent(result["tracks"][k]["slip"]) for k in run.sides]),
         ),
         (
             "largest pitch and roll",

@@ -84,7 +84,7 @@ def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str],
     state, contact = run.state, run.contact
     return [
         ("", ["t"], "s", "", run.time[:, None]),
-        ("omega_", "lr", "rad/s", "", contact.belt[:, :2] / radius),
+        ("omega_", "lr", "rad/s", "", contact.belt[:, run.sides] / radius),
         ("", "xy", "m", "", state.position[:, :2]),
         ("", ["phi"], "rad", "", np.unwrap(state.heading)[:, None]),
         ("", "z", "m", "height of the chassis' frame", state.position[:, 2:]),

@@ -46,12 +46,15 @@ class RobotLooks:
         """The looks of a robot on its terrain; `world` must have been built with `looks=True`."""
         model = world.model
         tracks = []
-        for name, frame, track in zip(
-            world.belts.names, world.belts.bodies.tolist(), world.tracks, strict=True
-        ):
+        for k, track in enumerate(world.tracks):
             gear = track.gear.gear
-            look = TrackLook(np.array(track.gear.hull), 0.0, gear.width, gear.contact != WHEELS)
-            tracks.append((f"{name}_track", frame, look))
+            body = model.body(track.gear.body).id
+            y = track.y
+            if not track.gear.frame.is_bodys:  # the track has a frame of its own
+                body = int(world.belts.bodies[k])
+                y = 0.0
+            look = TrackLook(np.array(track.gear.hull), y, gear.width, gear.contact != WHEELS)
+            tracks.append((f"{world.belts.names[k]}_track", body, look))
         return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, travel: Array) -> None:
@@ -142,9 +145,11 @@ def _attached_looks(spec: Any, robot: TrackedRobot) -> RobotLooks:
     body.quat = [1.0, 0.0, 0.0, 0.0]
     body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     for frame, track in zip(built.belts.bodies.tolist(), built.tracks, strict=True):
-        carrier = own.body(track.gear.body)
-        place, turn = built.model.body_pos[frame], built.model.body_quat[frame]
-        carrier.add_body(name=built.model.body(frame).name, pos=place, quat=turn)
+        if not track.gear.frame.is_bodys:
+            carrier = own.body(track.gear.body)
+            place = built.model.body_pos[frame]
+            turn = built.model.body_quat[frame]
+            carrier.add_body(name=built.model.body(frame).name, pos=place, quat=turn)
     for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.robot.gear import BOTH, MOTORS
+from sim.robot.gear import BOTH, MOTORS, OWN
 from sim.robot.joints import ROLLS, Joints, angle_unit, hinge_body, hold
 from sim.robot.parameters import WHEELS
 from sim.robot.places import PlacedGear, model_at_rest, placed
@@ -123,6 +123,19 @@ class TrackedModel:
             return speeds[..., :count]
         own = speeds.mean(axis=-1, keepdims=True)
         return np.concatenate([speeds, own], axis=-1)
+
+    @property
+    def side_tracks(self) -> tuple[int, int]:
+        """Indices of a track that turns with the left motor, and of one with the right; of a belt
+        with its own motor on a robot without such tracks.
+        """
+
+        def first(motor: int) -> int:
+            turning = np.flatnonzero(self.track_side == motor)
+            own = np.flatnonzero(self.track_side == MOTORS[OWN])
+            return int(np.concatenate([turning, own, [0]])[0])
+
+        return first(0), first(1)
 
     def belt_speeds(self, speeds: Array) -> Array:
         """Speeds (..., T) of the belts at commanded speeds (..., 2), left and right [m/s]."""

@@ -3,6 +3,7 @@ in one line that says why and what to write.
 """
 
 import warnings
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -340,6 +341,7 @@ def test_a_centre_belt_drives_a_machine_on_skids(tmp_path):
     file = write(tmp_path, [box("base", 200, (1.5, 0.4, 0.3), (0, 0, 0.5))], CENTRE + SKIS)
     driven = drive(file, (0.08, 0.12))
     assert driven.built.track_side.tolist() == [2, -1, -1]
+    assert driven.built.side_tracks == (0, 0)
     assert driven.forwards == pytest.approx(0.1, rel=0.005)
     assert driven.load.sum() == pytest.approx(9.81 * 200, rel=0.01)
     with pytest.raises(TrackslipError, match="it has 2 entries of running gear"):
@@ -453,6 +455,16 @@ def test_the_robot_file_of_a_check_makes_the_same_robot(tmp_path, name):
         np.testing.assert_array_equal(getattr(models[0], field), getattr(models[1], field))
     for field in ("pair_solref", "pair_solimp", "eq_data", "actuator_gainprm", "jnt_range"):
         np.testing.assert_array_equal(getattr(models[0], field), getattr(models[1], field))
+
+
+@pytest.mark.parametrize("name", ["offset", "rescue", "box"])
+def test_the_robot_file_of_a_check_is_the_same_on_the_plane(tmp_path, name):
+    source = str(MACHINES[name](tmp_path)) if name in MACHINES else name
+    model = load_tracked(source).model.as_posix()
+    again = tmp_path / "again.toml"
+    again.write_text("\n".join([f'model = "{model}"', *check(source).file.splitlines()[1:]]))
+    first, second = load_parameters(source)[0], load_parameters(str(again))[0]
+    assert replace(second, looks=first.looks) == first
 
 
 def test_a_check_says_where_each_number_comes_from(tmp_path):
