@@ -123,7 +123,7 @@ def models_of(
     geometry, models = source.geometry, list[Model]()
     look = None
     if config.folds:
-        look = first_look(drives_of(others)[0], geometry)
+        look = first_look(drives_of(others)[0], geometry, sensor)
         baselines = replace(no_slip(geometry), name=TODAY), _gains(look, geometry)
         models = [_law_model(law.name, law, sensor, clock) for law in baselines]
     laws = _law_models(config, look, geometry, any(drive.gyro is not None for drive in source.logs))

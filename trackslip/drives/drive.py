@@ -92,6 +92,14 @@ class Drive:
         pose[headed, 2] = np.unwrap(pose[headed, 2])  # a heading left out may have added a turn
         return replace(self, time=self.time[rows], pose=pose)
 
+    def turned(self, angle: float) -> Drive:
+        """The drive with all headings larger by an angle [rad]."""
+        if angle == 0.0:
+            return self
+        of_heading = np.array([0.0, 0.0, angle])
+        beyond = None if self.beyond is None else self.beyond + np.append(0.0, of_heading)
+        return replace(self, pose=self.pose + of_heading, beyond=beyond)
+
     def cut(self, begin: float, end: float, clock: float = 0.0, around: float = 0.0) -> Drive:
         """The drive from `begin` to `end`, by the pose clock [s].
 

@@ -33,9 +33,19 @@ from trackslip.errors import LogError
 from trackslip.intervals import FEWEST_BLOCKS
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.repeats import Repeats
+from trackslip.se2 import Mounting
 
-# gains of robots with their nominal gear and radius, and tracks or wheels on any ground but ice
-_POSSIBLE_GAINS: Final = (0.1, 3.0)
+# gains of turns of robots with their nominal gear and gauge, on any ground but ice
+_POSSIBLE_TURNS: Final = (0.1, 3.0)
+# gains of distances: half and twice may be mistaken radii (test_first_look)
+_POSSIBLE_DISTANCES: Final = (0.6, 1.7)
+# gains of distances if edges of ticks were counted otherwise than assumed: of one or both channels,
+# rising or all
+_EDGES: Final = (0.25, 0.5, 2.0, 4.0)
+_NEARLY: Final = 0.1  # largest relative deviation from these: slip
+# ratios of gains of turns to those of distances: a separation multiplier of 0.5 to 5; a wrong unit
+# of x and y is beyond
+_POSSIBLE_RATIOS: Final = (0.2, 2.0)
 # relative difference of angles that matters, though poses may tell less
 _UNCERTAIN_TURN: Final = 0.005
 # relative scatter of the times between readings above which angles may be wrong by more than 1 %
@@ -91,8 +101,16 @@ class Look:
         }
 
 
-def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
-    """Inspect drives; raises LogError, with a one-line remedy, if the log can't be used."""
+def first_look(
+    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Mounting | None = None
+) -> Look:
+    """Inspect drives; raises LogError, with a one-line remedy, if the log can't be used.
+
+    All checks are of the robot's headings. Those of a sensor that is known to be mounted turned
+    differ from them by its yaw.
+    """
+    yaw = 0.0 if sensor is None else sensor.yaw
+    drives = [drive.turned(-yaw) for drive in drives]
     for drive in drives:
         refuse_cells(drive)
 
@@ -141,7 +159,7 @@ def first_look(drives: Sequence[Drive], geometry: RobotGeometry) -> Look:
         *(line for _, lines in cut for line in lines),
     ]
     return Look(
-        drives=parts,
+        drives=tuple(part.turned(yaw) for part in parts),
         gains=gains,
         clock=clock,
         left_turns=left,
@@ -275,11 +293,12 @@ def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) ->
     """
     subject = "gains"
     known = any(check.verdict is Verdict.FAILS for check in checks)
-    low, high = _POSSIBLE_GAINS
+    if matching.goes_together is False:  # gains of motions that aren't alike say nothing
+        return Check(subject, Verdict.HOLDS)
     speed = ratios.speed
     turn = ratios.turn if matching.turns_tell else None
-    moves_wrong = speed is not None and not low <= speed <= high
-    turns_wrong = turn is not None and not low <= turn <= high
+    moves_wrong = speed is not None and not _is_within(speed, _POSSIBLE_DISTANCES)
+    turns_wrong = turn is not None and not _is_within(turn, _POSSIBLE_TURNS)
     if known or not (moves_wrong or turns_wrong):
         return Check(subject, Verdict.HOLDS)
     moves = [f"move {speed:.3g}"] if speed is not None else []
@@ -289,8 +308,13 @@ def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) ->
         cause = "the units of phi and omega, the gear and half_gauge"
     elif turn is None:
         cause = "the units of x, y and omega, the gear and sprocket_radius"
-    elif moves_wrong and turns_wrong:
+    elif moves_wrong and _is_within(turn / speed, _POSSIBLE_RATIOS):
         cause = "the unit of omega, the gear and sprocket_radius"
+        if any(abs(speed / factor - 1) < _NEARLY for factor in _EDGES):
+            cause = (
+                "the ticks per turn (4 times as many if all edges of both channels are counted), "
+                + cause
+            )
     elif moves_wrong:
         cause = "the unit of x and y, and sprocket_radius"
     else:
@@ -298,6 +322,12 @@ def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) ->
     both = " and ".join([*moves, *turns])
     line = f"the poses {both} times as far as the wheels: check {cause}"
     return Check(subject, Verdict.FAILS, line, alarm="units")
+
+
+def _is_within(value: float, limits: tuple[float, float]) -> bool:
+    """True if a value is from the lower to the upper limit."""
+    low, high = limits
+    return low <= value <= high
 
 
 def _alarms(checks: Sequence[Check], drives: Sequence[Drive], duration: float) -> list[Alarm]:

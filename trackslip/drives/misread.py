@@ -340,7 +340,7 @@ def _other_sides(drives: Sequence[Drive], has_poses: bool) -> Iterator[_Reading]
                 "exchange omega_l and omega_r, or change the signs of both if they count backwards"
             )
         elif swapped and signs == (-1, -1):
-            advice += ", or turn phi by pi"
+            advice += ", or turn phi by pi (--sensor X Y 3.14159 if the sensor looks backwards)"
         elif swapped and signs == (1, 1):
             advice += ", or change the signs of y and phi if phi runs clockwise"
         order = [1, 0] if swapped else [0, 1]
@@ -444,8 +444,9 @@ def degrees_check(drives: Sequence[Drive], now: Matching, gains: Gains) -> Check
     of the latitude.
     """
     subject = "positions in metres"
-    # from windows, as relative motions are fitted in metres, cm or mm
-    speed = abs(gains.speed.value) if gains.speed is not None else Ratios.of(now, gains).speed
+    speed = _unsigned_ratio(now.windows)
+    if speed is None:  # no two poses in a window
+        speed = Ratios.of(now, gains).speed
     if speed is None:
         return Check(subject, Verdict.UNKNOWN, _why_no_distances(drives, now))
     place = np.concatenate([drive.pose[:, :2] for drive in drives])
@@ -457,10 +458,24 @@ def degrees_check(drives: Sequence[Drive], now: Matching, gains: Gains) -> Check
     if extent > _EXTENT or not 0.8 <= _PER_DEGREE * speed <= highest:
         return Check(subject, Verdict.HOLDS)
     line = (
-        f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude: give "
-        "metres in a plane, x = 111320 cos(lat) (lon - lon0) and y = 111320 (lat - lat0)"
+        f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude, in either "
+        "order: give metres in a plane, x = 111320 cos(lat) (lon - lon0) and y = 111320 (lat - "
+        "lat0)"
     )
     return Check(subject, Verdict.FAILS, line)
+
+
+def _unsigned_ratio(windows: Window) -> float | None:
+    """Ratio of the measured distances to the wheels', whatever their directions, as degrees are
+    often in the wrong order; None if it is unknown.
+    """
+    moved = np.abs(windows.moved)
+    distance = np.abs(windows.distance)
+    known = np.isfinite(moved) & np.isfinite(distance)
+    driven = rms_of_known(distance[known])
+    if known.sum() < FEW or driven <= _MOVING:
+        return None
+    return rms_of_known(moved[known]) / driven
 
 
 def _why_no_distances(drives: Sequence[Drive], now: Matching) -> str:

@@ -178,7 +178,7 @@ def _from_whole_drives(
     drives, refused = drives_of(source.logs)
 
     # is the log what it claims to be? clocks, sides, units; parts between jumps of the poses
-    look = first_look(drives, source.geometry)
+    look = first_look(drives, source.geometry, sensor)
 
     # fits of laws in windows, the answer, and predictions of held-out driving
     return compare_drives(look, source.geometry, sensor, names, step, lag), refused

@@ -20,7 +20,10 @@ from plain_drives import (
     without,
 )
 
+from trackslip.drives.conditioning import drives_of
+from trackslip.drives.first_look import first_look
 from trackslip.errors import LogError
+from trackslip.se2 import Mounting, wrap_angle
 
 SMALL = Robot(0.1, 0.04, 0.03)
 LARGE = Robot(1.0, 0.3, 0.6)
@@ -190,7 +193,7 @@ def test_jumps_are_left_out_or_cut(rows, offset, parts, words, kind):
 def refused(match, **log):
     with pytest.raises(LogError, match=match) as caught:
         look_at(**log)
-    assert 40 < len(str(caught.value)) < 240
+    assert 40 < len(str(caught.value)) < 320
 
 
 @pytest.mark.parametrize(
@@ -235,10 +238,40 @@ def refused(match, **log):
             ),
             "look like degrees of longitude and latitude",
         ),
+        *(
+            (
+                lambda pose, order=order: (
+                    np.array([9.3, 52.1, 0.0])
+                    + pose / np.array([111_320 * np.cos(np.radians(52.1)), 111_320, 1])
+                )[:, order],
+                "look like degrees of longitude and latitude, in either order",
+            )
+            for order in ([0, 1, 2], [1, 0, 2])
+        ),
     ],
 )
 def test_poses_in_other_units(change, match):
     refused(match, pose=change(POSE))
+
+
+def test_a_sensor_known_to_look_backwards_is_no_mistake():
+    backwards = POSE + np.array([0.0, 0.0, np.pi])
+    refused("or turn phi by pi", pose=backwards)
+    sensor = Mounting(-0.1, 0.0, np.pi)
+    drives = drives_of([log_of(DRIVE, TIME, backwards)])[0]
+    seen = first_look(drives, HUSKY.geometry, sensor)
+    plain = look_at()
+    assert seen.gains.speed == pytest.approx(plain.gains.speed)
+    assert [check.verdict for check in seen.checks] == [check.verdict for check in plain.checks]
+    # fits get the headings as logged
+    turned = plain.drives[0].pose + np.array([0.0, 0.0, np.pi])
+    np.testing.assert_allclose(wrap_angle(seen.drives[0].pose - turned), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [4.0, 2.0, 0.5])
+def test_ticks_per_turn_that_are_wrong_are_an_alarm(factor):
+    alarms = look_at(drive=DRIVE.with_wheels(factor * DRIVE.omega)).alarms
+    assert "the ticks per turn" in next(alarm.line for alarm in alarms if alarm.kind == "units")
 
 
 def test_degrees_are_no_unit_of_the_wheels():
@@ -341,7 +374,7 @@ def test_zeros_for_missing_poses(every):
         (lambda w: w * [-1, 1], ": change the sign of omega_l, for a bag by --reversed left$"),
         (lambda w: w * [1, -1], ": change the sign of omega_r, for a bag by --reversed right$"),
         (lambda w: -w, ": change the sign of omega_l and omega_r, for a bag by --reversed both$"),
-        (lambda w: -w[:, ::-1], "or turn phi by pi$"),
+        (lambda w: -w[:, ::-1], r"or turn phi by pi \(--sensor X Y 3.14159 if the sensor"),
     ],
 )
 @pytest.mark.parametrize("jump", [0.0, 30.0])

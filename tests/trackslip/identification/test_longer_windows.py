@@ -1,6 +1,5 @@
 """Pose sources whose errors depend on the length of windows."""
 
-
 import numpy as np
 import pytest
 from plain_drives import HUSKY, drive_of, log_of, measured
