@@ -43,7 +43,8 @@ _POSSIBLE_DISTANCES: Final = (0.6, 1.7)
 # rising or all
 _EDGES: Final = (0.25, 0.5, 2.0, 4.0)
 _NEARLY: Final = 0.1  # largest relative deviation from these: slip
-# their ratios to those of distances: a separation multiplier of 0.5 to 5; a unit of x and y is beyond
+# ratios of gains of turns to those of distances: a separation multiplier of 0.5 to 5; a wrong unit
+# of x and y is beyond
 _POSSIBLE_RATIOS: Final = (0.2, 2.0)
 # relative difference of angles that matters, though poses may tell less
 _UNCERTAIN_TURN: Final = 0.005

@@ -281,7 +281,7 @@ def test_poses_in_other_units(change, match):
 
 
 def test_a_sensor_known_to_look_backwards_is_no_mistake():
-    backwards = POSE + [0.0, 0.0, np.pi]
+    backwards = POSE + np.array([0.0, 0.0, np.pi])
     refused("or turn phi by pi", pose=backwards)
     sensor = Mounting(-0.1, 0.0, np.pi)
     drives = drives_of([log_of(DRIVE, TIME, backwards)])[0]
@@ -290,7 +290,7 @@ def test_a_sensor_known_to_look_backwards_is_no_mistake():
     assert seen.gains.speed == pytest.approx(plain.gains.speed)
     assert [check.verdict for check in seen.checks] == [check.verdict for check in plain.checks]
     # fits get the headings as logged
-    turned = plain.drives[0].pose + [0.0, 0.0, np.pi]
+    turned = plain.drives[0].pose + np.array([0.0, 0.0, np.pi])
     np.testing.assert_allclose(wrap_angle(seen.drives[0].pose - turned), 0.0, atol=1e-9)
 
 
