@@ -4,11 +4,13 @@ step.
 A sprocket with the moment of inertia J and the radius r, from the speed w0 at the beginning of a
 step of length h, obeys the implicit equation
 
-    J (w - w0) / h + loss(w) + r F(w) = T,                                                       (1)
+    J (w - w0) / h - owed + loss(w) + r F(w) = T,                                                (1)
 
-in which F is the traction of its belt, averaged over the step, and T the torque of its motor. The
-left side is the torque that the sprocket *needs* at the speed w. What its motor exerts depends on
-the set point g: the servo wants to be there, so the motor pulls or brakes as hard as it can
+in which F is the traction of its belt, averaged over the step, and T the torque of its motor.
+Earlier steps are solved within tolerances only; what is missing of their angular momentum, over h,
+is `owed` to this one. The left side is the torque that the sprocket *needs* at the speed w. What
+its motor exerts depends on the demanded speed g: a belt's set point, or the speed at which a servo
+with a lag wants to be at the end of its period. The motor pulls or brakes as hard as it can
 elsewhere, and as hard as it must there,
 
     T = largest(w)                        for w < g,
@@ -16,20 +18,22 @@ elsewhere, and as hard as it must there,
     smallest(g) <= T <= largest(g)        for w = g.
 
 Why implicit: the ground responds within the step. Where it holds a robot, the traction rises by
-some 200 robot weights per m/s, so an explicit step diverges, whatever the inertia of the belt.
+hundreds of robot weights per m/s, so an explicit step diverges with the inertia of any real belt.
 
 Why it has one solution: with the speed, the needed torque rises (in the engine's contacts, the
 traction is the gradient of a convex function of the speeds), while (2) falls. The *excess* of the
-needed torque over the motor's therefore crosses zero once.
+needed torque over the motor's therefore crosses zero once. The same holds for all sprockets of a
+robot together: the excesses are a monotone function of the speeds. Over several steps of the
+engine, as in a servo period, that isn't proved, but found to hold.
 
 How it is found: only the engine knows F(w), and each evaluation is a step from the same state. The
 slopes of the load r F over the speeds of all sprockets of a robot are a symmetric matrix S (T, T),
 which is learnt from the differences between tries. Each round has three parts:
 
     try      the engine's step at the proposed speeds, which gives loads, torques and excesses;
-    update   S from the change in loads since the last try (BFGS with Powell's damping);
+    update   S from the change in loads since the beginning of the move (BFGS, damped by Powell);
     propose  new speeds: where the excess would vanish if the load had the slope S (Newton), but not
-             past a set point; or, if the last move went far too far, a speed in between.
+             past a demanded speed; or, if the last move went far too far, a speed in between.
 """
 
 from __future__ import annotations
@@ -54,12 +58,17 @@ returns their loads (A, T), the tractions times the radii [N m].
 """
 
 ROUGHNESS: Final = 2e-4
-"""Numerical noise in the ground's forces, which the engine iterates, relative to the weight [-]."""
+"""Numerical noise in the ground's forces, which the engine iterates, relative to the weight [-].
+Worlds add it to `Balance.tolerance`.
+"""
 TOLERANCE: Final = 0.001
-"""Tolerance on a motor's torque, relative to its limit [-]."""
+"""Part of `Balance.tolerance` that is in proportion to the torque of which a motor is capable [-].
+With 0.005, flat ground and terrain differ by more than 0.5 % (test_worlds).
+"""
 _ATTEMPTS: Final = 40
 _FLATTEST: Final = 0.1  # least slope of the load for sliding belts, relative to the previous one
-_STEP: Final = 0.01  # speed step for the slopes of losses and limits [rad/s]
+# speed step for the slopes of losses and limits, shorter than losses take to change sign [rad/s]
+_STEP: Final = 0.01
 _OVERSHOT: Final = 0.7  # excess beyond zero, relative to that before, from which a move is undone
 _SHORTEST: Final = 0.3  # least part of a move that is kept when it is undone
 
@@ -113,14 +122,16 @@ class Balance:
     """Limits and losses of all motors."""
     torque_limit: Array
     """Torque limits (R, T), of the amplifiers' current; infinite without a limit [N m]."""
-    inertia: Array
+    inertia_per_step: Array
     """Moments of inertia over the length of the step (R, T) [kg m^2/s]."""
     start: Array
     """Speeds (R, T) at the beginning of the step [rad/s]."""
     goal: Array
-    """Set points (R, T) of the speeds [rad/s]."""
+    """Demanded speeds (R, T) [rad/s]."""
     owed: Array
-    """Torques (R, T) that earlier steps, which are solved within tolerances, still owe [N m]."""
+    """Angular momenta that earlier steps have given too little of, over the length of the step (R,
+    T) [N m].
+    """
     tolerance: Array
     """Largest excesses (R, T) of a solution [N m]."""
 
@@ -151,7 +162,8 @@ class Balance:
                         self.tolerance[going],
                     )
 
-                # robots that are in balance have finished
+                # Robots that are in balance have finished, and so have those that have diverged:
+                # their excess isn't a number, and the engine's warnings tell of them.
                 unbalanced = np.logical_or.reduce(
                     np.abs(tried.excess) > self.tolerance[going], axis=1
                 )
@@ -172,7 +184,7 @@ class Balance:
         """Torques (..., A, T) that the sprockets of the robots `rows` (A,) need besides their
         loads, at speeds (..., A, T).
         """
-        accelerating = self.inertia[rows] * (omega - self.start[rows])
+        accelerating = self.inertia_per_step[rows] * (omega - self.start[rows])
         return accelerating + self.law.loss(omega) - self.owed[rows]
 
     def _try(self, rows: Rows, omega: Array, attempt: Attempt) -> Tries:
@@ -192,7 +204,8 @@ class Balance:
         `tried`; those of the others begin where the last one did.
         """
         moved = tried.omega - began.omega
-        # along the move, the excess rises from `short` below zero to `over` above zero
+        # Along the move, the excess rises from below zero to above zero. Both, times the changes in
+        # speed, are a robot's `short` and `over`.
         short = -(began.excess * moved).sum(axis=1)
         over = (tried.excess * moved).sum(axis=1)
         overshot = (over > _OVERSHOT * short) & (short > 0)
@@ -213,7 +226,7 @@ class Balance:
         limit = np.where(omega < self.goal[rows], largest, smallest)
         limit = np.where(np.isinf(limit), 0.0, limit)  # of a motor that is always at its set point
         below, above = self.law.loss(around) - limit
-        return np.asarray(self.inertia[rows] + (above - below) / (2 * _STEP))
+        return np.asarray(self.inertia_per_step[rows] + (above - below) / (2 * _STEP))
 
 
 def without_excess(slope: Array, tried: Tries, goal: Array) -> Array:
@@ -225,10 +238,12 @@ def without_excess(slope: Array, tried: Tries, goal: Array) -> Array:
     """
     each = np.eye(tried.omega.shape[1])
     moving = (tried.omega != goal) | (tried.excess != 0)
-    # where the set point is: ahead (1) or behind (-1); those that are there leave it the other way
+    # Where the set point is: ahead (1) or behind (-1). A sprocket that is there with an excess
+    # slows down, so that its set point will lie ahead.
     side = np.where(tried.omega == goal, np.sign(tried.excess), np.sign(goal - tried.omega))
     to = tried.omega
-    for _ in each:
+    sprockets = len(each)
+    for _ in range(sprockets):
         # the sprockets that stay have moved, too, which changes the excess of the others
         stayed = np.where(moving, 0.0, to - tried.omega)
         excess = tried.excess + np.einsum("nij,nj->ni", slope, stayed)

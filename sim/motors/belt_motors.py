@@ -195,7 +195,7 @@ class BeltMotors:
         balance = Balance(
             law=self._law,
             torque_limit=limit,
-            inertia=inertia / step,
+            inertia_per_step=inertia / step,
             start=start,
             goal=goal,
             owed=self._owed[rows] / step,

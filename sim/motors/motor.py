@@ -9,7 +9,7 @@ and any torque in between at less voltage. Against its direction of motion, a mo
 stronger than at rest; beyond its no-load speed it can only brake. The amplifier limits the current,
 and with it the torque, to a range from -L to L. Of the motor's torque, the gear takes its friction:
 
-    what reaches the belt = T - friction * sign(w),
+    what reaches the belt = T - friction * sign(w)    (tanh(w / 0.02 rad/s) in place of the sign),
 
 which hinders a motor that drives, and helps one that brakes or is driven backwards.
 """
@@ -37,7 +37,7 @@ Array = NDArray[np.floating[Any]]
 
 _SMALLEST: Final = 1e-12  # limits for all parameters, so that no derived value overflows
 _LARGEST: Final = 1e6
-_CREEP: Final = 0.02  # sprocket speed below which the gear friction is smoothed [rad/s]
+_CREEP: Final = 0.02  # scale of the sprocket speeds at which gear friction changes sign [rad/s]
 UNLIMITED: Final = 1e6
 """Torque limit of a drive that never saturates [N m]."""
 TOP_SPEED: Final = 0.6
@@ -226,7 +226,7 @@ def tireless(top_speed: float = TOP_SPEED) -> Drive:
         top_speed=top_speed,
         torque_limit=UNLIMITED,
         motor=Motor(
-            gear=300.0,  # makes its current, and with it the loss in its winding, small
+            gear=300.0,  # makes the loss in its winding small
             no_load_speed=_LARGEST,
             stall_torque=_LARGEST,
             rotor_inertia=_SMALLEST,

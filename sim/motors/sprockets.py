@@ -191,7 +191,7 @@ class Sprockets(Restorable):
             balance = Balance(
                 law=drive.motor,
                 torque_limit=np.full((len(weak), 2), drive.torque_limit),
-                inertia=np.full((len(weak), 2), drive.motor.inertia / drive.period),
+                inertia_per_step=np.full((len(weak), 2), drive.motor.inertia / drive.period),
                 start=start[weak],
                 goal=goal[weak],
                 owed=np.zeros((len(weak), 2)),

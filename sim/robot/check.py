@@ -10,6 +10,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from sim.motors.motor import UNLIMITED
 from sim.robot.flat import standing
 from sim.robot.gear import RunningGear
 from sim.robot.joint_rules import FREE, HOLD
@@ -149,9 +150,12 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
 def _motors(robot: TrackedRobot, mass: float) -> str:
     """The robot's motors, and what a slope takes."""
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
-    motors = "unlimited, without a table [drive]"
-    if robot.drive is not None:
-        motors = f"{robot.drive.strength(0.0):.3g} N m a side"
+    if robot.drive is None:
+        motors = "unlimited, without a table [drive]"
+    elif (strength := robot.drive.strength(0.0)) >= UNLIMITED:
+        motors = "unlimited, by the table [drive]"
+    else:
+        motors = f"{strength:.3g} N m a side"
     return f"{motors}; 20 degrees uphill take {needed:.3g} N m a side"
 
 
