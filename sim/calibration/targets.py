@@ -44,7 +44,8 @@ SLIP_SCALE: Final = 0.007
 """Scale of slip errors in a table of turns, about the residual of the best fit to the published
 slips [-].
 """
-# scale of relative radius errors [-]: the best fit leaves 0.05; radii have half the weight
+# scale of relative radius errors [-]: the best fit leaves 0.05, times the root of 2, as radii have
+# half the weight
 _RADIUS_SCALE: Final = 0.07
 # of the paper's robot; faster commands are scaled down, both tracks alike [m/s]
 _TOP_SPEED: Final = 0.3
@@ -52,7 +53,8 @@ _STEADY: Final = 2.0  # time after which the motion is steady [s]
 # extra travel of the slowest belt on shearing ground until the motion is steady [contact lengths]
 _PASSES: Final = 2.0
 _LONGEST: Final = 12.0  # largest time until the motion counts as steady [s]
-_NUMERICAL_ERROR: Final = 2e-5  # relative error of the simulated motion [-]
+# error of the simulated motion, relative to slips, speeds and radii [-], or of poses [m, rad]
+_NUMERICAL_ERROR: Final = 2e-5
 HORIZONS: Final = (0.5, 1.0, 1.8, 5.0)
 """Horizons over which a drive is compared with its simulation [s]."""
 _PAIRS: Final = 4.0  # approximate number of pose pairs that begin within a horizon
@@ -256,6 +258,7 @@ def steady_turns(
     The twists are those midway between the tracks or, with `of_plate`, those of the plate on the
     leaning robot.
     """
+    # motors that are never too weak, with a margin for rounding
     fastest = 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius
     drive = tireless(max(Drive.top_speed, fastest))
     start = np.zeros((len(omega), 3))
@@ -263,7 +266,7 @@ def steady_turns(
     fleet.command(omega)
     fleet.advance(_time_to_be_steady(robot, ground, omega, fleet.period))
     twist = fleet.twist()
-    if of_plate:  # the plate leans to one side with the robot
+    if of_plate:  # leans to one side with the robot, where it moves at another speed forwards
         lean = se2.between(fleet.pose(), fleet.plate)[:, 1]
         twist[:, 0] -= twist[:, 2] * lean
     return twist
@@ -295,7 +298,7 @@ class Drives:
         """Cut logs into windows of about 6.5 s, in which encoders or commands drive the simulated
         robots.
 
-        Within a window, poses don't jump. If there are many windows, about 200 of them are used,
+        Within a window, poses don't jump. If there are many windows, 100 to 200 of them are used,
         evenly chosen. Raises LogError for logs that identification refuses, and if no poses have
         headings.
         """

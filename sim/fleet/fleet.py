@@ -20,7 +20,7 @@ from sim.motors.sprockets import Forecast, Sprockets
 from sim.robot.parameters import MAX_RADIUS_ERROR, SINK
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.errors import InvalidValueError, require
+from trackslip.errors import require
 from trackslip.kinematics import Array
 
 SETTLING: Final = 1.0
@@ -168,6 +168,9 @@ class Fleet(Simulations):
         rows = np.asarray(rows, int)
         if not rows.size:
             return
+        order = np.argsort(rows)  # the engine takes them in ascending order
+        rows = rows[order]
+        setups = [setups[k] for k in order]
         start = np.array([setup.start for setup in setups], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
         errors = []
@@ -197,7 +200,7 @@ class Fleet(Simulations):
     def _set_belts(self, rows: Rows, belts: float | Array) -> None:
         """Set surface speeds, a scalar or (R, P), of the pads on the robots `rows` (R,) [m/s]."""
         self.belts[rows] = belts
-        if self.shear is not None:
+        if self.shear is not None:  # a pad that touches at one point moves across its own axis, too
             self._slanted[rows] = belts * self.robot.pad_slant
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
@@ -226,10 +229,9 @@ class Fleet(Simulations):
         forecast. Those whose motors prove too weak go back and drive within the motors' limits.
         """
         periods = round(duration / self.period)
-        if abs(periods * self.period - duration) > _ROUNDING:
-            raise InvalidValueError(
-                "duration", duration, f"a multiple of the servo period, {self.period} s"
-            )
+        is_multiple = abs(periods * self.period - duration) <= _ROUNDING
+        allowed = f"0 or a multiple of the servo period, {self.period} s"
+        require(is_multiple and periods >= 0, "duration", duration, allowed)
         if periods == 0:
             return
 
@@ -243,7 +245,8 @@ class Fleet(Simulations):
             self.drive.accept(forecast, torque)
             return
 
-        # weak robots go back; their sprockets are set aside first, because `accept` advances all
+        # Weak robots go back and repeat all periods, of which each counts again; their sprockets are
+        # set aside first, because `accept` advances all.
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
@@ -297,13 +300,15 @@ class Fleet(Simulations):
                 self._ground.moved(rows, before, after, track_speeds[k])
                 before = after
 
-        # an entry per servo period: sensor data of its steps, and the chassis' x axis at its end
+        # an entry per servo period: sensor data of its steps, and the chassis' x axis, which the
+        # engine computes at the beginning of the last step
         sensed = np.concatenate([data for data, _ in parts], axis=1)
         sensed = sensed.reshape(len(sensed), len(mean), self._substeps, -1)
         forward = np.concatenate([ahead for _, ahead in parts], axis=1).swapaxes(0, 1)
         self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
 
-        # grip builds up within a period, so only the mean force is consistent with the impulse
+        # Grip builds up within a period, so only the mean force is consistent with the impulse. It
+        # is taken along one heading, as a robot hardly turns in a period.
         mean_sensed = np.add.reduce(sensed, axis=2).swapaxes(0, 1) / self._substeps
         traction = _along(mean_sensed[..., :6], forward)
         self.sensed[rows] = mean_sensed.mean(axis=0)
@@ -312,7 +317,7 @@ class Fleet(Simulations):
 
     def _roll(self, rows: Rows, periods: int) -> tuple[Array, Array]:
         """Let the engine step the robots `rows` (R,) for P servo periods; return sensor data (R, S,
-        n) of all S steps, and the chassis' x axes (R, P, 2) at the end of the periods.
+        n) of all S steps, and the chassis' x axes (R, P, 2) in the last step of each period.
         """
         ids = None if rows is EVERYONE else rows
         steps = periods * self._substeps
@@ -336,6 +341,7 @@ class Fleet(Simulations):
         traction = np.zeros_like(self.mean_traction[rows])
         for _ in range(periods):
             trial = functools.partial(self._repeat, rows, self._snapshot(rows), self._periods)
+            # the nominal mass is enough, as it only scales tolerances and first guesses
             drive.advance_within_limits(self.robot.mass, gravity, trial)
             sensed += self.sensed[rows]
             traction += self.mean_traction[rows]

@@ -8,13 +8,15 @@ displacement at the point x_i becomes
     j_i <- j(x_i + V dt) + P(t + dt, x_i) - P(t, x_i + V dt)                                     (1)
 
 with j = 0 where elements touch down. Between points, j is a cubic through four points, one of them
-downstream; a parabola through three points would cause ripples that hardly decay. The share of the
-friction that acts at a point is the mean of
+downstream; a parabola through three points, as at the point next to the entry, would cause ripples
+that hardly decay. The share of the friction that acts at a point is the mean of
 
     1 - exp(-a),    a = |j + tau dj/dt| / K                                                      (2)
 
 over the point's cell, in which a varies linearly (Janosi and Hanamoto 1961, Wong and Chiang 2001).
-tau removes a speed ripple due to the servo's period; steady states don't depend on it.
+tau removes a ripple of the speed with the servo's period, of which it is twice the usual 10 ms;
+steady states hardly depend on it. The share only scales the engine's coefficients of friction, and
+the engine finds the direction of the force.
 
 Displacements are stored as arrays (p, 2, R, T): the p points of a patch from rear to front, x and y
 in the world, R robots and T patches. The points are on the first axis because (1) needs neighbours
@@ -216,7 +218,7 @@ def _size(moved: Array) -> Array:
 def _interpolated(moved: Array, c: Array) -> Array:
     """Displacements (p, 2, R, T) at `c` (R, T) cells ahead of the points, along the robot [m].
 
-    With the values a, m, b at a point and its neighbours behind and ahead, the parabola is
+    With the value m at a point, a behind it and b ahead of it, the parabola is
 
         (1 - c^2) m + (c^2 + c) / 2 b + (c^2 - c) / 2 a.
 
@@ -264,7 +266,8 @@ def _share(distance: Array, modulus: Array, belt: Array) -> Array:
 
         1 - (exp(h - a) - exp(-h - a)) / (2 h).
 
-    In this form, no exponential exceeds 1, however firm the ground, because h <= a.
+    In this form, no exponential exceeds 1 by more than _FLAT, however firm the ground, because h <=
+    a for a above _FLAT.
     """
     a = distance / np.where(modulus > 0, modulus, 1.0)
     # h, half the change over a cell; where elements enter, a rises from 0 at the edge of the cell

@@ -91,6 +91,21 @@ def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
     np.testing.assert_allclose(old.pose(), new.pose(), atol=1e-4)
 
 
+def test_robots_begin_anew_in_any_order(robot):
+    starts = [(0.5, 0.2, 0.3), (-1.0, 0.4, 2.0)]
+    fleet = Fleet(robot, np.zeros((3, 3)))
+    fleet.advance(0.1)
+    fleet.restart([2, 0], [RunSetup(start, Ground()) for start in starts])
+    np.testing.assert_allclose(fleet.pose()[[2, 0]], starts, atol=1e-6)
+
+
+@pytest.mark.parametrize("duration", [-0.02, 0.005])
+def test_only_whole_periods_can_be_simulated(robot, duration):
+    fleet = Fleet(robot, np.zeros((1, 3)))
+    with pytest.raises(InvalidValueError, match="0 or a multiple of the servo period, 0.01 s"):
+        fleet.advance(duration)
+
+
 def slid(parameters, friction, twist):
     """Final pose (3,) and model of a robot that is launched at a twist (3,) on locked tracks or
     wheels.
