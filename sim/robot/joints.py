@@ -65,6 +65,7 @@ def joint_states(
         if gear.flipper is not None
         for joint in hinge_body(spec, gear.body).joints
     }
+    _require_fitting_rules(robot, spec, hinges)
     driven = _driven(spec)
     rolls = rolling(model, [*replaced]) if model is not None else set()
     states = {}
@@ -81,6 +82,20 @@ def joint_states(
         else:
             states[joint.name] = ROLLS if joint.parent.name in rolls else HOLD
     return states
+
+
+def _require_fitting_rules(robot: TrackedRobot, spec: Any, hinges: set[str]) -> None:
+    """Raise TrackslipError for rules that make other joints than the `hinges` of flippers hinges of
+    flippers, or that hold or free these.
+    """
+    for joint in spec.joints:
+        rule = rule_for(robot.joints, joint.name)
+        if rule is None or (rule.state == FLIPPER) == (joint.name in hinges):
+            continue
+        allowed = f"left out or a motor, as {joint.name!r} is the hinge of a flipper"
+        if rule.state == FLIPPER:
+            allowed = f"on hinges that carry [[tracks]] or [[flippers]]: {joint.name!r} doesn't"
+        raise TrackslipError(f"{robot.model}: joints: {rule.names!r}: must be {allowed}")
 
 
 def _driven(spec: Any) -> set[str]:

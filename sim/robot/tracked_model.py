@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.robot.gear import BOTH, MOTORS, OWN
+from sim.robot.joint_rules import rule_for
 from sim.robot.joints import ROLLS, Joints, angle_unit, hinge_body, hold
 from sim.robot.parameters import WHEELS
 from sim.robot.places import PlacedGear, model_at_rest, placed
@@ -412,6 +413,9 @@ def _motor_of(spec: Any, robot: TrackedRobot, placed: PlacedGear) -> tuple[str, 
             "fixed to a body that has"
         )
     hinge = body.joints[0]
+    rule = rule_for(robot.joints, hinge.name)
+    if rule is not None and rule.motor is not None:
+        settings = rule.motor
     if settings.limits is not None:
         unit = angle_unit(spec, hinge)
         hinge.range = [limit / unit for limit in settings.limits]

@@ -332,6 +332,34 @@ def test_the_motor_of_a_hinge_makes_its_tracks_flippers(tmp_path):
     np.testing.assert_allclose(built.model.actuator_forcerange, [[-50.0, 50.0]] * 4)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            '"*_j" = "hold"\n',
+            r"'\*_j': must be left out or a motor, as 'fl_j' is the hinge of",
+        ),
+        ('"elbow" = { motor = "flipper" }\n', r"'elbow': must be on hinges that carry \[\[tracks"),
+    ],
+)
+def test_rules_fit_what_the_joints_carry(tmp_path, text, said):
+    entry = '[[flippers]]\nbody = "{name}"\nside = "{side}"\n'
+    parts, flippers = on_four_flippers(entry + "hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n")
+    parts += [box("arm", 1, (0.3, 0.02, 0.02), (0.15, 0, 0))]
+    parts += [joint("elbow", "revolute", "base", "arm", (0, 0, 0.3), more=HINGED)]
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(write(tmp_path, parts, f"{flippers}[joints]\n{text}")))
+
+
+def test_a_rule_sets_the_motor_of_a_table_of_flippers(tmp_path):
+    entry = '[[flippers]]\nbody = "{name}"\nside = "{side}"\n'
+    parts, text = on_four_flippers(entry + "hull = [[0, 0, 0.08], [{tip}, 0, 0.08]]\n")
+    text += '[joints]\n"*_j" = { motor = "flipper", torque = 33.0, limits = [-0.5, 1.0] }\n'
+    built = build_tracked(load_tracked(write(tmp_path, parts, text)))
+    np.testing.assert_allclose(built.model.actuator_forcerange, [[-33.0, 33.0]] * 4)
+    np.testing.assert_allclose(built.flipper_range[2], [-0.5, 1.0])
+
+
 CENTRE = '[[tracks]]\nsides = "centre"\ny = 0\nwidth = 0.4\nlines = 3\n'
 CENTRE += "hull = [[-0.9, 0.15, 0.15], [0.1, 0.15, 0.15]]\n"
 SKIS = '[[tracks]]\ny = 0.45\ncontact = "skid"\nhull = [[0.6, 0.05, 0.05], [1.0, 0.05, 0.05]]\n'
