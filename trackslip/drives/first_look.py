@@ -27,6 +27,7 @@ from trackslip.drives.misread import (
     degrees_check,
     reading_checks,
     refuse_cells,
+    signs_check,
     units_check,
 )
 from trackslip.errors import LogError
@@ -35,9 +36,10 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.logs.repeats import Repeats
 from trackslip.se2 import Mounting
 
-# gains of turns of robots with their nominal gear and gauge, on any ground but ice
-_POSSIBLE_TURNS: Final = (0.1, 3.0)
-# gains of distances: half and twice may be mistaken radii (test_first_look)
+# gains of robots with their nominal gear and radius, and tracks or wheels on any ground but ice
+_POSSIBLE_GAINS: Final = (0.1, 3.0)
+# gains of distances, where poses are close enough that these are sure: half and twice may be
+# mistaken radii (test_first_look)
 _POSSIBLE_DISTANCES: Final = (0.6, 1.7)
 # gains of distances if edges of ticks were counted otherwise than assumed: of one or both channels,
 # rising or all
@@ -135,6 +137,7 @@ def first_look(
     checks += [
         units_check(covered, matching, ratios, geometry),
         counts_check(covered, ratios.speed),
+        signs_check(covered, matching),
         _readings_check(covered, gains),
     ]
     _refuse(checks)
@@ -301,8 +304,9 @@ def _scale_check(ratios: Ratios, matching: Matching, checks: Sequence[Check]) ->
         return Check(subject, Verdict.HOLDS)
     speed = ratios.speed
     turn = ratios.turn if matching.turns_tell else None
-    moves_wrong = speed is not None and not _is_within(speed, _POSSIBLE_DISTANCES)
-    turns_wrong = turn is not None and not _is_within(turn, _POSSIBLE_TURNS)
+    possible = _POSSIBLE_DISTANCES if matching.far is None else _POSSIBLE_GAINS
+    moves_wrong = speed is not None and not _is_within(speed, possible)
+    turns_wrong = turn is not None and not _is_within(turn, _POSSIBLE_GAINS)
     if known or not (moves_wrong or turns_wrong):
         return Check(subject, Verdict.HOLDS)
     moves = [f"move {speed:.3g}"] if speed is not None else []

@@ -54,6 +54,11 @@ _QUATERNION: Final = (0.9, 1.01)  # limits on the largest z of a quaternion, wit
 _PER_DEGREE: Final = 111_320.0  # metres per degree of latitude
 _EXTENT: Final = 0.1  # largest extent of a drive: 10 km [degrees]
 _HIGHEST_LATITUDE: Final = 80.0  # highest latitude at which robots drive [degrees]
+# least ratio of distances to those of the belts, of a robot that doesn't turn in place
+_AS_FAR: Final = 0.6
+_TURNED_IN_PLACE: Final = 0.3  # least turn, in a window, of a robot that turns in place [rad]
+# share of windows with wrong signs, above which these aren't wild headings
+_LEAST_WITHOUT_SIGN: Final = 0.05
 # share of rows with new speeds above which these are no commands that are held for a second
 _HELD_ROWS: Final = 0.1
 
@@ -218,7 +223,8 @@ def reading_checks(
     """Check whether another reading of the columns matches better than the log as it is."""
     rare = are_rare(drives)
     evidence = now.evidence
-    readings = [_angles(drives, geometry), *_other_readings(drives, now)]
+    of_sprockets = [_angles(drives, geometry), _sums(drives)]
+    readings = [*of_sprockets, *_other_readings(drives, now)]
     if not rare and now.settled and rms_of_known(now.windows.turn) > _MOVING:
         # distances and turns match to both sides, as by no other reading
         return [Check(reading.subject, Verdict.HOLDS) for reading in _one_each(readings)]
@@ -227,7 +233,7 @@ def reading_checks(
     scores = np.array([-np.inf if other is None else other.score for other in found])
 
     # where nothing matches as logged, because the robot doesn't move by its wheels, only angles do
-    rivals = scores if evidence is not None else scores[:1]
+    rivals = scores if evidence is not None else scores[: len(of_sprockets)]
     best = int(np.argmax(rivals))
     other = found[best]
     unit = _of_relative_motions(now.other_unit)
@@ -309,6 +315,31 @@ def _angles(drives: Sequence[Drive], geometry: RobotGeometry) -> _Reading:
     most = max(float(np.abs(drive.omega).max()) for drive in drives)
     what = f"columns omega_l and omega_r look like angles or ticks (up to {most:.3g}), not speeds"
     return _Reading("speeds of sprockets", others, what, "give their changes over time, in rad/s")
+
+
+def _sums(drives: Sequence[Drive]) -> _Reading:
+    """Reinterpret the readings of which speeds were computed as changes since the reading before,
+    which only their sums are angles of.
+    """
+    others = []
+    for drive in drives:
+        duration = np.diff(drive.edges)[:, None]
+        readings = np.cumsum(drive.omega * duration, axis=0)
+        # a sprocket that stands, as it often does, has no change
+        readings -= [_most_frequent(side) for side in readings.T]
+        others.append(replace(drive, omega=readings / duration))
+    return _Reading(
+        "speeds of sprockets",
+        others,
+        "the columns of ticks or angles look like changes since the last reading",
+        "give their running sums",
+    )
+
+
+def _most_frequent(values: Array) -> float:
+    """The most frequent of values (n,), but for rounding."""
+    rounded, counts = np.unique(values.round(6), return_counts=True)
+    return float(rounded[counts.argmax()])
 
 
 def _other_readings(drives: Sequence[Drive], now: Matching) -> Iterator[_Reading]:
@@ -584,6 +615,44 @@ def counts_check(drives: Sequence[Drive], speed: float | None) -> Check:
         return Check(subject, Verdict.HOLDS)
     line = f"{what}, and the poses move {speed:.3g} times as far: {remedy}"
     return Check(subject, Verdict.FAILS, line, alarm="units")
+
+
+def signs_check(drives: Sequence[Drive], now: Matching) -> Check:
+    """Check that sprocket speeds have signs, if the poses show that the robot drove backwards, or
+    turned in place.
+
+    Without signs, a robot that drives backwards seems to drive forwards, and one that turns in
+    place seems to drive straight ahead. So distances are those of the poses as long as these go
+    forwards, and nothing is wrong with the units.
+    """
+    subject = "signs of the sprockets"
+    is_headed = any(drive.has_heading for drive in drives)
+    if any((drive.omega < 0).any() for drive in drives) or not is_headed:
+        return Check(subject, Verdict.HOLDS)
+    windows = now.windows
+    moving = np.isfinite(windows.moved) & np.isfinite(windows.turned)
+    moving &= windows.distance > _MOVING
+    if moving.sum() < FEW:
+        return Check(subject, Verdict.HOLDS)
+
+    # in windows in which the robot drives as far as the belts, or hardly at all
+    ahead = windows.moved.real[moving] / windows.distance[moving]
+    turned = np.abs(windows.turned[moving])
+    backwards = ahead < -_AS_FAR
+    straight_by_wheels = np.abs(windows.turn[moving]) < 0.5 * turned
+    on_the_spot = (np.abs(ahead) < 1 - _AS_FAR) & (turned > _TURNED_IN_PLACE) & straight_by_wheels
+    forwards = ahead > _AS_FAR
+    wrong = int(backwards.sum() + on_the_spot.sum())
+    share = wrong / len(ahead)
+    # few: wild headings; most: an encoder that counts backwards, or a sensor that looks backwards
+    if share < _LEAST_WITHOUT_SIGN or forwards.sum() < backwards.sum():
+        return Check(subject, Verdict.HOLDS)
+    line = (
+        "omega_l and omega_r are never negative, but by the poses the robot drives backwards or "
+        f"turns in place in {100 * share:.0f} % of its motion: do the encoders count without sign? "
+        "Give the speeds the signs of the commands"
+    )
+    return Check(subject, Verdict.FAILS, line, alarm="signs")
 
 
 def _changing(drive: Drive) -> float:

@@ -24,6 +24,7 @@ from trackslip.logs.angles import (
     odometry_speeds,
     unwrapped_angle,
 )
+from trackslip.logs.changes import are_changes
 from trackslip.logs.checks import gaps, in_order, restarts, unwrapped_headings
 from trackslip.logs.columns import Columns
 from trackslip.logs.layout import AS_DOCUMENTED, Layout, known_odometry, known_ticks
@@ -55,6 +56,8 @@ _GAP: Final = 1.0  # longest time without readings that the next reading may fil
 _QUATERNION: Final = re.compile(
     r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE
 )
+# share of rows before the row above them: with a clock that restarts, 1 % at most
+_MIXED: Final = 0.1
 _MOST: Final = 0.5  # share of damaged rows above which a run is refused
 
 
@@ -253,7 +256,9 @@ class _Reader:
         if not starts.size:
             return [rows]
         sections = np.split(rows, starts)
-        if np.mean([self._has_both(section) for section in sections]) < _MOST:
+        is_by_sensor = np.mean([self._has_both(section) for section in sections]) < _MOST
+        is_mixed = np.mean(np.diff(time) < 0) > _MIXED
+        if is_by_sensor or is_mixed:
             self.notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
             return [rows[np.argsort(time, kind="stable")]]
         k = starts[0]
@@ -492,6 +497,7 @@ class _Reader:
         known = np.isfinite(readings)
         if (known.sum(axis=0) < 2).any():
             raise self._no_row_has_both()
+        self._refuse_changes(readings, known)
         known = self._without_repeats(name, time, readings, known)
         begin = max(int(np.argmax(side)) for side in known.T)
         end = min(len(side) - int(np.argmax(side[::-1])) for side in known.T)
@@ -505,6 +511,20 @@ class _Reader:
             angle = self._angle(column, rows[of_side], time[of_side], readings[of_side, side])
             angles.append(np.interp(time[read], time[of_side], angle))
         return read, mean_speeds(time[read], np.stack(angles, axis=-1))
+
+    def _refuse_changes(self, readings: Array, known: np.ndarray) -> None:
+        """Raise LogError if both sides of the readings (n, 2), where `known`, are changes since the
+        reading before.
+        """
+        sides = [readings[known[:, side], side] for side in range(2)]
+        if not all(map(are_changes, sides)):
+            return
+        least = min(float(side.min()) for side in sides)
+        largest = max(float(side.max()) for side in sides)
+        raise LogError(
+            f"columns {', '.join(self._kind.value)}: look like changes since the last reading, "
+            f"from {least:g} to {largest:g}: give their running sums"
+        )
 
     def _without_repeats(
         self, name: str, time: Array, readings: Array, known: np.ndarray

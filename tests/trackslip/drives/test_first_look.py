@@ -294,6 +294,45 @@ def test_a_sensor_known_to_look_backwards_is_no_mistake():
     np.testing.assert_allclose(wrap_angle(seen.drives[0].pose - turned), 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_encoders_without_sign_are_an_alarm(seed):
+    drive = drive_of(seed=seed)
+    time, pose = measured(drive)
+    right = look_at(drive, time, pose)
+    assert "signs" not in [alarm.kind for alarm in right.alarms]
+    unsigned = look_at(drive.with_wheels(np.abs(drive.omega)), time, pose)
+    alarm = next(alarm for alarm in unsigned.alarms if alarm.kind == "signs")
+    assert "do the encoders count without sign?" in alarm.line
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.3, -0.3])
+def test_arcs_forwards_alone_need_no_signs(aside):
+    commands = np.tile([0.4, 0.5], 20), np.tile([0.6, -0.6], 20)
+    drive = drive_of(commands=commands, duration=80.0)
+    time, pose = measured(drive)
+    pose[:, 0] -= aside * np.sin(pose[:, 2])
+    pose[:, 1] += aside * np.cos(pose[:, 2])
+    assert (drive.omega >= 0).all()
+    assert "signs" not in [alarm.kind for alarm in look_at(drive, time, pose).alarms]
+
+
+def test_changes_of_angles_are_no_angles():
+    """Without rounding, only the poses tell, of a robot that stops now and then."""
+    rng = np.random.default_rng(3)
+    stops = np.tile([1.0, 1.0, 0.0], 10)
+    drive = drive_of(commands=(stops * rng.uniform(-0.6, 0.8, 30), stops * rng.normal(0, 0.6, 30)))
+    time, pose = measured(drive)
+    angles = np.cumsum(drive.omega, axis=0) * ENCODER_STEP
+    changes = np.diff(angles, axis=0, prepend=angles[:1])
+    as_angles = np.diff(changes, axis=0, prepend=changes[:1]) / ENCODER_STEP
+    refused(
+        "the columns of ticks or angles look like changes since .*: give their running sums",
+        drive=drive.with_wheels(as_angles),
+        time=time,
+        pose=pose,
+    )
+
+
 @pytest.mark.parametrize("factor", [4.0, 2.0, 0.5])
 def test_ticks_per_turn_that_are_wrong_are_an_alarm(factor):
     alarms = look_at(drive=DRIVE.with_wheels(factor * DRIVE.omega)).alarms
