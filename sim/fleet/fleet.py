@@ -245,8 +245,8 @@ class Fleet(Simulations):
             self.drive.accept(forecast, torque)
             return
 
-        # Weak robots go back and repeat all periods, of which each counts again; their sprockets are
-        # set aside first, because `accept` advances all.
+        # Weak robots go back and repeat all periods, of which each counts again. Their sprockets
+        # are set aside first, because `accept` advances all.
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))

@@ -102,7 +102,7 @@ def test_robots_begin_anew_in_any_order(robot):
 @pytest.mark.parametrize("duration", [-0.02, 0.005])
 def test_only_whole_periods_can_be_simulated(robot, duration):
     fleet = Fleet(robot, np.zeros((1, 3)))
-    with pytest.raises(InvalidValueError, match="0 or a multiple of the servo period, 0.01 s"):
+    with pytest.raises(InvalidValueError, match=r"0 or a multiple of the servo period, 0\.01 s"):
         fleet.advance(duration)
 
 
