@@ -105,6 +105,7 @@ class Traverse(World):
         """The terrain in the model."""
         self.tracked = build_tracked(robot, self.slots, preset=preset)
         """The compiled robot."""
+        robot = self.tracked.robot
         model = self.tracked.model
         belts = self.tracked.belts
         with engine_errors(robot.model):

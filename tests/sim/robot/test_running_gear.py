@@ -21,9 +21,10 @@ from machines import (
     yaw_rate_by_theory,
 )
 
-from sim import check
+from sim import Command, JointRule, RunningGear, TrackedRobot, Traverse, check
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked
+from sim.terrain import load_course
 from trackslip.errors import RobotWarning, TrackslipError
 
 TURN = (-0.1, 0.1)
@@ -447,6 +448,22 @@ def test_flippers_that_bear_weight_are_said(tmp_path):
     with pytest.warns(RobotWarning, match="its flippers bear 29% of its weight on level ground"):
         load_parameters(str(file))
     assert any("bear 29% of its weight" in line for line in check(file).warnings)
+
+
+def test_the_list_of_tracks_may_be_written_in_python(tmp_path):
+    file = write(tmp_path, articulated(), "")
+    axles = [
+        RunningGear(body, wheels=(f"{body}_l", f"{body}_r"), contact="wheels")
+        for body in ("base", "rear")
+    ]
+    robot = TrackedRobot(
+        file.with_suffix(".urdf"), tracks=tuple(axles), joints=(JointRule("waist", "free"),)
+    )
+    world = Traverse(robot, [load_course("flat")])
+    for _ in range(10):
+        world.step(Command(np.full((1, 2), 0.2), np.zeros((1, 0))))
+    assert world.state.velocity[0, 0] == pytest.approx(0.2, rel=0.02)
+    assert world.tracked.robot.half_gauge == pytest.approx(0.3)
 
 
 MACHINES = {
