@@ -179,7 +179,8 @@ def _start_of(model: Model, robot: TrackedRobot, name: str) -> float:
     joint = model.model.joint(name)
     rule = rule_for(robot.joints, name)
     if rule is None or rule.angle is None:
-        return float(model.data.qpos[joint.qposadr[0]])
+        start = float(model.data.qpos[joint.qposadr[0]])
+        return start if _kind(joint) in _SIMPLE else 0.0  # a ball joint's isn't an angle
     low, high = joint.range
     fits = _kind(joint) in _SIMPLE and (not joint.limited[0] or low <= rule.angle <= high)
     if not fits:

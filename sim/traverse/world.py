@@ -299,7 +299,7 @@ class Traverse(World):
 
     def motors(self) -> MotorReading:
         """Torque, speed, power and energy (N, 2) of the left and right motors after the last
-        `step`; the torques of belts without motors are 0.
+        `step`, (N, 3) if a belt has a motor of its own; the torques of belts without motors are 0.
         """
         return self._belts.motors()
 
