@@ -131,8 +131,10 @@ def _warn_of_what_differs(built: TrackedModel, data: mujoco.MjData) -> None:
         return
     share = share_on_flippers(built, data)
     if share > 0.0:
-        what = f"its flippers bear {share:.0%} of its weight on level ground, even as high as"
-        what += " they start; flat ground leaves that out, so it turns faster there than on terrain"
+        what = (
+            f"its flippers bear {share:.0%} of its weight on level ground, even as high as they "
+            "start; flat ground leaves that out, so its turns differ from those on terrain"
+        )
         warnings.warn(f"{robot.model}: {what}", RobotWarning, stacklevel=3)
 
 

@@ -179,7 +179,8 @@ def _start_of(model: Model, robot: TrackedRobot, name: str) -> float:
     joint = model.model.joint(name)
     rule = rule_for(robot.joints, name)
     if rule is None or rule.angle is None:
-        return float(model.data.qpos[joint.qposadr[0]])
+        start = float(model.data.qpos[joint.qposadr[0]])
+        return start if _kind(joint) in _SIMPLE else 0.0  # a ball joint's isn't an angle
     low, high = joint.range
     fits = _kind(joint) in _SIMPLE and (not joint.limited[0] or low <= rule.angle <= high)
     if not fits:
@@ -257,20 +258,27 @@ def _fix(spec: Any, name: str, angle: float) -> None:
 
 def _keep_apart(spec: Any, held: dict[str, float]) -> None:
     """Exclude contacts between links that held joints fix to each other: in the start pose of many
-    models they overlap, and would push each other away.
+    models they overlap, and would push each other away. Links without joints between them don't
+    collide anyway.
     """
-    root: dict[str, str] = {}
+    if not held:
+        return
+    rigid: dict[str, str] = {}  # the first link to which fixed or held joints fix each link
+    welded: dict[str, str] = {}  # the first to which links without joints fix it
     for link in spec.bodies:
         names = [joint.name for joint in link.joints]
-        is_fixed = link.parent is not None and all(name in held for name in names)
-        root[link.name] = root[link.parent.name] if is_fixed else link.name
-    groups: dict[str, list[str]] = {}
-    for name, first in root.items():
-        body = spec.body(name)
-        if name != "world" and any(geom.contype or geom.conaffinity for geom in body.geoms):
-            groups.setdefault(first, []).append(name)
+        is_first = link.parent is None
+        is_rigid = not is_first and all(name in held for name in names)
+        is_welded = not is_first and not names
+        rigid[link.name] = rigid[link.parent.name] if is_rigid else link.name
+        welded[link.name] = welded[link.parent.name] if is_welded else link.name
+    collide = [
+        link.name
+        for link in spec.bodies
+        if link.parent is not None and any(geom.contype or geom.conaffinity for geom in link.geoms)
+    ]
     excluded = {frozenset((each.bodyname1, each.bodyname2)) for each in spec.excludes}
-    for links in groups.values():
-        for one, other in itertools.combinations(links, 2):
-            if frozenset((one, other)) not in excluded:
-                spec.add_exclude(bodyname1=one, bodyname2=other)
+    for one, other in itertools.combinations(collide, 2):
+        is_held = rigid[one] == rigid[other] and welded[one] != welded[other]
+        if is_held and frozenset((one, other)) not in excluded:
+            spec.add_exclude(bodyname1=one, bodyname2=other)

@@ -4,8 +4,7 @@ tracks).
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,17 +17,12 @@ from sim.robot.flat import on_flat_ground
 from sim.robot.joint_rules import joint_rules
 from sim.robot.model_check import absolute
 from sim.robot.parameters import RobotParameters
-from sim.robot.places import with_gear
 from sim.robot.robot import MODELS, shaped_robot
 from sim.robot.tracked import TrackedRobot
-from sim.robot.tracked_model import (
-    chassis_of,
-    open_spec,
-)
-from sim.robot.urdf import Refuse, engine_errors, refuse
+from sim.robot.tracked_model import complete
+from sim.robot.urdf import Refuse, refuse
 from trackslip.errors import (
     InvalidValueError,
-    RobotWarning,
     SettingsFileError,
     require,
 )
@@ -76,7 +70,7 @@ def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse)
     """
     robot, _ = _load(source, refuse)
     if isinstance(robot, TrackedRobot):
-        return robot if robot.hull else _with_gear(robot, (), False, refuse)
+        return robot if robot.hull else complete(robot, refuse=refuse)
     if robot.looks:
         return load_tracked(robot.looks)
     return on_terrain(robot, "robot" if robot is source else Path(str(source)).stem)
@@ -189,19 +183,6 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     if {"half_gauge", "hull"} <= own and not wheels:
         return replace(robot, origin="given")
     try:
-        return _with_gear(robot, tuple(own), replaces_all, refuse)
+        return complete(robot, tuple(own), replaces_all, refuse)
     except InvalidValueError as error:
         raise SettingsFileError(f"{path}: {error}") from error
-
-
-def _with_gear(
-    robot: TrackedRobot, given: Sequence[str], replaces_all: bool, refuse: Refuse
-) -> TrackedRobot:
-    """The robot with a complete list of tracks, read from the wheels of its model."""
-    with engine_errors(robot.model):
-        with warnings.catch_warnings(action="ignore", category=RobotWarning):
-            # wheels collide until tracks replace them
-            spec = open_spec(replace(robot, wheels=()), refuse=refuse)
-            if spec.keys:
-                spec.compile()
-        return with_gear(robot, spec, chassis_of(spec, robot).name, given, replaces_all)

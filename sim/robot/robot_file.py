@@ -10,6 +10,8 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
+import mujoco
+
 from sim.motors.motor import Drive
 from sim.robot.gear import FlipperMotor, RunningGear
 from sim.robot.joint_rules import FREE, HOLD
@@ -72,7 +74,9 @@ def _joints(robot: TrackedRobot, built: TrackedModel) -> str:
     lines = []
     for name, state in built.joints.states.items():
         if state == HOLD:
-            lines.append(f"{_text(name)} = {built.joints.held[name]!r}")
+            is_ball = built.model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_BALL
+            angle = _text(HOLD) if is_ball else repr(built.joints.held[name])
+            lines.append(f"{_text(name)} = {angle}")
         elif state == FREE:
             lines.append(f"{_text(name)} = {_text(FREE)}")
     for rule in robot.joints:

@@ -18,7 +18,7 @@ from sim.robot.gear import BOTH, MOTORS, OWN
 from sim.robot.joint_rules import rule_for
 from sim.robot.joints import ROLLS, Joints, angle_unit, hinge_body, hold
 from sim.robot.parameters import WHEELS
-from sim.robot.places import PlacedGear, model_at_rest, placed
+from sim.robot.places import PlacedGear, model_at_rest, placed, with_gear
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import TrackedRobot
 from sim.robot.urdf import Refuse, engine_errors, find_meshes, refuse, some, weightless
@@ -170,6 +170,8 @@ def build_tracked(
     part that is missing or wrong, and raises it by default. Raises TrackslipError for a model that
     can't be compiled or doesn't contain a part of `robot`.
     """
+    if not robot.hull:
+        robot = complete(robot)
     with engine_errors(robot.model):
         spec, joints = _load(robot, looks, refuse)
         chassis = chassis_of(spec, robot)
@@ -199,6 +201,24 @@ def build_tracked(
         elif model.nu == len(set(hinges)):
             _warn_of_rolling_links(robot, joints)
         return _read(model, robot, name, gear, list(dict.fromkeys(hinges)), joints, refuse)
+
+
+def complete(
+    robot: TrackedRobot,
+    given: Sequence[str] = (),
+    replaces_all: bool = False,
+    refuse: Refuse = refuse,
+) -> TrackedRobot:
+    """The robot with a complete list of tracks, read from the wheels of its model where the robot
+    leaves it open; see `with_gear`.
+    """
+    with engine_errors(robot.model):
+        with warnings.catch_warnings(action="ignore", category=RobotWarning):
+            # wheels collide until tracks replace them
+            spec = open_spec(replace(robot, wheels=()), refuse=refuse)
+            if spec.keys:
+                spec.compile()
+        return with_gear(robot, spec, chassis_of(spec, robot).name, given, replaces_all)
 
 
 def gear_of(spec: Any, robot: TrackedRobot, chassis: str) -> list[PlacedGear]:

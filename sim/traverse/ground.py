@@ -177,6 +177,8 @@ class Footprint:
         """The footprint of a robot; the robot is compiled to obtain its `flippers` unless these are
         given.
         """
+        if not robot.hull:
+            robot = build_tracked(robot).robot
         x, _, radius = np.array(robot.hull).T
         ahead = [(x + radius).max()]
         behind = [(radius - x).max()]

@@ -113,6 +113,7 @@ class Traverse(Simulations):
             robot, self.slots, preset=preset, friction=self.slots.frictions
         )
         """The compiled robot."""
+        robot = self.tracked.robot
         model = self.tracked.model
         belts = self.tracked.belts
         with engine_errors(robot.model):
@@ -312,7 +313,7 @@ class Traverse(Simulations):
 
     def motors(self) -> MotorReading:
         """Torque, speed, power and energy (N, 2) of the left and right motors after the last
-        `step`; the torques of belts without motors are 0.
+        `step`, (N, 3) if a belt has a motor of its own; the torques of belts without motors are 0.
         """
         return self._belts.motors()
 

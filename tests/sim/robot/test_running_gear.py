@@ -21,9 +21,10 @@ from machines import (
     yaw_rate_by_theory,
 )
 
-from sim import check
+from sim import Command, JointRule, RunningGear, TrackedRobot, Traverse, check
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked
+from sim.terrain import load_course
 from trackslip.errors import RobotWarning, TrackslipError
 
 TURN = (-0.1, 0.1)
@@ -449,7 +450,64 @@ def test_flippers_that_bear_weight_are_said(tmp_path):
     assert any("bear 29% of its weight" in line for line in check(file).warnings)
 
 
+def test_the_list_of_tracks_may_be_written_in_python(tmp_path):
+    file = write(tmp_path, articulated(), "")
+    axles = [
+        RunningGear(body, wheels=(f"{body}_l", f"{body}_r"), contact="wheels")
+        for body in ("base", "rear")
+    ]
+    robot = TrackedRobot(
+        file.with_suffix(".urdf"), tracks=tuple(axles), joints=(JointRule("waist", "free"),)
+    )
+    world = Traverse(robot, [load_course("flat")])
+    for _ in range(10):
+        world.step(Command(np.full((1, 2), 0.2), np.zeros((1, 0))))
+    assert world.state.velocity[0, 0] == pytest.approx(0.2, rel=0.02)
+    assert world.tracked.robot.half_gauge == pytest.approx(0.3)
+
+
+ARMS = """<mujoco><worldbody><body name="base" pos="0 0 0.1"><freejoint/>
+<geom type="box" size="0.3 0.2 0.05" pos="0 0 0.15" mass="30"/>
+<body name="arm" pos="0.2 0 0.3" euler="0 -40 0"><joint name="turn" axis="0 1 0" range="30 150"/>
+  <geom type="capsule" size="0.03" fromto="0 0 0 0.4 0 0" mass="2"/>
+  <body name="rod" pos="0.4 0 0"><joint name="push" type="slide" axis="1 0 0" range="0.1 0.3"/>
+    <geom type="capsule" size="0.02" fromto="0 0 0 0.2 0 0" mass="1"/></body></body>
+<body name="head" pos="-0.2 0 0.3"><joint name="ball" type="ball"/>
+  <geom size="0.05" pos="0 0 0.1" mass="1"/></body>
+<body name="mast" pos="-0.1 0.1 0.3"><joint name="sprung" axis="0 1 0" stiffness="50" damping="1"/>
+  <geom size="0.05" pos="0 0 0.1" mass="1"/></body>
+<body name="lid" pos="-0.1 -0.1 0.3"><joint name="driven" axis="0 1 0" range="20 60"/>
+  <geom size="0.05" pos="0 0 0.1" mass="1"/></body>
+</body></worldbody><actuator><position joint="driven" kp="300"/></actuator></mujoco>"""
+
+
+def arms(folder):
+    """An MJCF with angles in degrees and joints of all kinds."""
+    (folder / "arms.xml").write_text(ARMS)
+    (folder / "arms.toml").write_text(
+        'model = "arms.xml"\nhalf_gauge = 0.25\nhull = [[-0.3, 0, 0.1], [0.3, 0, 0.1]]\n'
+    )
+    return folder / "arms.toml"
+
+
+def test_joints_of_all_kinds_start_within_their_limits(tmp_path):
+    built = build_tracked(load_tracked(arms(tmp_path)))
+    assert built.joints.held == {"turn": pytest.approx(np.pi / 6), "push": 0.1, "ball": 0.0}
+    assert built.joints.named("motor") == ["sprung", "driven"]
+    data = mujoco.MjData(built.model)
+    mujoco.mj_forward(built.model, data)
+    assert data.joint("driven").qpos[0] == pytest.approx(np.radians(20))
+    ahead = data.body("arm").xmat.reshape(3, 3)[:, 0]
+    np.testing.assert_allclose(ahead, [np.cos(np.pi / 18), 0, np.sin(np.pi / 18)], atol=1e-9)
+    away = data.body("rod").xpos - data.body("arm").xpos
+    np.testing.assert_allclose(away, 0.5 * ahead, atol=1e-9)
+    mujoco.mj_step(built.model, data, nstep=500)
+    held = [data.joint(name).qpos[0] for name in ("turn", "push", "ball")]
+    np.testing.assert_allclose(held, [np.pi / 6, 0.1, 1.0], atol=1e-4)
+
+
 MACHINES = {
+    "arms": lambda folder: arms(folder),
     "digger": lambda folder: digger(folder, '[joints]\nstick_joint = 1.0\nboom_joint = "free"\n'),
     "offset": lambda folder: write(folder, rover([(0.3, 0.3), (-0.3, 0.3)], 0.05), REPLACED),
     "six": lambda folder: write(folder, rover(SIX), ON_WHEELS),
