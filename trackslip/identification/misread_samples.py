@@ -8,7 +8,7 @@ the reading as logged, the samples are refused with the name of the column and t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -48,9 +48,11 @@ class _Mistake:
     line: str  # the mistake, and the remedy
 
 
-def refuse_misread(omega: Array, twist: Array, geometry: RobotGeometry) -> None:
+def refuse_misread(
+    omega: Array, twist: Array, geometry: RobotGeometry, rows: Sequence[int]
+) -> None:
     """Raise LogError if the columns of samples, sprocket speeds (n, 2) and twists (n, 2), are in
-    wrong units, or if sides or signs are wrong.
+    wrong units, or if sides or signs are wrong; `rows` (n,) are the samples' rows in the table.
     """
     count = len(omega)
     fitting = _fitting(omega, twist, geometry)
@@ -67,7 +69,7 @@ def refuse_misread(omega: Array, twist: Array, geometry: RobotGeometry) -> None:
         first = wrong[0]
         contradiction = contradiction_of(omega[first], twist[first], geometry)
         raise LogError(
-            f"{len(wrong)} of {count} rows contradict their sprockets; row {first + 1}: "
+            f"{len(wrong)} of {count} rows contradict their sprockets; row {rows[first] + 1}: "
             f"{contradiction}"
         )
 
@@ -83,11 +85,7 @@ def _best_reading(omega: Array, twist: Array, geometry: RobotGeometry, least: fl
         for reading in combinations(mistakes, number):
             if len({mistake.subject for mistake in reading}) < number:
                 continue
-            read_omega = omega
-            read_twist = twist
-            for mistake in reading:
-                read_omega = read_omega @ mistake.omega.T
-                read_twist = read_twist * mistake.twist
+            read_omega, read_twist = _corrected(omega, twist, reading)
             rows = int(_fitting(read_omega, read_twist, geometry).sum())
             if rows < max(least, _NEARLY_ALL * len(omega)):
                 continue
@@ -103,6 +101,14 @@ def _best_reading(omega: Array, twist: Array, geometry: RobotGeometry, least: fl
             ]
             return f"{'; or '.join(alike)} ({-most_rows} of {len(omega)} rows fit then"
     return ""
+
+
+def _corrected(omega: Array, twist: Array, reading: Sequence[_Mistake]) -> tuple[Array, Array]:
+    """The sprocket speeds (n, 2) and twists (n, 2) that are meant."""
+    for mistake in reading:
+        omega = omega @ mistake.omega.T
+        twist = twist * mistake.twist
+    return omega, twist
 
 
 def _fitting(omega: Array, twist: Array, geometry: RobotGeometry) -> np.ndarray:

@@ -247,9 +247,9 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
     if not len(values):
         raise LogError("no rows")
     omega = reading.sprocket_speeds(values[:, :2])
-    whole = np.isfinite(values).all(axis=1)
     # a wrong unit is wrong in all rows: before single rows are left out
-    refuse_misread(omega[whole], values[whole, 2:], geometry)
+    whole = np.flatnonzero(np.isfinite(values).all(axis=1))
+    refuse_misread(omega[whole], values[whole, 2:], geometry, whole.tolist())
     lateral = columns.optional((LATERAL,))
     refused = list[Refused]()
     usable = list[SlipSamples]()
