@@ -6,13 +6,15 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from filelock import FileLock, Timeout
 
 from experiments.common.leftovers import temporary
 
-_PREFIX = "trackslip-"
-_LOCK = ".lock"  # held by the process whose files are in the folder
+_PREFIX: Final = "trackslip-"
+_LOCK: Final = ".lock"  # held by the process whose files are in the folder
+_NEW_LOCK: Final = ".new-lock"  # the same, until it is held
 
 
 @contextlib.contextmanager
@@ -26,8 +28,11 @@ def temporary_files() -> Iterator[Path]:
     before, variable = tempfile.tempdir, os.environ.get("TMPDIR")
     folder = tempfile.mkdtemp(prefix=_PREFIX)
     with temporary(Path(folder)):
-        lock = FileLock(Path(folder) / _LOCK)
-        with lock:
+        # The lock gets its name when it is held, so that no other command can take it before and
+        # delete the folder as abandoned.
+        new_lock = Path(folder) / _NEW_LOCK
+        with FileLock(new_lock):
+            new_lock.rename(Path(folder) / _LOCK)
             tempfile.tempdir = os.environ["TMPDIR"] = folder
             try:
                 yield Path(folder)

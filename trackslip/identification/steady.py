@@ -428,29 +428,36 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
             "one sample doesn't show its own error: take 4 or more, straight ahead and in turns to "
             "both sides"
         )
-    laws, warnings = dict[str, SteadyFit](), list[str]()
+    # laws of all families that the samples may determine
+    laws = dict[str, SteadyFit]()
+    unfitted = dict[str, str]()  # why not, by law
     sides = np.sign(np.diff(samples.omega, axis=1)[:, 0] * samples.omega.sum(axis=1))
-    one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
-    unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
-    slow = not turns_fast(samples.omega, geometry)
+    is_one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
+    is_unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
+    is_slow = not turns_fast(samples.omega, geometry)
     for name, model in FAMILIES.items():
-        impossible = (
-            (model.two_sided and one_sided) or (model.loaded and unloaded) or (model.fast and slow)
+        is_impossible = (
+            (model.two_sided and is_one_sided)
+            or (model.loaded and is_unloaded)
+            or (model.fast and is_slow)
         )
-        if impossible or not model.of_runs:
+        if is_impossible or not model.of_runs:
             continue
         try:
             laws[name] = fit_law(name, samples, geometry)
         except LogError as error:
-            warnings.append(str(error))
+            unfitted[name] = str(error)
+
     answer = _answer(laws, samples, geometry)
     if answer is None:
-        raise LogError(next(why for why in warnings if why.startswith("law icr:")))
+        raise LogError(unfitted["icr"])
+
+    # the best law, unless the curvatures are too few to tell laws apart
     predicted = {name: law.fit.left_out() for name, law in laws.items()}
     directions = samples.direction(geometry)
     curvatures = different_curvatures(directions, nearest_curvatures(directions, REPEATED))
     # over different loads, laws with and without slip under load can be compared all the same
-    uncompared = few_curvatures(curvatures, "the samples have") if unloaded else ""
+    uncompared = few_curvatures(curvatures, "the samples have") if is_unloaded else ""
     choice = None if uncompared else choose(laws, lambda some: _ranked(some, predicted))
     if choice is None:
         why = uncompared or "the runs are too few to compare laws"
@@ -470,8 +477,10 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
         validation={
             name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()
         },
-        # where laws aren't compared, nothing is missing without those that can't be fitted
-        warnings=() if uncompared else tuple(warnings),
+        # where laws aren't compared, only the law of the answer is missed
+        warnings=tuple(
+            why for name, why in unfitted.items() if not uncompared or name == REFERENCE
+        ),
     )
 
 
