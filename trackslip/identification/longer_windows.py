@@ -24,6 +24,9 @@ from trackslip.laws.families import FAMILIES
 _LONGER: Final = 4.0  # ratio of the lengths of windows
 _LEAST_LONGER: Final = 2.0  # ratio below which fits hardly differ
 _SHARE_OF_DRIVE: Final = 0.25  # largest share of a drive that a window covers
+# least difference for an alarm, relative to the radius or half gauge: 10 cm after 10 m. Smaller
+# ones only widen the intervals
+_MATTERS: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class LongerWindows:
     # value and 95 % interval in the longer windows of each parameter that differs by more than the
     # 95 % interval of the difference
     differing: Mapping[str, Gain]
-    # names of those whose value in the longer windows is outside the usual interval
+    # names of those whose value in the longer windows is outside the usual interval, by so much
+    # that it matters
     outside: tuple[str, ...]
 
     def line(self, fit: DriveFit) -> str:
@@ -74,7 +78,9 @@ def covering_longer_windows(fit: DriveFit, mean: Array) -> tuple[DriveFit, Longe
     for name, other in differing.items():
         low, high = fit.interval95[name]
         interval95[name] = min(low, other.low), max(high, other.high)
-        if not low <= other.value <= high:
+        is_outside = not low <= other.value <= high
+        difference = abs(other.value - fit.values[name])
+        if is_outside and difference > _MATTERS * _size_of(fit.fit, name):
             outside.append(name)
 
     found = LongerWindows(
@@ -122,7 +128,6 @@ def _differing(fit: DriveFit, in_longer: WindowFit) -> dict[str, Gain]:
     )
     longer_error = np.sqrt(overlap * np.diag(cr3(in_longer.changes_without_block)))
     quantile = in_longer.quantile
-    half_gauge = shorter.model.geometry.half_gauge
 
     found = dict[str, Gain]()
     for k, index in enumerate(shorter.free.tolist()):
@@ -131,11 +136,16 @@ def _differing(fit: DriveFit, in_longer: WindowFit) -> dict[str, Gain]:
             continue
         value = float(in_longer.values[index])
         difference = abs(value - fit.values[name])
-        is_length = shorter.model.family.parameters[name].unit == "m"
-        noticed = LEAST_ERROR * (half_gauge if is_length else 1.0)
+        noticed = LEAST_ERROR * _size_of(shorter, name)
         by_chance = float(quantile[k] * difference_error[k])
         # without enough blocks, chance is NaN
         if difference > noticed and difference > by_chance:
             half_width = float(quantile[k] * longer_error[k])
             found[name] = Gain(value, value - half_width, value + half_width)
     return found
+
+
+def _size_of(fit: WindowFit, name: str) -> float:
+    """What a law's parameter is compared with: the half gauge [m] for lengths, else 1."""
+    is_length = fit.model.family.parameters[name].unit == "m"
+    return fit.model.geometry.half_gauge if is_length else 1.0

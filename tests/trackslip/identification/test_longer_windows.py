@@ -59,6 +59,24 @@ def test_without_smoothing_windows_agree(source):
     assert gain.low < HUSKY.offset < gain.high
 
 
+def slightly_smoothed(pose):
+    """Headings averaged over 1.3 s."""
+    half = 6
+    padded = np.pad(pose[:, 2], half, mode="edge")
+    heading = np.convolve(padded, np.ones(2 * half + 1) / (2 * half + 1), "valid")
+    return np.column_stack([pose[:, :2], heading])
+
+
+def test_a_difference_that_hardly_matters_is_no_alarm():
+    """It only widens the intervals."""
+    drives = drives_of([logged(slightly_smoothed, 2)])[0]
+    fit = fit_drives("icr_radius", drives, HUSKY.geometry)
+    covering, longer = covering_longer_windows(fit, np.zeros(len(fit.fit.values)))
+    assert longer.differing
+    assert longer.outside == ()
+    assert covering.interval95 != fit.interval95
+
+
 def test_intervals_cover_the_values_in_longer_windows():
     drives = drives_of([logged(smoothed, 2)])[0]
     fit = fit_drives("icr_radius", drives, HUSKY.geometry)
