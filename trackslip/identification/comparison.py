@@ -165,8 +165,8 @@ def choose(
     own = [name for name in best.values if name not in of_linear]
     if any(differs_from_zero(best, name) for name in own):
         return choice
-    terms = " and ".join(own)
-    reason = f"{among_linear.reason}; {choice.best} predicts better, but its {terms} may be 0"
+    doubt = f"its {' and '.join(own)} may be 0" if own else "it has no parameter of its own"
+    reason = f"{among_linear.reason}; {choice.best} predicts better, but {doubt}"
     return replace(choice, best=among_linear.best, reason=reason)
 
 

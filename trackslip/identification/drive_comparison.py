@@ -134,7 +134,7 @@ def compare_drives(
     alarms = (*look.alarms, *of_laws, *_whole_turns(answer, sensor))
     if GAINS in [alarm.kind for alarm in of_best] and not gains.at_limit:
         laws[GAINS] = gains
-        reason = "gains by regression predict better than every law that was fitted"
+        reason = "gains by regression predict better than the best law that was fitted"
         choice = replace(choice, best=GAINS, reason=reason)
 
     order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, 0.0)))

@@ -85,8 +85,10 @@ def fit_drives(
     """Fit a law to whole drives prepared by `drives_of`; raises InvalidValueError for an unknown
     law.
 
-    A given `sensor` isn't estimated; the motion's lag behind the belts is estimated only with
-    `lag`. `reference` is an existing fit of REFERENCE to the same drives; without it, REFERENCE is
+    Of a given `sensor`, only its distance ahead of the turning centre is estimated, as nobody can
+    measure where that is; the motion's lag behind the belts is estimated only with `lag`.
+
+    `reference` is an existing fit of REFERENCE to the same drives; without it, REFERENCE is
     fitted first, from the values by name in `start` (by default gains and clock from regression).
     Without radius_error in `start`, the prior for it is narrow.
     """

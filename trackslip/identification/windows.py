@@ -352,7 +352,10 @@ class WindowFit:
     block: np.ndarray  # (K,) block of each pose, from 0 to G - 1
     block_normals: Array  # (G, f, f) weighted normal equations of each block
     curvature: Array  # (f, f) second derivatives of the loss
-    score: Array  # (G, f) gradient from each block; the sum, with the prior's gradient, is about 0
+    # (G, f) gradient from each block, of residuals whose windows are aligned with less weight on
+    # outliers than in the fit. With the prior's gradient, their sum is 0 without outliers; on
+    # examples/logs/warthog_grass.parquet, it is worth up to 0.8 standard errors.
+    score: Array
     prior: Array  # (f,) precisions of the priors
     loss: float  # `Residuals.loss`
     # where parameters of the law, or of the sensor, differ between runs

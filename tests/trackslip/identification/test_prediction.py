@@ -155,6 +155,9 @@ def test_a_parameter_without_an_interval_may_be_0(ends):
 
     assert rank(laws).best == "turn_loss"
     assert choose(laws, rank).best == "icr_radius"
+    # a law with the parameters of others has none that could differ from 0
+    laws["turn_loss"] = replace(laws["turn_loss"], values=laws["icr_radius"].values)
+    assert choose(laws, rank).reason.endswith("but it has no parameter of its own")
 
 
 def test_errors_after_10_m_of_driving():
