@@ -46,6 +46,7 @@ def fit_runs(
     runs: RunValues | None = None
     if is_sensor_differing:
         runs = _with_sensors(joint, _alone(joint, mean, [*model.family.names, *_SENSOR]))
+    # (a sensor that moves by no more than matters leaves the law to be judged)
     if runs is None and is_law_differing:
         fits = _alone(joint, mean, model.family.names)
         differ = [name in differing for name in names if name in model.family.names]

@@ -20,18 +20,19 @@ from trackslip.identification.samples import are_plausible, contradiction_of
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.layout import UNITS
 
-# share of the rows that another reading fits at least, and share by which it fits more than the
-# reading as logged
-_NEARLY_ALL: Final = 0.8
-_FAR_MORE: Final = 0.25
-_MOST: Final = 0.5  # share of implausible rows above which the samples are refused in any case
+# least share of the rows that another reading fits: single rows may be wrong, too
+_LEAST_FITTING: Final = 0.8
+# least share of the rows by which another reading fits more than the one as logged
+_LEAST_GAIN: Final = 0.25
+# share of implausible rows above which the samples are refused in any case: the rest is no majority
+_MOST_IMPLAUSIBLE: Final = 0.5
 # limits on the median ratio of yaw rates to the sprockets': a separation multiplier of 0.8 to 5, as
 # in drives.misread
 _TURN_RATIOS: Final = (0.2, 1.25)
-# yaw rate below which a row tells nothing of turns, relative to the speed of its belts over the
-# half gauge [-]
-_TURNING: Final = 0.1
-_ALIKE: Final = 0.1  # difference of the logarithms of speeds by which two units may be mixed up
+# least speed of a motion, ahead or of the tracks in a turn, relative to the speed of the belts [-]
+_LEAST_MOTION: Final = 0.1
+# largest difference of the logarithms of speeds by which two units may be mixed up
+_MOST_ALIKE: Final = 0.1
 # wrong units of the columns that occur in logs
 _UNITS_OF_V: Final = ("cm/s", "mm/s", "km/h")
 _UNITS_OF_OMEGA: Final = ("rpm", "deg/s", "turn/s")
@@ -48,59 +49,80 @@ class _Mistake:
     line: str  # the mistake, and the remedy
 
 
+@dataclass(frozen=True)
+class _Reading:
+    """One or two mistakes, without which the columns fit."""
+
+    lines: tuple[str, ...]  # each mistake, and the remedy
+    fitting: int  # number of rows that fit without them
+    # by how much the median speed differs from the sprockets', as a logarithm
+    speed_difference: float
+
+    @property
+    def line(self) -> str:
+        """All mistakes in one line."""
+        return "; and ".join(self.lines)
+
+
 def refuse_misread(
     omega: Array, twist: Array, geometry: RobotGeometry, rows: Sequence[int]
 ) -> None:
     """Raise LogError if the columns of samples, sprocket speeds (n, 2) and twists (n, 2), are in
     wrong units, or if sides or signs are wrong; `rows` (n,) are the samples' rows in the table.
     """
+    # other readings, if enough rows don't fit as logged
     count = len(omega)
-    fitting = _fitting(omega, twist, geometry)
-    most_gain = count - int(fitting.sum())
-    least_gain = max(1.0, _FAR_MORE * count)
-    if most_gain >= least_gain:
-        found = _best_reading(omega, twist, geometry, int(fitting.sum()) + least_gain)
-        if found:
-            raise LogError(f"{found}, but {int(fitting.sum())} as logged)")
+    as_logged = int(_fitting(omega, twist, geometry).sum())
+    least_gain = max(1.0, _LEAST_GAIN * count)
+    if count - as_logged >= least_gain:
+        least = max(as_logged + least_gain, _LEAST_FITTING * count)
+        readings = _best_readings(omega, twist, geometry, least)
+        if readings:
+            mistakes = "; or ".join(reading.line for reading in readings)
+            fitting = readings[0].fitting
+            raise LogError(
+                f"{mistakes} ({fitting} of {count} rows fit then, but {as_logged} as logged)"
+            )
 
-    plausible = are_plausible(omega, twist, geometry)
-    wrong = np.flatnonzero(~plausible).tolist()
-    if len(wrong) > _MOST * count:
-        first = wrong[0]
+    # no other reading explains rows that no robot moves by
+    implausible = np.flatnonzero(~are_plausible(omega, twist, geometry)).tolist()
+    if len(implausible) > _MOST_IMPLAUSIBLE * count:
+        first = implausible[0]
         contradiction = contradiction_of(omega[first], twist[first], geometry)
         raise LogError(
-            f"{len(wrong)} of {count} rows contradict their sprockets; row {rows[first] + 1}: "
-            f"{contradiction}"
+            f"{len(implausible)} of {count} rows contradict their sprockets; row "
+            f"{rows[first] + 1}: {contradiction}"
         )
 
 
-def _best_reading(omega: Array, twist: Array, geometry: RobotGeometry, least: float) -> str:
-    """The reading with fewest mistakes that fits at least `least` rows and nearly all, as the
-    beginning of a message; of several, those by which speeds are nearest to the sprockets'. Empty
-    if there is none.
+def _best_readings(
+    omega: Array, twist: Array, geometry: RobotGeometry, least: float
+) -> list[_Reading]:
+    """The readings with fewest mistakes that fit most rows, and at least `least`; of these, those
+    by which speeds are nearest to the sprockets'. Empty if there are none.
+
+    Several are alike if two units are: with sprockets of 0.1 m, rpm and belts in cm/s.
     """
     mistakes = list(_mistakes(geometry))
     for number in (1, 2):
-        found = list[tuple[int, float, str]]()
-        for reading in combinations(mistakes, number):
-            if len({mistake.subject for mistake in reading}) < number:
+        readings = list[_Reading]()
+        for some in combinations(mistakes, number):
+            if len({mistake.subject for mistake in some}) < number:
                 continue
-            read_omega, read_twist = _corrected(omega, twist, reading)
-            rows = int(_fitting(read_omega, read_twist, geometry).sum())
-            if rows < max(least, _NEARLY_ALL * len(omega)):
-                continue
-            line = "; and ".join(mistake.line for mistake in reading)
-            found.append((-rows, _distance(read_omega, read_twist, geometry), line))
-        if found:
-            most_rows, nearest, _ = min(found)
-            # two units may be alike: with sprockets of 0.1 m, rpm and belts in cm/s are
-            alike = [
-                line
-                for count, distance, line in found
-                if count == most_rows and distance <= nearest + _ALIKE
+            read_omega, read_twist = _corrected(omega, twist, some)
+            fitting = int(_fitting(read_omega, read_twist, geometry).sum())
+            if fitting >= least:
+                lines = tuple(mistake.line for mistake in some)
+                difference = _speed_difference(read_omega, read_twist, geometry)
+                readings.append(_Reading(lines, fitting, difference))
+        if readings:
+            most = max(reading.fitting for reading in readings)
+            best = [reading for reading in readings if reading.fitting == most]
+            nearest = min(reading.speed_difference for reading in best)
+            return [
+                reading for reading in best if reading.speed_difference <= nearest + _MOST_ALIKE
             ]
-            return f"{'; or '.join(alike)} ({-most_rows} of {len(omega)} rows fit then"
-    return ""
+    return []
 
 
 def _corrected(omega: Array, twist: Array, reading: Sequence[_Mistake]) -> tuple[Array, Array]:
@@ -112,8 +134,10 @@ def _corrected(omega: Array, twist: Array, reading: Sequence[_Mistake]) -> tuple
 
 
 def _fitting(omega: Array, twist: Array, geometry: RobotGeometry) -> np.ndarray:
-    """(n,) bool: true for samples that are plausible, also among the others: none that turns is, if
-    most lose more of their yaw rates than any robot does.
+    """(n,) bool: true for samples that are plausible, by themselves and together.
+
+    If the samples that turn usually have a smaller or larger share of the sprockets' yaw rate than
+    any robot, none of these is.
     """
     fitting = are_plausible(omega, twist, geometry)
     turning, ratio = _turn_ratio(omega, twist, geometry)
@@ -131,17 +155,19 @@ def _turn_ratio(
     """
     commanded = body_twist(omega, 0.0, geometry)[:, 1]
     belts = geometry.sprocket_radius * np.abs(omega).max(axis=1)
-    turning = np.abs(commanded) * geometry.half_gauge > _TURNING * belts
+    turning = np.abs(commanded) * geometry.half_gauge > _LEAST_MOTION * belts
     if not turning.any():
         return turning, None
     return turning, float(np.median(twist[turning, 1] / commanded[turning]))
 
 
-def _distance(omega: Array, twist: Array, geometry: RobotGeometry) -> float:
-    """Distance of the median speed from the sprockets', as a logarithm; 0 if none moves ahead."""
+def _speed_difference(omega: Array, twist: Array, geometry: RobotGeometry) -> float:
+    """By how much the median speed differs from the sprockets', as a logarithm; 0 if none moves
+    ahead.
+    """
     commanded = body_twist(omega, 0.0, geometry)[:, 0]
     belts = geometry.sprocket_radius * np.abs(omega).max(axis=1)
-    moving = np.abs(commanded) > _TURNING * belts
+    moving = np.abs(commanded) > _LEAST_MOTION * belts
     if not moving.any():
         return 0.0
     ratio = float(np.median(np.abs(twist[moving, 0] / commanded[moving])))
@@ -172,8 +198,11 @@ def _mistakes(geometry: RobotGeometry) -> Iterator[_Mistake]:
 
     # sides and signs
     exchanged = same[::-1]
-    line = "tracks are swapped: exchange omega_l and omega_r, or change the sign of w if it is "
-    yield _Mistake("sides", exchanged, unscaled, f"{line}positive to the right")
+    line = (
+        "tracks are swapped: exchange omega_l and omega_r, or change the sign of w if it is "
+        "positive to the right"
+    )
+    yield _Mistake("sides", exchanged, unscaled, line)
     line = "the motion is backwards by the sprockets: change the signs of omega_l and omega_r"
     yield _Mistake("sides", -same, unscaled, line)
     line = "v is backwards by the sprockets: change its sign"

@@ -8,12 +8,13 @@ import numpy as np
 
 from trackslip.kinematics import Array
 
-_FEWEST: Final = 100  # least number of steps that tell
-# share of steps to the other side than the step before: 3/4 for changes that are rounded to whole
-# ticks, and few for sums, which go on in one direction until the robot reverses
+_FEWEST_STEPS: Final = 100  # fewer don't tell (test_changes)
+# share of steps to the other side than the step before. Where rounding dominates, steps are second
+# differences of independent errors, whose successive values have the correlation -2/3: a share of
+# acos(-2/3) / pi = 0.73 alternates. Sums go on in one direction until the robot reverses.
 _ALTERNATING: Final = 0.5
-# largest range of changes, in root mean squares of their steps: sums leave any range
-_WIDEST: Final = 100.0
+# largest range of changes, in root mean squares of their steps: sums leave any range (test_changes)
+_WIDEST_RANGE: Final = 100.0
 
 
 def are_changes(readings: Array) -> bool:
@@ -25,8 +26,8 @@ def are_changes(readings: Array) -> bool:
     """
     step = np.diff(readings)
     moving = step[step != 0]
-    if len(moving) < _FEWEST:
+    if len(moving) < _FEWEST_STEPS:
         return False
     alternating = float(np.mean(moving[1:] * moving[:-1] < 0))
-    size = float(np.sqrt(np.mean(step**2)))
-    return alternating > _ALTERNATING and float(np.ptp(readings)) < _WIDEST * size
+    step_rms = float(np.sqrt(np.mean(step**2)))
+    return alternating > _ALTERNATING and float(np.ptp(readings)) < _WIDEST_RANGE * step_rms
