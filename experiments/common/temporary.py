@@ -6,13 +6,14 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from filelock import FileLock, Timeout
 
 from experiments.common.leftovers import temporary
 
-_PREFIX = "trackslip-"
-_LOCK = ".lock"  # held by the process whose files are in the folder
+_PREFIX: Final = "trackslip-"
+_LOCK: Final = ".lock"  # held by the process whose files are in the folder
 
 
 @contextlib.contextmanager
@@ -23,7 +24,8 @@ def temporary_files() -> Iterator[Path]:
     The folder is deleted at the end. Folders that killed processes left behind are deleted first.
     """
     _delete_abandoned(Path(tempfile.gettempdir()))
-    before, variable = tempfile.tempdir, os.environ.get("TMPDIR")
+    before = tempfile.tempdir
+    variable = os.environ.get("TMPDIR")
     folder = tempfile.mkdtemp(prefix=_PREFIX)
     with temporary(Path(folder)):
         lock = FileLock(Path(folder) / _LOCK)
