@@ -3,10 +3,11 @@
 """
 
 import sys
+from typing import Final
 
 from experiments.common.interrupts import run_interruptible
 
-PACKAGES = ("models", "sim", "trackslip")
+PACKAGES: Final = ("models", "sim", "trackslip")
 """Packages that a module with the same name, earlier on Python's path, would hide."""
 
 

@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
 import tyro
 
@@ -21,7 +21,7 @@ from experiments.common.streams import PrintableOutput, flush_or_discard, printa
 from experiments.common.temporary import temporary_files
 from trackslip.errors import InvalidValueError, TrackslipError
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the whole paper, with a report in out/reproduce/report.html", "trackslip reproduce"),
     ("a command's options and examples", "trackslip grid --help"),
     (
@@ -33,13 +33,13 @@ EXAMPLES = (
 too.
 """
 
-_HELP = """usage: trackslip COMMAND [OPTIONS]
+_HELP: Final = """usage: trackslip COMMAND [OPTIONS]
 
 Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples,
 `trackslip --version` prints the version.
 """
-_GROUPS = {
+_GROUPS: Final = {
     "simulate": ("reproduce", "grid", "wander", "drive"),
     "identify": ("identify", "evaluate", "predict", "plan", "deploy"),
     "control": ("track", "benchmark", "tune", "train"),
@@ -47,7 +47,7 @@ _GROUPS = {
     "logs": ("log", "view"),
 }
 """Headings in the help, with their commands; commands without a heading come last."""
-_INSTEAD = {
+_INSTEAD: Final = {
     "bag": "trackslip log BAG",
     "export": "trackslip log PATH --out FILE",
     "localize": "trackslip log BAG --plate 0.5x0.02",
@@ -58,8 +58,8 @@ _INSTEAD = {
     "bench": "pytest tests/benchmarks",
 }
 """Replacements for the removed commands of version 0.2."""
-_ROOT = Path(__file__).parent
-_KERNEL = ("__init__", "__main__", "cli")  # files here that are not commands
+_ROOT: Final = Path(__file__).parent
+_KERNEL: Final = ("__init__", "__main__", "cli")  # files here that are not commands
 
 
 @functools.cache
@@ -200,7 +200,8 @@ def _refused_value(stop: SystemExit) -> InvalidValueError | None:
     """The error for a refused value, if it made tyro stop, with the option's full name, such as
     ground.across.
     """
-    group, error = "", stop.__context__
+    group = ""
+    error = stop.__context__
     while error is not None and not isinstance(error, InvalidValueError):
         group, error = getattr(error, "arg", ""), error.__context__  # name of a group of options
     if error is None or not group:

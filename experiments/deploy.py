@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
@@ -11,7 +11,7 @@ from experiments.common.results import require_new, write_output
 from trackslip.deploy.deploy import deployed
 from trackslip.laws.file import SHIPPED
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
     (
         "a C header with another law",

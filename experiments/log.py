@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from math import degrees
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 import tyro
@@ -43,7 +43,7 @@ from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import column_names
 from trackslip.logs.table_reader import ReadRuns
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("a bag's topics, and the log that identify would read", "trackslip log run.mcap"),
     (
         "the same with other poses, as a table",
@@ -55,9 +55,17 @@ EXAMPLES = (
         "trackslip log run.mcap --plate 0.5x0.02 --out log.csv",
     ),
 )
-_TOPICS = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
-_RUNS = ("run", "rows", "duration [s]", "longest step [s]", "poses", "rate [Hz]", "longest gap [s]")
-_FORMATS = (".parquet", ".csv")
+_TOPICS: Final = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
+_RUNS: Final = (
+    "run",
+    "rows",
+    "duration [s]",
+    "longest step [s]",
+    "poses",
+    "rate [Hz]",
+    "longest gap [s]",
+)
+_FORMATS: Final = (".parquet", ".csv")
 
 
 @dataclass(frozen=True)
@@ -129,34 +137,29 @@ def run(config: Config) -> None:
 
 
 def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
-    used, arrivals = _uses(bag, choice), bag.arrivals()
+    used = _uses(bag, choice)
+    arrivals = bag.arrivals()
     rows = []
     for name, topic in bag.topics.items():
-        gaps = np.diff(arrivals[name]) / 1e9
-        usual, longest = (
-            (float(np.median(gaps)), float(gaps.max())) if gaps.size else (np.nan, np.nan)
-        )
-        rate = 1 / usual if usual else np.nan
-        rows.append(
-            (
-                name,
-                topic.type.replace("/msg/", "/"),
-                str(topic.count),
-                number(rate, 1),
-                number(longest, 2),
-            )
-        )
-    rows += [
-        (name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics
-    ]
+        kind = topic.type.replace("/msg/", "/")
+        rate, longest = _rate_and_gap(arrivals[name])
+        row = (name, kind, str(topic.count), number(rate, 1), number(longest, 2))
+        rows.append((*row, used.get(name, "")))
+    frames = [name for name in used if name not in bag.topics]
+    rows += [(name, "transforms", MISSING, MISSING, MISSING, used[name]) for name in frames]
     recorded = np.concatenate(list(arrivals.values()))
     duration = f"{np.ptp(recorded) / 1e9:.1f} s" if len(recorded) else "no messages"
-    return Table(
-        f"{bag.path}: {duration}",
-        _TOPICS,
-        [(*row, used.get(row[0], "")) for row in rows],
-        "llrrrl",
-    )
+    return Table(f"{bag.path}: {duration}", _TOPICS, rows, "llrrrl")
+
+
+def _rate_and_gap(arrivals: np.ndarray) -> tuple[float, float]:
+    """Usual rate [Hz] and longest gap [s] between arrivals (n,) [ns]; NaN for less than two."""
+    gaps = np.diff(arrivals) / 1e9
+    if not gaps.size:
+        return np.nan, np.nan
+    usual = float(np.median(gaps))
+    rate = 1 / usual if usual else np.nan
+    return rate, float(gaps.max())
 
 
 def _uses(bag: RosBag, choice: BagChoice) -> dict[str, str]:
@@ -209,7 +212,8 @@ def _scanner_lines(log: RunLog, choice: BagChoice) -> list[str]:
         return []
     x, y, yaw = log.scans.scan.mount
     place = f"x = {x:.3f} m, y = {y:.3f} m, yaw = {degrees(yaw):.2f}°"
-    return [f"{log.run}: scanner at {place}, noise {1e3 * log.scans.scan.noise:.1f} mm"]
+    noise = f"{1e3 * log.scans.scan.noise:.1f} mm"
+    return [f"{log.run}: scanner at {place}, noise {noise}"]
 
 
 def _print_warnings(lines: Sequence[str]) -> None:
@@ -233,23 +237,26 @@ def _write(read: ReadRuns, choice: BagChoice, file: Path) -> None:
         write_csv(read.runs, draft)
         write_output(units, lambda columns: _write_units(draft, columns))
 
-    write_output(file, (lambda draft: write_parquet(read.runs, draft)) if parquet else write_both)
-    for line in (*read.taken, *(line for log in read.runs for line in _scanner_lines(log, choice))):
+    if parquet:
+        write_output(file, lambda draft: write_parquet(read.runs, draft))
+    else:
+        write_output(file, write_both)
+
+    for line in read.taken:
         print(line)
+    for log in read.runs:
+        for line in _scanner_lines(log, choice):
+            print(line)
     _print_warnings(read.warnings)
-    size = (
-        f"{counted(len(read.runs), 'run')}, "
-        f"{counted(sum(len(log.time) for log in read.runs), 'row')}"
-    )
+    rows = sum(len(log.time) for log in read.runs)
+    size = f"{counted(len(read.runs), 'run')}, {counted(rows, 'row')}"
     print(f"{file}: {size}" if parquet else f"{file}: {size}; units in {units.name}")
+
     robot = stored_geometry(read.runs[0])
-    half_gauge, radius = (
-        ("…", "…") if robot is None else (f"{robot.half_gauge:g}", f"{robot.sprocket_radius:g}")
-    )
-    print(
-        f"trackslip identify {shlex.quote(str(file))} --half-gauge {half_gauge} "
-        f"--sprocket-radius {radius}"
-    )
+    half_gauge = "…" if robot is None else f"{robot.half_gauge:g}"
+    radius = "…" if robot is None else f"{robot.sprocket_radius:g}"
+    sizes = f"--half-gauge {half_gauge} --sprocket-radius {radius}"
+    print(f"trackslip identify {shlex.quote(str(file))} {sizes}")
 
 
 def _write_units(table: Path, file: Path) -> None:
@@ -261,6 +268,6 @@ def _write_units(table: Path, file: Path) -> None:
     with file.open("w", newline="", encoding="utf-8") as text:
         writer = csv.writer(text)
         writer.writerow(("column", "unit", "description"))
-        writer.writerows(
-            (COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names
-        )
+        for name in names:
+            column = COLUMNS[name]
+            writer.writerow((column.name, column.unit, column.description))

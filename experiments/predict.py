@@ -35,10 +35,11 @@ from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError, require
 from trackslip.files import FORMAT
 from trackslip.identification.source import MULTIPLIERS
+from trackslip.kinematics import Array
 from trackslip.paper import OBSERVED_RADII
 from trackslip.skid_theory import Load, steady_turns, steady_twist
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the shipped robot", "trackslip predict"),
     ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
     (
@@ -66,9 +67,20 @@ _ROBOTS: Final = default_is("the robot's", "FLOAT")
 
 
 _OF_THEORY: Final = (
-    *("contact_length", "friction_ratio", "friction", "shear", "slope", "uphill"),
-    *("pull", "pull_height", "com_x", "sprocket_radius", "radius_error", "radii"),
-    *("out", "overwrite"),
+    "contact_length",
+    "friction_ratio",
+    "friction",
+    "shear",
+    "slope",
+    "uphill",
+    "pull",
+    "pull_height",
+    "com_x",
+    "sprocket_radius",
+    "radius_error",
+    "radii",
+    "out",
+    "overwrite",
 )
 """Options without effect on what is computed from turns or distances by hand."""
 _UNITS: Final = {
@@ -185,13 +197,15 @@ def run(config: Config) -> None:
     robot, ground, load = predicted_world(config)
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
-    loss = float(turns.loss.mean())
-    nominal = 1 + robot.radius_error  # for slips of the nominal sprocket
-    law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
-    ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
+    speed_ahead, *_ = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)
+
+    # slips and losses are those of the nominal sprocket
+    nominal = 1 + robot.radius_error
     slip = 1 - nominal * (1 - turns.slip)
-    straight = float(1 - nominal * ahead)
-    varies = ground.shear > 0 or config.slope != 0 or config.pull != 0
+    straight = float(1 - nominal * speed_ahead)
+    loss = float(turns.loss.mean())
+    law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
+
     summary = {
         "format": FORMAT,
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
@@ -207,26 +221,31 @@ def run(config: Config) -> None:
     }
     with Run(config) as run:
         run.write(summary)
+
+    varies = ground.shear > 0 or config.slope != 0 or config.pull != 0
     rows = [
-        (
-            f"{r:g}",
-            f"{outer:+.4f}",
-            f"{inner:+.4f}",
-            f"{1e3 * d:.2f}",
-            f"{1e3 * left:+.1f} | {1e3 * right:+.1f}",
-        )
-        for r, (inner, outer), d, (left, right) in zip(
-            config.radii, slip, turns.offset, turns.icr, strict=True
-        )
+        _turn_row(*values)
+        for values in zip(config.radii, slip, turns.offset, turns.icr, strict=True)
     ]
     if varies:
         rows.append(("straight", f"{straight:+.4f}", f"{straight:+.4f}", "", ""))
     columns = len(_HEADER) if varies else 3
     title = f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm"
     Table(title, _HEADER[:columns], [row[:columns] for row in rows]).print()
-    print(
-        f"{'mean ' if varies else ''}D = {1e3 * law['offset']:.2f} mm; use it with --laws "
-        f"{config.out}"
+    mean = "mean " if varies else ""
+    print(f"{mean}D = {1e3 * law['offset']:.2f} mm; use it with --laws {config.out}")
+
+
+def _turn_row(radius: float, slip: Array, offset: float, icr: Array) -> tuple[str, ...]:
+    """A row for a turn: radius [m], slips and ICRs (2,) of the left and right track, and D [m]."""
+    inner, outer = slip
+    left, right = 1e3 * icr
+    return (
+        f"{radius:g}",
+        f"{outer:+.4f}",
+        f"{inner:+.4f}",
+        f"{1e3 * offset:.2f}",
+        f"{left:+.1f} | {right:+.1f}",
     )
 
 
@@ -310,11 +329,13 @@ def _ratios(above: tuple[float, ...], below: tuple[float, ...], times: float) ->
         "positive": [pair for pair in pairs if pair[0] > 0],
         "negative": [pair for pair in pairs if pair[0] < 0],
     }
-    return {
-        name: times * sum(abs(a) for a, _ in some) / sum(abs(b) for _, b in some)
-        for name, some in directions.items()
-        if some
-    }
+    ratios = {}
+    for name, some in directions.items():
+        if some:
+            sum_above = sum(abs(number) for number, _ in some)
+            sum_below = sum(abs(number) for _, number in some)
+            ratios[name] = times * sum_above / sum_below
+    return ratios
 
 
 def _are_alike(first: float, second: float) -> bool:
@@ -340,16 +361,14 @@ def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
         )
     ground.require_even("the ground of --robot is even and level here, and --slope tilts it")
     options = ("half_gauge", "com_x", "sprocket_radius", "radius_error")
-    given = {name: getattr(config, name) for name in options}
-    robot = replace(
-        robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None}
-    )
+    values = {name: getattr(config, name) for name in options}
+    given = {name: value for name, value in values.items() if value is not None}
+    robot = replace(robot, com_y=0.0, **given)
     if config.contact_length is not None:
         robot = robot.with_contact_length(config.contact_length)
     along = ground.along if config.friction is None else config.friction
     ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
     shear = ground.shear if config.shear is None else config.shear
-    load = Load(
-        config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height
-    )
+    weight = robot.mass * _GRAVITY
+    load = Load(config.slope, config.uphill, config.pull / weight, config.pull_height)
     return robot, Ground(along, ratio * along, shear=shear), load

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 import tyro
@@ -31,7 +31,7 @@ from trackslip.bags.open import require_rosbags
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     (
@@ -124,7 +124,8 @@ def run(config: Config) -> None:
             logs = drive_closed_loops(
                 [case], world, path, config.localization, law, config.preview, report, config.bag
             )
-        results, poses = tracking_results(logs, path), LocalizationErrors.of(logs)
+        results = tracking_results(logs, path)
+        poses = LocalizationErrors.of(logs)
         summary: dict[str, Any] = {
             "tracking": [result.to_json() for result in results],
             "localization": poses,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 import tyro
@@ -32,14 +32,14 @@ from trackslip.errors import TrackslipError, require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("Eq. 31, with and without slip compensation", "trackslip tune linear"),
     ("your own controller", "trackslip tune my_controller:MyController --out out/mine"),
 )
-_MAX_EVALUATIONS = 10_000
-_POPULATION = 12  # number of candidates in a generation
-_COMPARED = ("none", "icr_radius", "online")
-_FLEETS = (3, 32)  # numbers of robots in the smallest and the largest fleet worth driving
+_MAX_EVALUATIONS: Final = 10_000
+_POPULATION: Final = 12  # number of candidates in a generation
+_COMPARED: Final = ("none", "icr_radius", "online")
+_FLEETS: Final = (3, 32)  # numbers of robots in the smallest and the largest fleet worth driving
 
 Gains = dict[str, float]
 """A controller's gains by name."""
@@ -88,13 +88,13 @@ class Config(ClosedLoopOptions):
 def run(config: Config) -> None:
     """Search for gains, and store and print them."""
     loops = ClosedLoops(config, "drawn")
-    searches = [
-        Search(config, loops, *pair) for pair in product(config.controllers, config.compensations)
-    ]
+    pairs = product(config.controllers, config.compensations)
+    searches = [Search(config, loops, *pair) for pair in pairs]
     loops.check([case for search in searches for case in search.cases({})])
     for name in config.controllers:
         tunable(name)
-    ids, jobs = {id for search in searches for id in search.ids()}, config.threads or processors()
+    ids = {id for search in searches for id in search.ids()}
+    jobs = config.threads or processors()
     count = len(TRAINING_PATHS) * len(config.seeds) * len(ids)
     with (
         resumable(config, ids, "candidates tried") as (run, store),
@@ -133,10 +133,8 @@ class Search:
 
     def cases(self, gains: Gains) -> list[BenchmarkCase]:
         """The training runs with these gains."""
-        controller, runs = (
-            specified(self.controller, gains),
-            product(TRAINING_PATHS, self.config.seeds),
-        )
+        controller = specified(self.controller, gains)
+        runs = product(TRAINING_PATHS, self.config.seeds)
         return [
             BenchmarkCase(controller, self.compensation, path, "stone", "random", seed)
             for path, seed in runs
@@ -148,9 +146,8 @@ class Search:
         """
         runs = [case.id for case in self.loops.identified(self.cases({}))]
         search = [runs, self.config.seed, self.config.roughness]
-        return [
-            digest([search, k]) for k in range(self.config.evaluations // _POPULATION * _POPULATION)
-        ]
+        generations = self.config.evaluations // _POPULATION
+        return [digest([search, k]) for k in range(generations * _POPULATION)]
 
     def drive(
         self, pool: Workers, store: Store, report: Progress, generation: Mapping[str, Gains]
@@ -163,22 +160,21 @@ class Search:
             for id, gains in generation.items()
             if id not in store.rows or store.rows[id]["gains"] != gains
         }
-        runs = fleets([case for cases in missing.values() for case in cases], pool.count, _FLEETS)
+        stored = len(generation) - len(missing)
+        report(stored * len(self.cases({})))
+
+        # the runs of all candidates together
+        runs = [case for cases in missing.values() for case in cases]
         driven: dict[str, Row] = {}
-        report((len(generation) - len(missing)) * len(self.cases({})))
-        for fleet in pool.each(partial(drive_fleet, self.loops), runs):
+        drive = partial(drive_fleet, self.loops)
+        for fleet in pool.each(drive, fleets(runs, pool.count, _FLEETS)):
             driven |= {row["run"]: row for row in fleet.rows}
             report(len(fleet.rows))
+
         rows = []
         for id, cases in missing.items():
             measured = [driven[case.name] for case in cases]
-            errors = [row["error"] for row in measured if row["error"] is not None]
-            row: Row = {"id": id, "error": errors[0] if errors else None, "gains": generation[id]}
-            row["position"] = float(np.mean([score(row) for row in measured]))
-            row["roughness"] = (
-                None if errors else float(np.mean([row["roughness"] for row in measured]))
-            )
-            rows.append(row)
+            rows.append(_candidate(id, generation[id], measured))
         store.keep(rows)
         return [store.rows[id] for id in generation]
 
@@ -198,22 +194,26 @@ class Search:
         kept if no candidate is smooth enough. Raises TrackslipError if runs fail with every
         candidate.
         """
-        (defaults, _), ids = tunable(self.controller), self.ids()
+        defaults, _ = tunable(self.controller)
+        ids = self.ids()
         candidates: list[Row] = []
 
         def costs(logarithms: Array) -> Array:
             """Costs (S,) of candidates (gains, S)."""
             values = np.array(list(defaults.values())) * 10**logarithms.T
-            gains = [
-                dict(zip(defaults, (float(f"{value:.4g}") for value in row), strict=True))
-                for row in values
-            ]
-            rows = drive(dict(zip(ids[len(candidates) :], gains, strict=False)))
+            gains = []
+            for row in values:
+                rounded = [float(f"{value:.4g}") for value in row]
+                gains.append(dict(zip(defaults, rounded, strict=True)))
+            next_ids = ids[len(candidates) :]
+            rows = drive(dict(zip(next_ids, gains, strict=False)))
             candidates.extend(rows)
             return np.array([self.cost(row) for row in rows])
 
+        # the defaults, and others spread evenly over the range
         rng = generator(self.config.seed, f"tune {self.controller} {self.compensation}")
-        first = qmc.scale(qmc.LatinHypercube(len(defaults), rng=rng).random(_POPULATION), -1.0, 1.0)
+        hypercube = qmc.LatinHypercube(len(defaults), rng=rng)
+        first = qmc.scale(hypercube.random(_POPULATION), -1.0, 1.0)
         first[0] = 0.0
         differential_evolution(
             costs,
@@ -226,7 +226,9 @@ class Search:
             tol=0.0,
             rng=rng,
         )
-        default, best = candidates[0], min(candidates, key=self.cost)
+
+        default = candidates[0]
+        best = min(candidates, key=self.cost)
         if self.cost(best) > LOST and default["error"] is None:
             best = default
         if best["error"] is not None:
@@ -243,6 +245,21 @@ class Search:
         }
 
 
+def _candidate(id: str, gains: Gains, runs: Sequence[Row]) -> Row:
+    """The row of a candidate from its training runs, see Search."""
+    errors = [run["error"] for run in runs if run["error"] is not None]
+    roughness = None
+    if not errors:
+        roughness = float(np.mean([run["roughness"] for run in runs]))
+    return {
+        "id": id,
+        "error": errors[0] if errors else None,
+        "gains": gains,
+        "position": float(np.mean([score(run) for run in runs])),
+        "roughness": roughness,
+    }
+
+
 def gains_table(rows: Sequence[Row]) -> Table:
     """A table of the gains, and of errors and roughness with these gains and with the defaults."""
     header = (
@@ -254,14 +271,18 @@ def gains_table(rows: Sequence[Row]) -> Table:
         "by default",
         "gains",
     )
-    cells = [
-        [
-            row["controller"],
-            row["compensation"],
-            *(f"{1e3 * row[name]:.1f}" for name in ("error", "default_error")),
-            *(number(row[name], 2) for name in ("roughness", "default_roughness")),
-            ", ".join(f"{name} {value:g}" for name, value in row["arguments"].items()),
-        ]
-        for row in rows
-    ]
+    cells = [_gains_cells(row) for row in rows]
     return Table("Tuned gains, means over the training runs", header, cells, align="llrrrrl")
+
+
+def _gains_cells(row: Row) -> tuple[str, ...]:
+    gains = [f"{name} {value:g}" for name, value in row["arguments"].items()]
+    return (
+        row["controller"],
+        row["compensation"],
+        f"{1e3 * row['error']:.1f}",
+        f"{1e3 * row['default_error']:.1f}",
+        number(row["roughness"], 2),
+        number(row["default_roughness"], 2),
+        ", ".join(gains),
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from shutil import copyfile
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import tyro
 
@@ -19,7 +19,7 @@ from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.drives import holds_bags, runs_of
 from trackslip.errors import InvalidValueError
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the first run", "trackslip view out/track"),
     ("compare two runs", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
     ("a file for the viewer", "trackslip view log.csv --save log.rrd"),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -20,15 +20,17 @@ from sim.robot.parameters import RobotParameters
 from trackslip import se2
 from trackslip.kinematics import Array
 
-FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
+FACTORS: Final = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which a benchmark's runs differ; each is a field of BenchmarkCase."""
-_PAPER = ("none", "published", "exponential", "icr_radius", "online")
-_THREE = ("none", "icr_radius", "online")
-_GROUNDS = ("stone", "ice", "sticky")
-_UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
+_PAPER: Final = ("none", "published", "exponential", "icr_radius", "online")
+_THREE: Final = ("none", "icr_radius", "online")
+_GROUNDS: Final = ("stone", "ice", "sticky")
+_UNSEEN: Final = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
 # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
-_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)
-_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # limits for a random start [m, rad]
+_PAPER_OFFSET: Final = (-0.2, -0.3, -np.pi / 6)
+# limits for a random start
+_MAX_OFFSET: Final = 0.15  # [m]
+_MAX_ROTATION: Final = np.radians(20)  # [rad]
 
 
 class Suite(NamedTuple):
@@ -41,11 +43,11 @@ class Suite(NamedTuple):
     designs: Sequence[Sequence[Sequence[Any]]]
 
 
-_SECTION_4 = [
+_SECTION_4: Final = [
     (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), range(5)),
     (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), range(5)),
 ]
-SUITES = {
+SUITES: Final = {
     "paper": Suite("nominal", "default", _SECTION_4),
     "fair": Suite(
         "drawn", "tuned", [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]
@@ -108,10 +110,11 @@ class BenchmarkCase:
             offset = np.array(_PAPER_OFFSET)
         elif self.start == "random":
             rng = generator(self.seed, f"start {self.key}")
-            distance, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-            offset = np.array(
-                [*(distance * se2.direction(bearing)), rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)]
-            )
+            # evenly over a disc, as its area grows with the square of the distance
+            distance = _MAX_OFFSET * np.sqrt(rng.uniform())
+            bearing = rng.uniform(-np.pi, np.pi)
+            rotation = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
+            offset = np.array([*(distance * se2.direction(bearing)), rotation])
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
@@ -125,11 +128,11 @@ def planned_cases(config: Config) -> list[BenchmarkCase]:
         config.starts,
         config.seeds,
     )
-    cases: dict[BenchmarkCase, None] = {}
+    cases: list[BenchmarkCase] = []
     for design in SUITES[config.suite].designs:
         values = [option or default for option, default in zip(options, design, strict=True)]
-        cases |= dict.fromkeys(BenchmarkCase(*combination) for combination in product(*values))
-    return list(cases)
+        cases += [BenchmarkCase(*combination) for combination in product(*values)]
+    return list(dict.fromkeys(cases))
 
 
 def plant_ranges(robot: RobotParameters) -> Randomization:
@@ -139,7 +142,9 @@ def plant_ranges(robot: RobotParameters) -> Randomization:
     Raises InvalidValueError for a robot so close to its limits that a drawn plant might not stand
     or be simulated.
     """
-    nominal, lag, shift = robot.radius_error, or_tireless(robot.drive).lag, 0.1 * robot.half_gauge
+    nominal = robot.radius_error
+    lag = or_tireless(robot.drive).lag
+    shift = 0.1 * robot.half_gauge
     ranges = Randomization(
         friction_ratio=(0.8, 1.25),
         radius_error=(nominal - 0.03, nominal + 0.03),

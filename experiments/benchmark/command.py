@@ -35,7 +35,8 @@ def run(config: Config) -> None:
             drive_missing(cases, store, loops, Stopwatch(), config.jobs)
         store.gather(cases, run.folder / RUNS_FILE)
         runs = [store.rows[case.id] for case in cases]
-        rows, entries = over_seeds(runs), board(runs)
+        rows = over_seeds(runs)
+        entries = board(runs)
         for entry in entries:
             entry |= gains.choice(entry["controller"], entry["compensation"])._asdict()
         failures = [

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES
 from experiments.common.options import Distinct, Whole, default_is
 from experiments.simulate.options import MAX_JOBS, ClosedLoopOptions
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("every controller, tuned, on drawn plants", "trackslip benchmark"),
     ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
     (
@@ -21,7 +21,7 @@ EXAMPLES = (
     ),
 )
 Start = Literal["zero", "paper", "random"]
-_GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
+_GROUNDS: Final = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 
 
 @dataclass(frozen=True)

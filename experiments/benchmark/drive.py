@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -31,9 +31,9 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
 
-_NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_TIMED_STEPS = 21  # number of controller steps that are timed
-_SPACING = 0.05  # time between points on the path where ground patches may lie [s]
+_NOISE: Final = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
+_TIMED_STEPS: Final = 21  # number of controller steps that are timed
+_SPACING: Final = 0.05  # time between points on the path where ground patches may lie [s]
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,9 @@ class ClosedLoops:
         """
         if self.plants == "nominal":
             return None
-        world, path, rng = (
-            self.world,
-            reference(case.reference),
-            generator(case.seed, f"plant {case.key}"),
-        )
+        world = self.world
+        path = reference(case.reference)
+        rng = generator(case.seed, f"plant {case.key}")
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
         setup = plant_ranges(robot).setup(rng, robot, self.ground(case.ground), poses)
@@ -82,9 +80,8 @@ class ClosedLoops:
     def controller(self, name: str) -> Controller:
         """A new controller by name."""
         world = self.world
-        return controller(
-            name, world.robot.geometry, world.drive.top_speed, self.config.scanner.period
-        )
+        period = self.config.scanner.period
+        return controller(name, world.robot.geometry, world.drive.top_speed, period)
 
     def compensation(self, name: str) -> Compensation:
         """A new compensation by name."""
@@ -97,10 +94,8 @@ class ClosedLoops:
         if self.config.laws and {case.compensation for case in cases} <= set(WITHOUT_LAWS):
             allowed = f"left out for the compensations {', '.join(WITHOUT_LAWS)}"
             raise InvalidValueError("laws", self.config.laws, allowed)
-        controllers = [case.controller for case in cases]
-        controllers += [
-            self.gains.specification(case.controller, case.compensation) for case in cases
-        ]
+        specifications = [self._specification(case) for case in cases]
+        controllers = [*(case.controller for case in cases), *specifications]
         look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
             (self.controller, controllers),
             (self.compensation, (case.compensation for case in cases)),
@@ -129,7 +124,8 @@ class ClosedLoops:
         """Median computing time per step of a controller that follows a reference with one robot
         [s].
         """
-        path, follower = reference(reference_name), self.controller(controller)
+        path = reference(reference_name)
+        follower = self.controller(controller)
         follower.reset()
         taken = []
         with contextlib.suppress(Exception):  # a user's controller may fail in some runs
@@ -145,16 +141,21 @@ class ClosedLoops:
         there is no file.
         """
         laws = self.config.laws or SHIPPED
-        names = {name for case in cases for name in (case.reference, case.ground)}
-        names |= {str(path) for case in cases if (path := policy_path(case.controller))}
-        names |= {str(laws / SUMMARY_FILE if laws.is_dir() else laws), *user_modules()}
+        laws_file = laws / SUMMARY_FILE if laws.is_dir() else laws
+        names = {str(laws_file), *user_modules()}
+        for case in cases:
+            names |= {case.reference, case.ground}
+            policy = policy_path(case.controller)
+            if policy:
+                names.add(str(policy))
         return {name: content(Path(name)) for name in sorted(names)}
 
     def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
         """The cases with their ids; the modules of a user's controllers must already be
         imported.
         """
-        config, world, files = self.config, self.world, self.files(cases)
+        config = self.config
+        world = self.world
         robot = [
             world.parameters,
             world.ground,
@@ -163,45 +164,48 @@ class ClosedLoops:
             world.drive,
         ]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
-        common = digest([robot, room, files, self.plants])
-        gains = [self.gains.specification(case.controller, case.compensation) for case in cases]
-        return [
-            replace(case, id=digest([common, case.axes, own]))
-            for case, own in zip(cases, gains, strict=True)
-        ]
+        common = digest([robot, room, self.files(cases), self.plants])
+        identified = []
+        for case in cases:
+            id = digest([common, case.axes, self._specification(case)])
+            identified.append(replace(case, id=id))
+        return identified
+
+    def _specification(self, case: BenchmarkCase) -> str:
+        """The case's controller with its gains."""
+        return self.gains.specification(case.controller, case.compensation)
 
     def drive(
         self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None
     ) -> list[RunLog]:
         """Drive cases that share a reference as one fleet."""
-        loops = [
-            ClosedLoopRun(
-                name=case.name,
-                key=f"benchmark {case.key}",
-                seed=case.seed,
-                controller=self.gains.specification(case.controller, case.compensation),
-                compensation=case.compensation,
-                start=case.start_pose(),
-                ground=None if self.plants == "drawn" else self.ground(case.ground),
-                plant=self.plant(case),
-                metadata={
-                    "reference": case.reference,
-                    "ground_name": case.ground,
-                    "start": case.start,
-                },
-            )
-            for case in runs
-        ]
-        path, config = reference(runs[0].reference), self.config
-        progress = progress or (lambda seconds: None)
+        config = self.config
         return drive_closed_loops(
-            loops,
+            [self._loop(case) for case in runs],
             self.world,
-            path,
+            reference(runs[0].reference),
             config.localization,
             self.compensation,
             config.preview,
-            progress,
+            progress or (lambda seconds: None),
+        )
+
+    def _loop(self, case: BenchmarkCase) -> ClosedLoopRun:
+        """The closed-loop run of a case."""
+        return ClosedLoopRun(
+            name=case.name,
+            key=f"benchmark {case.key}",
+            seed=case.seed,
+            controller=self._specification(case),
+            compensation=case.compensation,
+            start=case.start_pose(),
+            ground=None if self.plants == "drawn" else self.ground(case.ground),
+            plant=self.plant(case),
+            metadata={
+                "reference": case.reference,
+                "ground_name": case.ground,
+                "start": case.start,
+            },
         )
 
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
@@ -209,24 +213,27 @@ class ClosedLoops:
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
-        row = (
-            vars(errors)
-            | vars(expense(log, top_speed))
-            | {"valid_fraction": float(log.is_valid.mean())}
-        )
+        row: Row = {
+            **vars(errors),
+            **vars(expense(log, top_speed)),
+            "valid_fraction": float(log.is_valid.mean()),
+        }
         if log.icr is not None:
-            row["icr_offset"], row["icr_radius_error"] = map(float, log.icr[-1])
+            offset, radius_error = log.icr[-1]
+            row["icr_offset"] = float(offset)
+            row["icr_radius_error"] = float(radius_error)
         return row
 
 
 @functools.lru_cache(maxsize=1)
 def _world(config: Equipment) -> World:
-    equipment = (
-        config.robot,
-        config.radius_error,
-        config.drive,
-        config.scanner,
-        config.obstacles,
-        config.pull,
+    simulation = Simulation(
+        robot=config.robot,
+        radius_error=config.radius_error,
+        drive=config.drive,
+        scanner=config.scanner,
+        obstacles=config.obstacles,
+        pull=config.pull,
+        threads=1,
     )
-    return World.of(Simulation(*equipment, threads=1))
+    return World.of(simulation)

@@ -3,21 +3,21 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 from experiments.common.lookup import has_arguments
 from trackslip.errors import InvalidValueError
 from trackslip.files import read_json
 
-GAINS_FILE = "gains.json"
+GAINS_FILE: Final = "gains.json"
 """Name of the file with gains, in the results of `tune` and, for the shipped gains, beside this
 module.
 """
-ROUGHNESS_LIMIT = 2.0
+ROUGHNESS_LIMIT: Final = 2.0
 """Roughness above which `tune` prefers smoother gains and the leaderboard marks an entry
 [rad/s^2].
 """
-TUNED = "tuned"
+TUNED: Final = "tuned"
 """Source name for the shipped gains of trackslip's controllers."""
 
 Arguments = Mapping[tuple[str, str], Mapping[str, float]]

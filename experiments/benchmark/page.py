@@ -6,26 +6,26 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.benchmark.gains import ROUGHNESS_LIMIT
-from experiments.benchmark.rows import ENTRY, SETTING
+from experiments.benchmark.rows import SETTING
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.style import key, law_line, log_ticks, styled
 from experiments.common.sweep import Row
 from experiments.common.table import MISSING, Table, number
 
-_CAPTION = (
-    "Means over references, grounds and seeds, with 95 % intervals; runs that lose the "
-    "path count 500 mm."
+_CAPTION: Final = (
+    "Means over references, grounds and seeds, with 95 % intervals; runs that lose the path count "
+    "500 mm."
 )
-_MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
-_MOST = 3  # largest number of entries named as indistinguishable from the best entry
-_NUMBERS = {  # column header: key in a row, factor from SI, decimals
+_MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
+_MOST_EQUAL: Final = 3  # largest number of entries named as indistinguishable from the best entry
+_NUMBERS: Final = {  # column header: key in a row, factor from SI, decimals
     "kept [%]": ("success", 100.0, 0),
     "error [mm]": ("score", 1e3, 1),
     "gain": ("gain", 1.0, 1),
@@ -33,18 +33,23 @@ _NUMBERS = {  # column header: key in a row, factor from SI, decimals
     "heading [deg]": ("rms_heading", math.degrees(1), 2),
     "rough [rad/s²]": ("roughness", 1.0, 2),
 }
-_BEHIND = "behind the best [mm]"
-_OF_ROWS = ("kept [%]", "error [mm]", "turning [mm]", "heading [deg]", "rough [rad/s²]")
-_OF_ENTRIES = (*_OF_ROWS[:2], "gain", _BEHIND, *_OF_ROWS[2:])
-BOARD_LEGEND = (
+_BEHIND: Final = "behind the best [mm]"
+_OF_ROWS: Final = ("kept [%]", "error [mm]", "turning [mm]", "heading [deg]", "rough [rad/s²]")
+_OF_ENTRIES: Final = (
+    "kept [%]",
+    "error [mm]",
+    "gain",
+    _BEHIND,
+    "turning [mm]",
+    "heading [deg]",
+    "rough [rad/s²]",
+)
+BOARD_LEGEND: Final = (
     "Entries of equal rank can't be distinguished from the first of them. Kept: runs that stayed "
-    "within 0.5 m. Error:"
-    " rms position error from 12 s on, 0.5 m for a run that lost it. Gain: the error without "
-    "compensation over this"
-    " one. Behind: mean of the paired differences, with a 95 % bootstrap interval. Turning: "
-    "error while the reference"
-    f" turns. Rough: rms rate of change of the set points; ! above {ROUGHNESS_LIMIT:g} rad/s², "
-    "the limit of tune."
+    "within 0.5 m. Error: rms position error from 12 s on, 0.5 m for a run that lost it. Gain: "
+    "the error without compensation over this one. Behind: mean of the paired differences, with a "
+    "95 % bootstrap interval. Turning: error while the reference turns. Rough: rms rate of change "
+    f"of the set points; ! above {ROUGHNESS_LIMIT:g} rad/s², the limit of tune."
 )
 """Explanation of the leaderboard's columns."""
 
@@ -58,49 +63,70 @@ def answer(
     `steps` are the controllers' computing times per step, `period` is the time between two commands
     [s].
     """
-    best, *others = entries
-    heading = (
-        f"Best: {_name(best, entries)}, {_millimetres(best['score'], best['score_ci95'])} "
-        "from the path"
-    )
-    lines = []
-    if best["gain"] is not None:
-        gain, without = (
-            f"{best['gain']:.1f}{_interval(best['gain_ci95'])}",
-            _millimetres(best["gain"] * best["score"]),
-        )
-        lines.append(f"Slip compensation divides its error by {gain}; without, it is {without}.")
+    best = entries[0]
+    if best["success"] == 0:
+        heading = "No entry keeps the path"
+        lines = []
+    else:
+        error = _millimetres(best["score"], best["score_ci95"])
+        heading = f"Best: {_name(best, entries)}, {error} from the path"
+        lines = [*_gain(best), *_rivals(entries)]
+    warnings = _warnings(entries, steps, period)
+    return Answer(heading, lines=lines, warnings=warnings, next=[next_command])
+
+
+def _gain(best: Row) -> list[str]:
+    """A line on what compensation does for the best entry, if it compensates."""
+    if best["gain"] is None:
+        return []
+    gain = f"{best['gain']:.1f}{_interval(best['gain_ci95'])}"
+    without = _millimetres(best["gain"] * best["score"])
+    return [f"Slip compensation divides its error by {gain}; without, it is {without}."]
+
+
+def _rivals(entries: Sequence[Row]) -> list[str]:
+    """A line on the entries that can't be distinguished from the best or, without any, the next."""
+    others = entries[1:]
     equal = [_name(entry, entries) for entry in others if entry["rank"] == 1]
     if equal:
-        more = f" and {len(equal) - _MOST} more" if len(equal) > _MOST else ""
-        lines.append(f"Not distinguishable from it: {', '.join(equal[:_MOST])}{more}.")
-    elif others:
-        behind = _millimetres(others[0]["behind"], others[0]["behind_ci95"])
-        lines.append(f"Next: {_name(others[0], entries)}, {behind} behind.")
-    if best["success"] == 0:
-        heading, lines = "No entry keeps the path", []
+        named = ", ".join(equal[:_MOST_EQUAL])
+        more = len(equal) - _MOST_EQUAL
+        rest = f" and {more} more" if more > 0 else ""
+        return [f"Not distinguishable from it: {named}{rest}."]
+    if others:
+        second = others[0]
+        behind = _millimetres(second["behind"], second["behind_ci95"])
+        return [f"Next: {_name(second, entries)}, {behind} behind."]
+    return []
+
+
+def _warnings(entries: Sequence[Row], steps: Mapping[str, float], period: float) -> list[str]:
+    """Warnings on lost paths, slow controllers and missing intervals."""
     warnings = []
     losing = sum(entry["success"] < 1 for entry in entries)
     if losing:
         warnings.append(f"{losing} of {len(entries)} entries lose the path in some runs")
-    warnings += [
-        f"{name} takes {1e3 * step:.0f} ms a step for one robot, but commands are due every "
-        f"{1e3 * period:.0f} ms"
-        for name, step in steps.items()
-        if step > period
-    ]
-    if best["score_ci95"] is None:
+    for name, step in steps.items():
+        if step > period:
+            warnings.append(
+                f"{name} takes {1e3 * step:.0f} ms a step for one robot, but commands are due "
+                f"every {1e3 * period:.0f} ms"
+            )
+    if entries[0]["score_ci95"] is None:
         warnings.append("there are no intervals with one seed: ranks are the order of the errors")
-    return Answer(heading, lines=lines, warnings=warnings, next=[next_command])
+    return warnings
 
 
 def _name(entry: Row, entries: Sequence[Row]) -> str:
     """The name of an entry: controller, compensation and, if there are several starts, the
     start.
     """
-    several = len({other["start"] for other in entries}) > 1
-    start = f", start {entry['start']}" if several else ""
+    start = f", start {entry['start']}" if _have_several_starts(entries) else ""
     return f"{entry['controller']} with {entry['compensation']}{start}"
+
+
+def _have_several_starts(entries: Sequence[Row]) -> bool:
+    return len({entry["start"] for entry in entries}) > 1
 
 
 def _millimetres(value: float, ends: Sequence[float] | None = None) -> str:
@@ -116,8 +142,9 @@ def _interval(ends: Sequence[float] | None, scale: float = 1.0, share: str = "95
 
 def board_table(entries: Sequence[Row]) -> Table:
     """The leaderboard as a table."""
-    starts = ENTRY[2:] if len({entry["start"] for entry in entries}) > 1 else ()
-    names = (*ENTRY[:2], "gains", *starts)
+    names = ["controller", "compensation", "gains"]
+    if _have_several_starts(entries):
+        names.append("start")
     title = "Position errors, means over references, grounds and seeds"
     return _table(title, entries, ("rank", *names), _OF_ENTRIES, BOARD_LEGEND)
 
@@ -125,23 +152,33 @@ def board_table(entries: Sequence[Row]) -> Table:
 def _table(
     title: str, rows: Sequence[Row], names: Sequence[str], numbers: Sequence[str], note: str = ""
 ) -> Table:
-    cells = [
-        [*(str(row[name]) for name in names), *(_cell(row, header) for header in numbers)]
-        for row in rows
-    ]
-    return Table(title, (*names, *numbers), cells, align="l" * len(names) + "r", note=note)
+    """A table with the columns `names`, as text, and `numbers`."""
+    cells = []
+    for row in rows:
+        texts = [str(row[name]) for name in names]
+        values = [_cell(row, header) for header in numbers]
+        cells.append([*texts, *values])
+    align = "l" * len(names) + "r"
+    return Table(title, (*names, *numbers), cells, align=align, note=note)
 
 
 def _cell(row: Row, header: str) -> str:
     if header == _BEHIND:
-        return (
-            MISSING
-            if row["behind"] == 0
-            else f"{1e3 * row['behind']:.1f}{_interval(row['behind_ci95'], 1e3, '')}"
-        )
+        return _behind(row)
     name, factor, digits = _NUMBERS[header]
-    mark = "!" if name == "roughness" and (row[name] or 0.0) > ROUGHNESS_LIMIT else ""
-    return mark + number(None if row[name] is None else factor * row[name], digits)
+    value = row[name]
+    if value is None:
+        return MISSING
+    mark = "!" if name == "roughness" and value > ROUGHNESS_LIMIT else ""
+    return mark + number(factor * value, digits)
+
+
+def _behind(row: Row) -> str:
+    """How far an entry is behind the best, with its interval; a dash for the best."""
+    if row["behind"] == 0:
+        return MISSING
+    interval = _interval(row["behind_ci95"], 1e3, "")
+    return f"{1e3 * row['behind']:.1f}{interval}"
 
 
 def page(
@@ -158,14 +195,15 @@ def page(
         "Position error by controller and compensation",
         _CAPTION,
     )
+    all_rows = _table("Means over seeds", rows, SETTING, _OF_ROWS)
     return Page(
-        "Controllers of a tracked robot, with and without compensation of slip",
-        command_line("benchmark"),
-        manifest,
-        [
+        title="Controllers of a tracked robot, with and without compensation of slip",
+        command=command_line("benchmark"),
+        manifest=manifest,
+        sections=[
             Section("Leaderboard", [plot, board_table(entries)]),
             Section("Failed runs", [Bullets(failures) if failures else None]),
-            Section("All rows", [_table("Means over seeds", rows, SETTING, _OF_ROWS)], folded=True),
+            Section("All rows", [all_rows], folded=True),
         ],
         answer=answer,
     )
@@ -183,20 +221,22 @@ def board_figure(entries: Sequence[Row]) -> Figure:
     figure = Figure(figsize=(8.0, 1.6 + 0.4 * len(lines)), layout="constrained")
     axes = figure.subplots()
     for entry in entries:
-        look, error = looks[entry["compensation"]], 1e3 * entry["score"]
-        offset = (compensations.index(entry["compensation"]) + 0.5) / len(compensations) - 0.5
-        place = lines.index((entry["controller"], entry["start"])) + 0.5 * offset
+        look = looks[entry["compensation"]]
+        # the compensations of a controller lie side by side within half of its line
+        share = (compensations.index(entry["compensation"]) + 0.5) / len(compensations)
+        line = lines.index((entry["controller"], entry["start"]))
+        place = line + 0.5 * (share - 0.5)
         if entry["score_ci95"] is not None:
-            axes.plot(
-                1e3 * np.array(entry["score_ci95"]), [place, place], color=look["color"], lw=1.0
-            )
-        axes.plot(error, place, ms=5, **look)
-    axes.set(
-        xscale="log", xlabel="rms position error [mm], log scale", ylim=(len(lines) - 0.5, -0.5)
-    )
+            ends = 1e3 * np.array(entry["score_ci95"])
+            axes.plot(ends, [place, place], color=look["color"], lw=1.0)
+        axes.plot(1e3 * entry["score"], place, ms=5, **look)
+    axes.set(xscale="log", xlabel="rms position error [mm], log scale")
+    axes.set_ylim(len(lines) - 0.5, -0.5)
     log_ticks(axes.xaxis)
-    several = len({start for _, start in lines}) > 1
-    names = [name + (f", start {start}" if several else "") for name, start in lines]
+
+    names = [name for name, _ in lines]
+    if _have_several_starts(entries):
+        names = [f"{name}, start {start}" for name, start in lines]
     axes.set_yticks(range(len(lines)), [textwrap.fill(name, 40) for name in names])
     keys = [key(name, **look | {"linestyle": "none"}) for name, look in looks.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=5)

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterable, Sequence
 from operator import itemgetter
+from typing import Final
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from sim.common.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST, Expense, TrackingErrors
 
-MEASURES = (
+MEASURES: Final = (
     *(f.name for f in dataclasses.fields(TrackingErrors) if f.name != "success"),
     *(f.name for f in dataclasses.fields(Expense)),
     *("valid_fraction", "icr_offset", "icr_radius_error"),
@@ -21,12 +22,12 @@ MEASURES = (
 online compensation's final estimates: offset D of the ICRs [m] and relative error in the sprocket
 radius [-].
 """
-SETTING = FACTORS[:-1]
+SETTING: Final = FACTORS[:-1]
 """Columns that identify a mean over seeds: all factors but the seed."""
-ENTRY = ("controller", "compensation", "start")
+ENTRY: Final = ("controller", "compensation", "start")
 """Columns that identify an entry of the leaderboard."""
-_PLACE = itemgetter("reference", "seed", "ground")  # columns in which compared runs agree
-_RESAMPLES = 2000
+_PLACE: Final = itemgetter("reference", "seed", "ground")  # columns in which compared runs agree
+_RESAMPLES: Final = 2000
 
 
 def score(run: Row) -> float:
@@ -54,23 +55,27 @@ def board(runs: Sequence[Row]) -> list[Row]:
     that the variance is unbiased (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). The `rank` of an
     entry is that of the first entry from which it can't be distinguished.
     """
-    groups = sorted(_groups(runs, ENTRY), key=lambda group: np.mean([score(run) for run in group]))
-    # (E, P)
-    scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])
-    paths, seeds = (len({run[name] for run in runs}) for name in ("reference", "seed"))
-    samples = _resampled(scores.reshape(len(groups), paths, seeds, -1).mean(axis=-1))  # (E, B)
+    groups = sorted(_groups(runs, ENTRY), key=_mean_score)
     entries = [_means(group, ENTRY) for group in groups]
+    # (E, P), by path, seed and ground
+    scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])
+    paths = len({run["reference"] for run in runs})
+    seeds = len({run["seed"] for run in runs})
+    over_grounds = scores.reshape(len(groups), paths, seeds, -1).mean(axis=-1)
+    samples = _resampled(over_grounds)  # (E, B)
     uncompensated = {
         (entry["controller"], entry["start"]): k
         for k, entry in enumerate(entries)
         if entry["compensation"] == "none"
     }
+
     leader = 0
     for k, entry in enumerate(entries):
         ahead = _interval95(samples[k] - samples[leader])
         if ahead is None or ahead[0] > 0:
             leader = k
-        entry |= {"rank": leader + 1, "score_ci95": _interval95(samples[k])}
+        entry["rank"] = leader + 1
+        entry["score_ci95"] = _interval95(samples[k])
         entry["behind"] = (scores[k] - scores[0]).mean()
         entry["behind_ci95"] = None if k == 0 else _interval95(samples[k] - samples[0])
         base = uncompensated.get((entry["controller"], entry["start"]), k)
@@ -89,7 +94,8 @@ def _resampled(scores: Array) -> Array:
     drawn = generator(0, "bootstrap over plants").integers(
         seeds, size=(paths, _RESAMPLES, seeds - 1)
     )
-    return np.mean([scores[:, path, drawn[path]].mean(axis=-1) for path in range(paths)], axis=0)
+    means = [scores[:, path, drawn[path]].mean(axis=-1) for path in range(paths)]
+    return np.mean(means, axis=0)
 
 
 def _interval95(samples: Array) -> list[float] | None:
@@ -112,11 +118,17 @@ def _means(group: Sequence[Row], names: Sequence[str]) -> Row:
     `success` is the share of runs that stayed within 0.5 m of the reference; failed runs count as
     unsuccessful.
     """
-    driven = [run for run in group if run["error"] is None]
     row: Row = {name: group[0][name] for name in names}
+    driven = [run for run in group if run["error"] is None]
     for name in MEASURES:
         values = [run[name] for run in driven if run.get(name) is not None]
         row[name] = float(np.mean(values)) if values else None
-    row |= {"seeds": len({run["seed"] for run in group}), "failed": len(group) - len(driven)}
-    row["score"] = float(np.mean([score(run) for run in group]))
-    return row | {"success": sum(run["success"] for run in driven) / len(group)}
+    row["seeds"] = len({run["seed"] for run in group})
+    row["failed"] = len(group) - len(driven)
+    row["score"] = _mean_score(group)
+    row["success"] = sum(run["success"] for run in driven) / len(group)
+    return row
+
+
+def _mean_score(group: Sequence[Row]) -> float:
+    return float(np.mean([score(run) for run in group]))

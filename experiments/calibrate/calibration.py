@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from trackslip.identification.source import ReadOptions, Source, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
-_METRICS = {
+_METRICS: Final = {
     "v": ("v, rms", 1e3, 1, "mm/s"),
     "w": ("w, rms", 1e3, 1, "mrad/s"),
     "lateral": ("lateral speed, rms", 1e3, 1, "mm/s"),
@@ -35,8 +35,8 @@ _METRICS = {
 }
 """Label, factor from SI, decimals and unit of each error, by the first part of its name."""
 # least share of steady driving at which simulated runs are compared by steady samples [-]
-_MIN_STEADY = 0.5
-_STATISTICS = {"median": "median", "p90": "90 %"}
+_MIN_STEADY: Final = 0.5
+_STATISTICS: Final = {"median": "median", "p90": "90 %"}
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,8 @@ def first_candidate(
     """
     parameters, own = load_parameters(robot)
     named = load_ground(ground.source) if ground.source else own
-    return Candidate(
-        parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0
-    )
+    mounting = Mounting(*sensor) if sensor else Mounting()
+    return Candidate(parameters, ground.changed(named), mounting, clock or 0.0)
 
 
 def read_target(name: str, config: Config, base: Candidate) -> Target:
@@ -80,13 +79,11 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
     source = read_log_of(Path(name), reading, base.geometry)
     simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     if not source.logs or (simulated and _steady(source)):
-        return SteadyRows(
-            source.sampling.samples, source.geometry, simulated, threads=config.threads
-        )
-    commands = bool(OF_DRIVE & set(config.free or ()))
-    return Drives(
-        source.logs, source.geometry, "commands" if commands else "encoders", config.threads
-    )
+        samples = source.sampling.samples
+        return SteadyRows(samples, source.geometry, simulated, threads=config.threads)
+    fits_drive = bool(OF_DRIVE & set(config.free or ()))
+    inputs: Literal["commands", "encoders"] = "commands" if fits_drive else "encoders"
+    return Drives(source.logs, source.geometry, inputs, config.threads)
 
 
 def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -> Source:
@@ -129,9 +126,8 @@ def tested(target: Target, base: Candidate, fit: Calibration) -> Test:
     """
     candidates = [base, fit.candidate]
     if "clock" in fit.estimates and isinstance(target, Drives):
-        candidates = [
-            calibrate(target, candidate, ("clock",)).candidate for candidate in candidates
-        ]
+        fits = [calibrate(target, candidate, ("clock",)) for candidate in candidates]
+        candidates = [clock_fit.candidate for clock_fit in fits]
     before, after = (target.metrics(target.errors(candidate)) for candidate in candidates)
     return Test(before, after, candidates[1].clock)
 

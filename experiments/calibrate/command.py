@@ -39,14 +39,16 @@ def run(config: Config) -> None:
             fit = calibrate(target, base, free, folds, progress=report)
             test = None if other is None else tested(other, base, fit)
             report(1)
-        fitted, comment = fit.candidate, f"made by: {command_line('calibrate')}"
+        fitted = fit.candidate
+        comment = f"made by: {command_line('calibrate')}"
         (run.folder / ROBOT).write_text(
             robot_file_text(fitted.robot, fitted.ground, comment), encoding="utf-8"
         )
         (run.folder / GROUND).write_text(ground_file_text(fitted.ground, comment), encoding="utf-8")
         manifest = run.manifest()
         run.write(summary_of(fit, test), manifest=manifest)
-        place, clock = fitted.sensor, fitted.clock
+        place = fitted.sensor
+        clock = fitted.clock
         use = f"--robot {config.out / ROBOT} --ground {config.out / GROUND}"
         if place != Mounting() or clock:
             use += (

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Final, Literal, get_args
 
 from experiments.common.choices import SHIPPED
 from experiments.common.log_options import (
@@ -45,8 +45,8 @@ Parameter = Literal[
     "lag",
 ]
 
-OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
-OF_DRIVES: tuple[Parameter, ...] = (
+OF_TURNS: Final[tuple[Parameter, ...]] = ("friction_ratio", "radius_error", "com_y")
+OF_DRIVES: Final[tuple[Parameter, ...]] = (
     "friction",
     "friction_ratio",
     "radius_error",
@@ -54,8 +54,9 @@ OF_DRIVES: tuple[Parameter, ...] = (
     "clock",
 )
 """Parameters to fit by default: OF_TURNS to steady turns, OF_DRIVES to drives."""
-ROBOT, GROUND = "robot.toml", "ground.toml"
-EXAMPLES = (
+ROBOT: Final = "robot.toml"
+GROUND: Final = "ground.toml"
+EXAMPLES: Final = (
     ("to the paper's slips and radii", "trackslip calibrate"),
     (
         "to a log, each half predicted from the other",

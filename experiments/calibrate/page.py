@@ -26,7 +26,8 @@ def page(
     manifest: Mapping[str, Any],
 ) -> Page:
     """The page; `use` holds the options that other commands need to use the calibrated robot."""
-    line, facts = gain(fit, test), parameter_rows(fit)
+    line = gain(fit, test)
+    facts = parameter_rows(fit)
     answer = Answer(
         f"{line[0].upper()}{line[1:]}",
         facts,
@@ -51,10 +52,10 @@ def gain(fit: Calibration, test: Test | None) -> str:
     data.
     """
     table = error_table(fit, test)
-    ahead = [
-        row for row in table.texts if row[0].startswith("position") and row[0].endswith("median")
-    ]
-    row = (ahead or table.texts)[-1 if ahead else 0]
+    row = table.texts[0]
+    for other in table.texts:
+        if other[0].startswith("position") and other[0].endswith("median"):
+            row = other  # the last of them, which is the farthest ahead
     return f"{row[0]}: {row[-1]} ({table.header[-1]}), {row[-2]} before"
 
 
@@ -63,17 +64,19 @@ def _paths(target: Drives, candidates: Mapping[str, tuple[str, Candidate]]) -> s
     """Measured and simulated paths in up to four windows of a log; `candidates` has a colour and a
     robot per label.
     """
+    count = min(4, len(target.windows))
+    chosen = np.linspace(0, len(target.windows) - 1, count).astype(int)
     figures = []
-    for k in np.linspace(0, len(target.windows) - 1, min(4, len(target.windows))).astype(int):
+    for k in chosen:
         log = target.windows[k]
         figure, axis = style.panel(f"Window {k + 1}: {log.run}", "", "", 3.4)
         seen = log.has_heading
         axis.plot(*log.pose[seen, :2].T, ".", color=BLACK, ms=4, label="measured")
         for label, (colour, candidate) in candidates.items() if seen.any() else ():
-            path = target.motion(candidate).sensor_at(
-                k, candidate.sensor, log.time[seen] + candidate.clock
-            )
-            axis.plot(*from_pose(path, log.pose[seen])[:, :2].T, color=colour, label=label)
+            time = log.time[seen] + candidate.clock
+            path = target.motion(candidate).sensor_at(k, candidate.sensor, time)
+            placed = from_pose(path, log.pose[seen])
+            axis.plot(placed[:, 0], placed[:, 1], color=colour, label=label)
         style.plane(axis, adjustable="datalim")
         style.legend_below(figure, axis.lines)
         figures.append(figure)

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.table import Table, percent, significant
 
-_SHARE = 0.2  # errors, lengths and speeds with smaller bounds are printed in per cent, mm and mm/s
+# errors, lengths and speeds with smaller bounds are printed in per cent, mm and mm/s
+_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -64,26 +65,27 @@ class Check:
         null.
         """
         expected = None if isinstance(self.tolerance, tuple) else self.expected
-        entry = {
+        return {
             "name": self.name,
             "value": self.measured,
             "expected": expected,
             "bound": self.bound,
+            "unit": self.unit,
+            "holds": self.holds,
+            "source": self.source,
         }
-        return {**entry, "unit": self.unit, "holds": self.holds, "source": self.source}
 
 
 def checks_table(title: str, checks: Sequence[Check]) -> Table:
     """A table with a row per check."""
-    cells = [(check.what, _in_its_unit(check, check.measured), _bound(check)) for check in checks]
-    verdicts = ["holds" if check.holds else "does not hold" for check in checks]
-    cases = [
-        check.case if k == 0 or check.case != checks[k - 1].case else ""
-        for k, check in enumerate(checks)
-    ]
-    rows = [
-        (case, *texts, verdict) for case, texts, verdict in zip(cases, cells, verdicts, strict=True)
-    ]
+    rows = []
+    previous = None
+    for check in checks:
+        case = "" if check.case == previous else check.case
+        previous = check.case
+        value = _in_its_unit(check, check.measured)
+        verdict = "holds" if check.holds else "does not hold"
+        rows.append((case, check.what, value, _bound(check), verdict))
     return Table(title, ("case", "check", "value", "bound", ""), rows, "llrrl")
 
 

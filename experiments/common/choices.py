@@ -2,7 +2,9 @@
 them.
 """
 
-CONTROLLER_NAMES = (
+from typing import Final
+
+CONTROLLER_NAMES: Final = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
     *(
         "pure_pursuit",
@@ -16,7 +18,7 @@ CONTROLLER_NAMES = (
     ),
 )
 """Names of the controllers in trackslip.controllers."""
-REFERENCE_NAMES = (
+REFERENCE_NAMES: Final = (
     "paper",
     "circle",
     "figure_eight",
@@ -27,18 +29,18 @@ REFERENCE_NAMES = (
     "stop_and_go",
 )
 """Names of the references in trackslip.trajectory."""
-TRAINING_PATHS = ("circle", "slalom", "clothoid", "stop_and_go")
+TRAINING_PATHS: Final = ("circle", "slalom", "clothoid", "stop_and_go")
 """References for tuning and training; the `fair` suite tests controllers on the other
 references.
 """
-GROUND_NAMES = (
+GROUND_NAMES: Final = (
     *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
     *("firm_sand", "loose_sand", "clay", "snow", "asphalt", "grass", "ice"),
 )
 """Names of the grounds in sim.ground."""
-ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")
+ROBOT_NAMES: Final = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")
 """Names of the robots in sim.robot."""
-FTR_NAMES = tuple(
+FTR_NAMES: Final = tuple(
     f"{kind}{size}"
     for size in ("", "_published")
     for kind in (
@@ -47,11 +49,11 @@ FTR_NAMES = tuple(
     )
 )
 """Names of the courses in sim.traverse.courses."""
-WITHOUT_LAWS = ("none", "published", "online_cold")
+WITHOUT_LAWS: Final = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
-CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
-REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
-COMPENSATIONS = "{none,published,LAW,online,online_load,online_cold}"
-ROBOTS = f"{{{','.join(ROBOT_NAMES)},FILE.toml}}"
-GROUNDS = f"{{{','.join(GROUND_NAMES)},FILE.toml}}"
+CONTROLLERS: Final = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
+REFERENCES: Final = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
+COMPENSATIONS: Final = "{none,published,LAW,online,online_load,online_cold}"
+ROBOTS: Final = f"{{{','.join(ROBOT_NAMES)},FILE.toml}}"
+GROUNDS: Final = f"{{{','.join(GROUND_NAMES)},FILE.toml}}"
 """Placeholders for option values in `--help`."""

@@ -5,7 +5,7 @@ parameters.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.colours import BLACK, BLUE
 from experiments.common.table import Cell, number
@@ -29,7 +29,7 @@ class Look:
     formula: tuple[str, ...] = ("-",)  # a string per line
 
 
-_LOOKS: dict[str, tuple[Any, ...]] = {
+_LOOKS: Final[dict[str, tuple[Any, ...]]] = {
     "none": ("#C1272D", (0, (12, 1.5)), ("i = 0",)),
     "exponential": ("#CC79A7", "-.", ("i = α exp(β R)",)),
     "exponential_speed": ("#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
@@ -63,7 +63,7 @@ _LOOKS: dict[str, tuple[Any, ...]] = {
     ),
     "icr_sides": ("#6A3D9A", (0, (2, 2.5)), ("as icr_radius, with D and ε of each track",)),
 }
-_OTHERS = {
+_OTHERS: Final = {
     "published": Look("the paper's Eq. 11", BLACK, "--", ("i = α exp(β R)",)),
     "online": Look("online", "#117733", (0, (5, 1))),
     "online_load": Look("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
@@ -72,23 +72,24 @@ _OTHERS = {
     "robot": Look("the simulated robot", "#007A5A", (0, (6, 2, 1, 2, 1, 2))),
     "calibrated": Look("the simulated robot, fitted", "#1a1a1a", (0, (9, 1))),
 }
-_TRACKS = ("outer", "inner", "left", "right")
-_EXTRA_SYMBOLS = {
+_TRACKS: Final = ("outer", "inner", "left", "right")
+_EXTRA_SYMBOLS: Final = {
     "sensor_x": "X",
     "sensor_y": "Y",
     "drift": "c",
     "clock_offset": "τ",
     "sensor_yaw": "ψ",
     "lag": "T",
+    "gyro_bias": "β",
+    "gyro_scale": "κ",
 }
-_EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ"}
-_PRINTED = {
+_PRINTED: Final = {
     "m": (1e3, "mm"),
     "s": (1e3, "ms"),
     "rad": (math.degrees(1.0), "°"),
     "rad/s": (math.degrees(1.0), "°/s"),
 }
-_MAX_DIGITS = 4  # largest number of decimals
+_MAX_DIGITS: Final = 4  # largest number of decimals
 
 
 def law_looks() -> dict[str, Look]:
@@ -109,12 +110,13 @@ def symbol(law: str, parameter: str) -> str:
     """Symbol for a parameter of a law or a drive, such as "α outer" for alpha_outer; its name if it
     has no symbol.
     """
-    parameters, track = FAMILIES[law].parameters, parameter.rpartition("_")[2]
-    letter = parameters[parameter].symbol if parameter in parameters else _EXTRA_SYMBOLS[parameter]
-    return (
-        f"{letter} {track if track in _TRACKS and parameter in parameters else ''}".strip()
-        or parameter
-    )
+    parameters = FAMILIES[law].parameters
+    track = parameter.rpartition("_")[2]
+    if parameter not in parameters:
+        return _EXTRA_SYMBOLS[parameter] or parameter
+    letter = parameters[parameter].symbol
+    text = f"{letter} {track}" if track in _TRACKS else letter
+    return text.strip() or parameter
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
@@ -130,9 +132,8 @@ def unit_of(law: str, parameter: str) -> tuple[float, str]:
     """
     if parameter.startswith(("radius_error", "gyro_scale")):
         return 1e2, "%"
-    return printed_unit(
-        (EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit
-    )
+    known = EXTRAS if parameter in EXTRAS else FAMILIES[law].parameters
+    return printed_unit(known[parameter].unit)
 
 
 def printed_unit(unit: str) -> tuple[float, str]:
@@ -154,10 +155,13 @@ def with_interval(
     """
     factor, name = unit
     low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)
-    half = (high - low) / 2
-    if not math.isfinite(half):
-        return f"{factor * value:.4g} {name}".rstrip().replace("-", "−") + f" ({why_none})"
-    digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(half)))) if half > 0 else _MAX_DIGITS
-    return (
-        f"{number(factor * value, digits, name)} ({number(low, digits)} to {number(high, digits)})"
-    )
+    half_width = (high - low) / 2
+    if not math.isfinite(half_width):
+        text = f"{factor * value:.4g} {name}".rstrip().replace("-", "−")
+        return f"{text} ({why_none})"
+    digits = _MAX_DIGITS
+    if half_width > 0:
+        two_significant = 1 - math.floor(math.log10(half_width))
+        digits = min(_MAX_DIGITS, max(0, two_significant))
+    text = number(factor * value, digits, name)
+    return f"{text} ({number(low, digits)} to {number(high, digits)})"

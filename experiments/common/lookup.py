@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from sim.policy import PolicyController, TrackingPolicy, policy_file
 from sim.robot.robot import Robot
@@ -28,10 +28,10 @@ from trackslip.online.compensation import Compensation, named_compensation
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
-_POLICY = "ppo:"
+_POLICY: Final = "ppo:"
 # constructor parameters set from the robot
-_OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")
-_MARGIN = 0.98  # fraction of the top speed that controllers may use
+_OF_THE_ROBOT: Final = ("geometry", "half_gauge", "track_speed", "period")
+_MARGIN: Final = 0.98  # fraction of the top speed that controllers may use
 
 
 @functools.lru_cache(maxsize=64)

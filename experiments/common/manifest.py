@@ -14,13 +14,13 @@ import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.plain_json import plain
 from trackslip.files import FORMAT
 from trackslip.logs.runlog import RunLog
 
-_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib")
+_PACKAGES: Final = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib")
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:

@@ -124,24 +124,26 @@ class Exclusion:
     def applies(self, options: "Options") -> bool:
         """Whether `names` have no effect in these options."""
         value = getattr(options, self.option)
-        matches = (
-            value in self.values if self.values else value != defaults_of(options)[self.option]
-        )
+        if self.values:
+            matches = value in self.values
+        else:
+            matches = value != defaults_of(options)[self.option]
         return bool(matches) == self.where
 
     def check(self, options: "Options") -> None:
         """Raise InvalidValueError for the first of `names` that is set but has no effect."""
-        if self.applies(options):
-            values = (getattr(options, self.option),) if self.where and self.values else self.values
-            reason = " or ".join(map(self._flag, values or (None,)))
-            for name in self.names:
-                group, *inner = name.split(".")
-                refuse_changed(
-                    name,
-                    option(options, name),
-                    functools.reduce(getattr, inner, defaults_of(options)[group]),
-                    f"{'with' if self.where else 'without'} {reason}",
-                )
+        if not self.applies(options):
+            return
+        values = self.values
+        if self.where and values:  # the value that it has, rather than all that it could have
+            values = (getattr(options, self.option),)
+        flags = [self._flag(value) for value in values or (None,)]
+        reason = f"{'with' if self.where else 'without'} {' or '.join(flags)}"
+        defaults = defaults_of(options)
+        for name in self.names:
+            group, *inner = name.split(".")
+            default = functools.reduce(getattr, inner, defaults[group])
+            refuse_changed(name, option(options, name), default, reason)
 
     def _flag(self, value: Any) -> str:
         flag = f"--{'no-' if value is False else ''}{self.option.replace('_', '-')}"

@@ -58,7 +58,8 @@ class Drawn:
 def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
     """Draw a figure as SVG and, with `pdf`, also as PDF."""
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path", "pdf.fonttype": 42}):
-        svg, pages = io.BytesIO(), io.BytesIO()
+        svg = io.BytesIO()
+        pages = io.BytesIO()
         figure.savefig(svg, format="svg", metadata={"Date": None})
         if pdf:
             figure.savefig(pages, format="pdf", metadata={"CreationDate": None})
@@ -203,23 +204,25 @@ class Page:
         """The page's HTML; `figures` are the plots' figures by plot name, if they have been drawn
         already.
         """
+        manifest = []
+        for name, value in flatten(self.manifest):
+            is_unset_option = value == MISSING and name.startswith("config.")
+            if not is_unset_option:
+                manifest.append((name, value))
         return _template().render(
             vars(self),
             sections=[section for section in self.sections if section],
             figures=self._figures() if figures is None else figures,
             conditions=conditions(self.manifest, self.command),
-            manifest=[
-                (k, v)
-                for k, v in flatten(self.manifest)
-                if v != MISSING or not k.startswith("config.")
-            ],
+            manifest=manifest,
         )
 
 
 @functools.cache
 def _template() -> jinja2.Template:
     """The template of all pages, compiled once."""
-    loader, undefined = jinja2.PackageLoader("experiments.common", ""), jinja2.StrictUndefined
+    loader = jinja2.PackageLoader("experiments.common", "")
+    undefined = jinja2.StrictUndefined
     pages = jinja2.Environment(
         loader=loader, undefined=undefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -230,13 +233,17 @@ def conditions(manifest: Mapping[str, Any], command: str) -> str:
     """Seed, ground and command on one line, for captions; items missing from the manifest are left
     out.
     """
-    seed, ground = manifest.get("seed"), manifest.get("ground")
-    seeds = ", ".join(map(str, seed)) if isinstance(seed, list | tuple) else seed
-    parts = [
-        None if seed is None else f"seed {seeds}",
-        _ground(ground) if isinstance(ground, Mapping) else None,
-    ]
-    return " · ".join(filter(None, [*parts, command]))
+    seed = manifest.get("seed")
+    ground = manifest.get("ground")
+    parts = []
+    if seed is not None:
+        seeds = ", ".join(map(str, seed)) if isinstance(seed, list | tuple) else seed
+        parts.append(f"seed {seeds}")
+    if isinstance(ground, Mapping):
+        parts.append(_ground(ground))
+    if command:
+        parts.append(command)
+    return " · ".join(parts)
 
 
 def _ground(ground: Mapping[str, Any]) -> str:
@@ -264,11 +271,7 @@ def flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
         for key, item in value.items():
             yield from flatten(item, f"{path}.{key!s}" if path else str(key))
     elif path:
-        items = (
-            value
-            if isinstance(value, list | tuple)
-            else []
-            if value is None or value == {}
-            else [value]
-        )
+        items = value if isinstance(value, list | tuple) else [value]
+        if value is None or value == {}:
+            items = []
         yield path, ", ".join(str(item) for item in items) or MISSING

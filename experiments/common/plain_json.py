@@ -5,11 +5,11 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-_AS_IT_IS = (str, int, bool, type(None))
+_AS_IT_IS: Final = (str, int, bool, type(None))
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

@@ -6,13 +6,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Final
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from experiments.common.streams import printable
 
-_PAUSE = 60.0  # time between lines in a log [s]
+_PAUSE: Final = 60.0  # time between lines in a log [s]
 
 Advance = Callable[[float], None]  # called with the amount done since the last call
 

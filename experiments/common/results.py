@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,19 +18,19 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.logs.runlog import RunLog
 from trackslip.replacement import MANIFEST
 
-SUMMARY_FILE = "summary.json"
-RUNS_FILE = "runs.parquet"
-MANIFEST_FILE = MANIFEST
-REPORT_FILE = "report.html"
-TABLE_FILE = "table.parquet"
-FIGURES_FOLDER = "figures"
-RECORDINGS_FOLDER = "recordings"
-BAGS_FOLDER = "bags"
-PICTURES_FOLDER = "pictures"
-DRIVE_RECORDING = "drive.rrd"
-TRAJECTORIES_FOLDER = "trajectories"
+SUMMARY_FILE: Final = "summary.json"
+RUNS_FILE: Final = "runs.parquet"
+MANIFEST_FILE: Final = MANIFEST
+REPORT_FILE: Final = "report.html"
+TABLE_FILE: Final = "table.parquet"
+FIGURES_FOLDER: Final = "figures"
+RECORDINGS_FOLDER: Final = "recordings"
+BAGS_FOLDER: Final = "bags"
+PICTURES_FOLDER: Final = "pictures"
+DRIVE_RECORDING: Final = "drive.rrd"
+TRAJECTORIES_FOLDER: Final = "trajectories"
 
-_LONGEST_NAME = 120  # bytes in a file name without its ending; file systems allow 255
+_LONGEST_NAME: Final = 120  # bytes in a file name without its ending; file systems allow 255
 _drafts = itertools.count(1)  # numbers of the drafts of this process
 
 
@@ -107,10 +107,11 @@ def file_names(names: Sequence[str], ending: str = "") -> list[str]:
     used: dict[str, str] = {}
     for name in names:
         plain = _shortened(re.sub(r"[^\w.=+-]+", "_", name).strip("._")) or "run"
-        candidates = (
-            f"{plain}{ending}" if k == 1 else f"{plain}_{k}{ending}" for k in itertools.count(1)
-        )
-        file = next(file for file in candidates if file.lower() not in used)
+        file = f"{plain}{ending}"
+        for k in itertools.count(2):
+            if file.lower() not in used:
+                break
+            file = f"{plain}_{k}{ending}"
         used[file.lower()] = file
     return list(used.values())
 

@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.results import TABLE_FILE
 from trackslip.errors import InvalidValueError, LogError
@@ -11,7 +11,7 @@ from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 
-COLUMNS = {
+COLUMNS: Final = {
     column.name: column
     for column in (
         Column("run", NO_UNIT, "name of the run: its log in runs.parquet"),
@@ -42,7 +42,7 @@ COLUMNS = {
     )
 }
 """Columns other than the sweep's axes, which follow `id`."""
-_SHOWN = 10  # most axis values that a message lists
+_SHOWN: Final = 10  # most axis values that a message lists
 
 
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:

@@ -1,7 +1,7 @@
 """The style of all figures, with the same colour and line style for a slip law everywhere."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import matplotlib
 from matplotlib.artist import Artist
@@ -15,9 +15,11 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
-INNER, OUTER = ORANGE, BLUE  # colours of the tracks
-BAND = "#d5e6d5"  # background of values too small to matter
-STYLE: dict[Any, Any] = {
+# colours of the tracks
+INNER: Final = ORANGE
+OUTER: Final = BLUE
+BAND: Final = "#d5e6d5"  # background of values too small to matter
+STYLE: Final[dict[Any, Any]] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
@@ -33,16 +35,17 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.0,
 }
 # colour maps, and the fraction dark enough to see
-RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)
-_EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
+RADII_SHADES: Final = ("viridis", 0.6)
+SPEED_SHADES: Final = ("plasma", 0.6)
+_EDGES: Final = [withStroke(linewidth=5.2, foreground=GREY)]
 # road
-DESIRED: dict[str, Any] = {
+DESIRED: Final[dict[str, Any]] = {
     "color": "#e3e3e3",
     "lw": 3.6,
     "solid_capstyle": "round",
     "path_effects": _EDGES,
 }
-THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
+THEORY: Final[dict[str, Any]] = {"color": BLACK, "lw": 1.0}
 
 # parts of a figure, drawn separately so that they stack on a narrow page
 Panels = tuple[Figure, ...]

@@ -10,11 +10,12 @@ import hashlib
 import io
 import itertools
 import json
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from experiments.common.manifest import content, digest
 from experiments.common.plain_json import plain
@@ -31,11 +32,11 @@ from trackslip.logs.runlog import RunLog
 from trackslip.replacement import STORE, SWEEP_FILE
 
 # fewest fleets per worker, so that workers finish together, unless fleets would be too small
-_EACH = 4
+_EACH: Final = 4
 # simulated time of a fleet, summed over robots, above which starting another worker pays off [s]
-_LONG = 2_000.0
+_LONG: Final = 2_000.0
 # longest simulated time of a fleet, summed over robots, whose logs fit into memory [s]
-_AT_ONCE = 20_000.0
+_AT_ONCE: Final = 20_000.0
 
 Row = dict[str, Any]
 """Data on a run by column: its name `run`, `id`, `error` (None unless the run failed), and
@@ -99,7 +100,8 @@ class Store:
         Raises OutputError if the store has runs with other ids, which would be lost.
         """
         self.rows: dict[str, Row] = {}
-        self._folder, self._logs = out / STORE, dict[str, Path]()
+        self._folder = out / STORE
+        self._logs = dict[str, Path]()
         for file in () if anew else sorted(self._folder.glob("*.json")):
             finished = [row for row in _stored_rows(file) if row["error"] is None]
             others = [row for row in finished if row["id"] not in ids]
@@ -130,13 +132,13 @@ class Store:
         """
         driven = [run for run in runs if self.rows[run.id]["error"] is None]
         if driven:
-            join_parquet(
-                [(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven], file
-            )
+            parts = [(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven]
+            join_parquet(parts, file)
 
     def _add(self, rows: Iterable[Row], file: Path) -> None:
         for row in rows:
-            self.rows[row["id"]], self._logs[row["id"]] = row, file.with_suffix(".parquet")
+            self.rows[row["id"]] = row
+            self._logs[row["id"]] = file.with_suffix(".parquet")
 
 
 def _stored_rows(file: Path) -> list[Row]:
@@ -181,7 +183,8 @@ def drive_fleet(
     with watch.stage("measuring"):
         rows = [_row(kind, run, outcome) for run, outcome in zip(runs, outcomes, strict=True)]
     with watch.stage("storing"):
-        file, logs = io.BytesIO(), [outcome for outcome in outcomes if isinstance(outcome, RunLog)]
+        file = io.BytesIO()
+        logs = [outcome for outcome in outcomes if isinstance(outcome, RunLog)]
         if logs:
             write_parquet(logs, file)
     return DrivenFleet(plain(rows), file.getvalue() or None, watch.stages)
@@ -206,11 +209,9 @@ def _row(kind: RunKind[RunT], run: RunT, outcome: RunLog | BaseException) -> Row
     about = {"run": run.name, "id": run.id, **run.axes, "error": None}
     if isinstance(outcome, RunLog):
         return about | dict(kind.measure(run, outcome))
-    reason = (
-        str(outcome)
-        if isinstance(outcome, TrackslipError)
-        else f"{type(outcome).__name__}: {outcome}"
-    )
+    reason = str(outcome)
+    if not isinstance(outcome, TrackslipError):
+        reason = f"{type(outcome).__name__}: {outcome}"
     return about | {"error": " ".join(reason.split())}
 
 
@@ -219,15 +220,20 @@ def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[t
     longest first.
     """
     least, most = sizes
-    size = min(max(least, -(-len(runs) // (_EACH * workers))), most)
+    for_workers = math.ceil(len(runs) / (_EACH * workers))
+    size = min(max(least, for_workers), most)
     alike: dict[str, list[RunT]] = {}
     for run in runs:
         alike.setdefault(run.fleet, []).append(run)
     split = []
     for same in alike.values():
         duration = same[0].duration
-        count = -(-len(same) // min(size, max(1, int(_AT_ONCE / duration))))
-        count = max(count, min(-(-workers // len(alike)), int(len(same) * duration / _LONG)))
+        in_memory = max(1, int(_AT_ONCE / duration))
+        count = math.ceil(len(same) / min(size, in_memory))
+        # more fleets, where another worker pays off
+        workers_each = math.ceil(workers / len(alike))
+        paying = int(len(same) * duration / _LONG)
+        count = max(count, min(workers_each, paying))
         ends = [round(len(same) * k / count) for k in range(count + 1)]
         split += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
     return sorted(split, key=lambda fleet: -len(fleet) * fleet[0].duration)
@@ -288,9 +294,7 @@ def resumable(
         try:
             yield run, store
         except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
-            kept = (
-                f" with {len(store.rows)} of {len(ids)} {what}; the same command resumes"
-                if store.rows
-                else ""
-            )
-            raise type(stop)((str(stop) or "interrupted") + kept) from None
+            message = str(stop) or "interrupted"
+            if store.rows:
+                message += f" with {len(store.rows)} of {len(ids)} {what}; the same command resumes"
+            raise type(stop)(message) from None

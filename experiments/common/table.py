@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -13,7 +14,7 @@ from rich.table import Table as RichTable
 from experiments.common.streams import printable
 from trackslip.kinematics import Array
 
-MISSING = "–"
+MISSING: Final = "–"
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:

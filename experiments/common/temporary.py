@@ -25,7 +25,8 @@ def temporary_files() -> Iterator[Path]:
     The folder is deleted at the end. Folders that killed processes left behind are deleted first.
     """
     _delete_abandoned(Path(tempfile.gettempdir()))
-    before, variable = tempfile.tempdir, os.environ.get("TMPDIR")
+    before = tempfile.tempdir
+    variable = os.environ.get("TMPDIR")
     folder = tempfile.mkdtemp(prefix=_PREFIX)
     with temporary(Path(folder)):
         # The lock gets its name when it is held, so that no other command can take it before and

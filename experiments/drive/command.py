@@ -45,7 +45,9 @@ def run(config: Config) -> None:
     from sim.robot.tracked_model import build_tracked
 
     world = make_world(config)
-    robot, course, about = world.tracked.robot, world.course[0], about_world(world)
+    robot = world.tracked.robot
+    course = world.course[0]
+    about = about_world(world)
     looks = build_tracked(
         robot, course, preset=config.preset, friction=course.frictions, looks=True
     )
@@ -54,14 +56,16 @@ def run(config: Config) -> None:
     with Run(config) as run:
         with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:
             drive = drive_course(world, driver(config, world), advance)
-        result, manifest = drive_summary(drive), run.manifest(**about)
+        result = drive_summary(drive)
+        manifest = run.manifest(**about)
         run.write({"drive": result}, simulated=result["duration"], manifest=manifest)
         write_course_run(drive, about, run.folder / RUNS_FILE)
         with run.busy("recording"):
             record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, drive, looks)
         with run.busy("pictures"):
             pictures = write_pictures(run.folder / PICTURES_FOLDER, drive, looks, config.pictures)
-        reply, table = answer(drive, result, config.out, notes), tracks_table(result)
+        reply = answer(drive, result, config.out, notes)
+        table = tracks_table(result)
         page(drive, reply, table, manifest, command_line("drive"), pictures).write(run.folder)
     print(f"{reply.heading}.")
     for name, value in reply.facts:

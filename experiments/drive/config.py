@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
@@ -20,7 +20,7 @@ from experiments.common.options import (
 from experiments.simulate.options import MAX_DURATION, RobotSource, UsualSpeed
 from trackslip.errors import require, require_positive
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
     (
         "slowly over a step, with pictures",
@@ -34,7 +34,7 @@ EXAMPLES = (
     ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
 )
 
-FLIPPERS = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
+FLIPPERS: Final = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
 """Front and rear flipper angles by name: up, along the tracks, or None for reflex [rad]."""
 
 

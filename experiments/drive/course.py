@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from trackslip.kinematics import Array
 
 Driver = Callable[[Traverse], Command | None]
 """A function that returns the set points for a world with one robot; None ends the run."""
-PERIOD = 0.02  # time between set points, and between rows of a run [s]
-STOPPED = "stopped"  # outcome of a run that its driver ended, at the end of a path
-_SIDE_POINTS = 11  # number of points along each track, for the slope of the ground
+PERIOD: Final = 0.02  # time between set points, and between rows of a run [s]
+STOPPED: Final = "stopped"  # outcome of a run that its driver ended, at the end of a path
+_SIDE_POINTS: Final = 11  # number of points along each track, for the slope of the ground
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class DrivenCourse:
     @property
     def travel(self) -> Array:
         """Distances (R, T) travelled by the belts since the start [m]."""
-        return np.cumsum(self.contact.belt * np.diff(self.time, prepend=0.0)[:, None], axis=0)
+        period = np.diff(self.time, prepend=0.0)[:, None]
+        return np.cumsum(self.contact.belt * period, axis=0)
 
     @property
     def saturation(self) -> Saturation | None:
@@ -54,7 +56,8 @@ class DrivenCourse:
         if len(self.time) < 2:
             return None
         motors = self.motors
-        share = np.diff(motors.saturated_time, axis=0) / np.diff(self.time)[:, None]
+        period = np.diff(self.time)[:, None]
+        share = np.diff(motors.saturated_time, axis=0) / period
         return Saturation.of(share, motors.saturated_torque[1:], motors.needed[1:])
 
     @property
@@ -67,23 +70,25 @@ class DrivenCourse:
         """Slopes (R,) along the robot of a line fitted to the ground under its tracks, positive
         uphill [rad].
         """
+        # P points along the left and the right track, in the robot's frame
         hull = np.array(self.robot.hull)
-        along = np.linspace(hull[:, 0].min(), hull[:, 0].max(), _SIDE_POINTS)
+        rear = hull[:, 0].min()
+        front = hull[:, 0].max()
+        along = np.linspace(rear, front, _SIDE_POINTS)  # (P,)
+        across = self.robot.half_gauge * np.array([[1.0], [-1.0]])  # (2, 1)
+
+        # the same points on the course, (R, 2, P)
         heading = self.state.heading[:, None, None]
-        across = self.robot.half_gauge * np.array([1.0, -1.0])[:, None]
-        x = (
-            self.state.position[:, 0, None, None]
-            + along * np.cos(heading)
-            - across * np.sin(heading)
-        )
-        y = (
-            self.state.position[:, 1, None, None]
-            + along * np.sin(heading)
-            + across * np.cos(heading)
-        )
+        middle_x = self.state.position[:, 0, None, None]
+        middle_y = self.state.position[:, 1, None, None]
+        x = middle_x + along * np.cos(heading) - across * np.sin(heading)
+        y = middle_y + along * np.sin(heading) + across * np.cos(heading)
+
+        # the line by least squares, through the mean height of both tracks
         height = self.course.height(x, y).mean(axis=1)  # (R, P)
         offset = along - along.mean()
-        return np.asarray(np.arctan((height * offset).sum(axis=-1) / (offset**2).sum()))
+        gradient = (height * offset).sum(axis=-1) / (offset**2).sum()
+        return np.asarray(np.arctan(gradient))
 
 
 def drive_course(
@@ -92,27 +97,30 @@ def drive_course(
     """Drive until there is an outcome or the driver returns None; `progress` is called with newly
     simulated seconds.
     """
-    rows = [_row(world, Command(np.zeros((1, 2)), world.flipper_servo.angle))]
+    at_rest = Command(np.zeros((1, 2)), world.flipper_servo.angle)
+    rows = [_row(world, at_rest)]
     while world.outcome[0] == Outcome.DRIVING and (command := driver(world)) is not None:
         world.step(command)
         rows.append(_row(world, command))
         progress(world.period)
+
     outcome = Outcome(int(world.outcome[0]))
     columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
     qpos = columns["qpos"]
     contact = {name: columns[name] for name in Reading.__dataclass_fields__}
     motors = {name: columns[f"motor_{name}"] for name in MotorReading.__dataclass_fields__}
+    tracked = world.tracked
     return DrivenCourse(
-        robot=world.tracked.robot,
+        robot=tracked.robot,
         course=world.course[0],
         goal=float(world.goal[0]),
         tracks=tuple(world.track_names),
-        sides=world.tracked.side_tracks,
-        flippers=world.tracked.flipper_names,
+        sides=tracked.side_tracks,
+        flippers=tracked.flipper_names,
         outcome=STOPPED if outcome == Outcome.DRIVING else outcome.label,
         time=columns["time"],
-        state=States(qpos, columns["qvel"], world.tracked.free),
-        angles=world.tracked.flipper_angles(qpos),
+        state=States(qpos, columns["qvel"], tracked.free),
+        angles=tracked.flipper_angles(qpos),
         command=Command(columns["speed"], columns["flippers"]),
         work=columns["work"],
         motors=MotorReading(**motors),
@@ -124,5 +132,8 @@ def _row(world: Traverse, command: Command) -> dict[str, Array]:
     """Copies of time, state, command, work, motors and contact at the end of a control period."""
     motors = {f"motor_{name}": values for name, values in vars(world.motors()).items()}
     row = {"time": world.time, "qpos": world.state.qpos, "qvel": world.state.qvel}
-    row |= vars(command) | {"work": world.work} | motors | vars(world.contact)
+    row |= vars(command)
+    row["work"] = world.work
+    row |= motors
+    row |= vars(world.contact)
     return {name: np.array(values) for name, values in row.items()}

@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -12,7 +13,7 @@ from sim.engine.opengl import Pictures, place
 from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
 
-_SIZE = 960, 540  # width and height [px]
+_SIZE: Final = 960, 540  # width and height [px]
 
 
 def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: int) -> list[Path]:
@@ -24,11 +25,9 @@ def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: 
     if not files:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    data, view, pictures = (
-        mujoco.MjData(looks.model),
-        RobotLooks.of(looks),
-        Pictures(looks.model, *_SIZE),
-    )
+    data = mujoco.MjData(looks.model)
+    view = RobotLooks.of(looks)
+    pictures = Pictures(looks.model, *_SIZE)
     climbed = run.state.position[:, 2] - run.state.position[0, 2]
     for file, row in zip(files, rows, strict=True):
         place(data, run.state.qpos[row])

@@ -4,7 +4,7 @@ table of its rows.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -17,23 +17,28 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.schema import PURE, with_units
 from trackslip.logs.table import file_metadata
 
-_NAME = "drive"  # name of the run
+_NAME: Final = "drive"  # name of the run
 
 
 def drive_summary(run: DrivenCourse) -> dict[str, Any]:
     """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and a
     summary per track.
     """
-    state, contact, position = run.state, run.contact, run.state.position
+    state = run.state
+    contact = run.contact
+    position = run.state.position
+    steps = np.diff(position[:, :2], axis=0)
+    end = position[-1]
+    # the first row is at rest
     deepest = contact.depth.max(axis=1)[1:] if len(run.time) > 1 else np.zeros(1)
     return {
         "outcome": run.outcome,
         "duration": round(float(run.time[-1]), 9),  # simulated time [s]
         # path length of the chassis in the plane
-        "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),
-        "remaining": max(0.0, run.goal - float(position[-1, 0])),  # distance left along the course
+        "way": float(np.hypot(steps[:, 0], steps[:, 1]).sum()),
+        "remaining": max(0.0, run.goal - float(end[0])),  # distance left along the course
         # height of the chassis at the end, above the start
-        "climbed": float(position[-1, 2] - position[0, 2]),
+        "climbed": float(end[2] - position[0, 2]),
         "max_pitch": float(np.abs(state.pitch).max()),
         "max_roll": float(np.abs(state.roll).max()),
         "max_penetration": float(deepest.max()),
@@ -50,12 +55,15 @@ def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
     """
     contact = run.contact
     known = np.isfinite(contact.slip[:, k])
-    slip, belt = contact.slip[known, k], np.abs(contact.belt[known, k])
+    slip = contact.slip[known, k]
+    belt = np.abs(contact.belt[known, k])
+    moved = belt.sum() > 0
+    after_start = contact.touching[1:, k]
     return {
         "name": run.tracks[k],
-        "slip": float(np.average(slip, weights=belt)) if belt.sum() > 0 else None,
+        "slip": float(np.average(slip, weights=belt)) if moved else None,
         "slip_p95": float(np.percentile(np.abs(slip), 95)) if known.any() else None,
-        "touching": float(contact.touching[1:, k].mean()) if len(contact.touching) > 1 else 0.0,
+        "touching": float(after_start.mean()) if len(after_start) else 0.0,
         "max_penetration": float(contact.depth[:, k].max()),
         "work": float(run.work[:, k].sum()),
     }
@@ -65,14 +73,15 @@ def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) ->
     """Write a drive as a table with units, and `about` as its metadata. Undefined values are null,
     never NaN.
     """
-    columns, fields = [pa.array([_NAME] * len(run.time))], [pa.field("run", pa.string())]
+    arrays = [pa.array([_NAME] * len(run.time))]
+    fields = [pa.field("run", pa.string())]
     for begin, ends, unit, text, values in _columns(run, about["geometry"]["sprocket_radius"]):
+        metadata = {"unit": unit, "description": text}
         for end, column in zip(ends, values.T, strict=True):
-            columns.append(pa.array(np.ascontiguousarray(column), from_pandas=True))
-            fields.append(
-                pa.field(begin + end, pa.float64(), metadata={"unit": unit, "description": text})
-            )
-    table = with_units(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
+            contiguous = np.ascontiguousarray(column)
+            arrays.append(pa.array(contiguous, from_pandas=True))
+            fields.append(pa.field(begin + end, pa.float64(), metadata=metadata))
+    table = with_units(pa.Table.from_arrays(arrays, schema=pa.schema(fields)))
     table = table.replace_schema_metadata(file_metadata({_NAME: plain(about)}))
     pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(table.schema))
 
@@ -81,7 +90,8 @@ def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str],
     """Groups of columns: prefix, n suffixes, unit, description (empty for columns in every log),
     and values (R, n).
     """
-    state, contact = run.state, run.contact
+    state = run.state
+    contact = run.contact
     return [
         ("", ["t"], "s", "", run.time[:, None]),
         ("omega_", "lr", "rad/s", "", contact.belt[:, run.sides] / radius),

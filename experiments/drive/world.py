@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -30,10 +30,10 @@ from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.trajectory.path import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
-SAMPLE = 0.004  # time between changes of the belts' speeds [s]
-ACCELERATION = 2.0  # acceleration at both ends of a path [m/s^2]
+SAMPLE: Final = 0.004  # time between changes of the belts' speeds [s]
+ACCELERATION: Final = 2.0  # acceleration at both ends of a path [m/s^2]
 # number of periods ahead on the path that are searched for the point beside the robot
-_SEARCH = 200
+_SEARCH: Final = 200
 
 
 def make_world(config: Config) -> Traverse:
@@ -96,8 +96,10 @@ def driver(config: Config, world: Traverse) -> Driver:
     """
     if config.policy is not None:
         return PolicyDriver(Policy.load(config.policy), world)
-    asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
-    fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
+    half_gauge = world.tracked.robot.half_gauge
+    asked = config.flipper_angles()
+    front, rear = asked or (0.0, 0.0)
+    fixed = np.where(world.tracked.flippers.front, front, rear)[None]
 
     def angles(world: Traverse) -> Array:
         return reflex(world) if asked is None else fixed
@@ -117,24 +119,27 @@ class PolicyDriver:
     def __init__(self, policy: Policy, world: Traverse) -> None:
         """Raises InvalidValueError for a policy that was trained for another robot."""
         options = policy.environment()
-        self._policy, self._actions = policy, Actions(options, world)
-        self._layout, self._every = (
-            CrossingLayout(world, options.noise),
-            round(options.period / PERIOD),
-        )
-        fits = len(self._layout.elements), len(self._actions.elements)
-        require(
-            policy.network.shape == fits,
-            "policy",
-            policy.network.shape,
-            f"from {fits[0]} inputs to {fits[1]}",
-        )
-        self._rows, self._command = 0, Command(np.zeros((1, 2)), world.flipper_servo.angle)
+        self._policy = policy
+        self._actions = Actions(options, world)
+        self._layout = CrossingLayout(world, options.noise)
+        self._every = round(options.period / PERIOD)
+        self._require_fit()
+        self._rows = 0
+        self._command = Command(np.zeros((1, 2)), world.flipper_servo.angle)
+
+    def _require_fit(self) -> None:
+        """Raise InvalidValueError unless the network has this robot's observations and actions."""
+        shape = self._policy.network.shape
+        inputs = len(self._layout.elements)
+        outputs = len(self._actions.elements)
+        allowed = f"from {inputs} inputs to {outputs}"
+        require(shape == (inputs, outputs), "policy", shape, allowed)
 
     def __call__(self, world: Traverse) -> Command:
         """Set points from the policy, renewed at the policy's period."""
         if self._rows % self._every == 0:
-            action = self._policy.action(self._layout.observation(world, [0]))
+            observation = self._layout.observation(world, [0])
+            action = self._policy.action(observation)
             self._command = self._actions.command(action)
         self._rows += 1
         return self._command
@@ -155,30 +160,35 @@ class PathDriver:
             speed, ACCELERATION, speed / half_gauge, track_speed=speed, half_gauge=half_gauge
         )
         self.reference = read_waypoints(path, limits)
-        self._times = np.append(
-            np.arange(PERIOD, self.reference.duration, PERIOD), self.reference.duration
-        )
+        duration = self.reference.duration
+        self._times = np.append(np.arange(PERIOD, duration, PERIOD), duration)
         self._points = self.reference.pose(self._times)[:, :2]
         self._beside = 0  # index of the point beside the robot
-        self._controller, self._flippers = PurePursuit(), flippers
-        self._speed, self._half_gauge = speed, half_gauge
+        self._controller = PurePursuit()
+        self._flippers = flippers
+        self._speed = speed
+        self._half_gauge = half_gauge
 
     def __call__(self, world: Traverse) -> Command | None:
         """Set points that follow the path; None when the robot is beside the end of the path."""
         position = world.state.position[:, :2]
         ahead = self._points[self._beside : self._beside + _SEARCH]
-        self._beside += int(np.argmin(np.hypot(*(ahead - position).T)))
+        distance = np.hypot(*(ahead - position).T)
+        self._beside += int(np.argmin(distance))
         if self._beside >= len(self._times) - 2:  # where the reference hardly moves
             return None
         pose = np.column_stack([position, world.state.heading])
         twist = self._controller.twist(self._times[self._beside], pose, self.reference)
-        speeds = limit_sprocket_speeds(track_speeds(twist, self._half_gauge), self._speed)
+        wanted = track_speeds(twist, self._half_gauge)
+        speeds = limit_sprocket_speeds(wanted, self._speed)
         return Command(speeds, self._flippers(world))
 
 
 def about_world(world: Traverse) -> dict[str, Any]:
     """Metadata for a run: properties of robot and course that the options do not determine."""
-    robot, course, tracked = world.tracked.robot, world.course[0], world.tracked
+    robot = world.tracked.robot
+    course = world.course[0]
+    tracked = world.tracked
     return {
         "geometry": {
             "half_gauge": robot.half_gauge,
@@ -190,9 +200,12 @@ def about_world(world: Traverse) -> dict[str, Any]:
             "packages": [each.name for each in robot.packages],
         },
         "course": {
-            name: getattr(course, name) for name in ("friction", "friction_across", "seed", "width")
-        }
-        | {"goal": float(world.goal[0])},
+            "friction": course.friction,
+            "friction_across": course.friction_across,
+            "seed": course.seed,
+            "width": course.width,
+            "goal": float(world.goal[0]),
+        },
         "seed": course.seed,
         "mass": float(tracked.model.body_subtreemass[tracked.body]),
     }

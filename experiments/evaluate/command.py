@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -29,14 +30,15 @@ from trackslip.identification.source import Source
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import write_tum
 
-_MOST_PATHS = 20  # largest number of drives whose paths are written
+_MOST_PATHS: Final = 20  # largest number of drives whose paths are written
 
 
 def run(config: Config) -> None:
     """Predict a log, and compare, store and report; exits with 1 if a bound in a data set is
     exceeded.
     """
-    given, data = config, None
+    given = config
+    data = None
     if config.path.suffix == ".toml":
         data = load_data_set(config.path)
         config = data.options(config)
@@ -88,7 +90,8 @@ def _write_paths(predictions: Sequence[Prediction], log: Source, folder: Path, r
     """
     drives = predictions[0].errors.trajectories[:_MOST_PATHS]
     labels = file_names([prediction.model.label for prediction in predictions])
-    trajectories, logs = folder / TRAJECTORIES_FOLDER, {drive.run: drive for drive in log.logs}
+    trajectories = folder / TRAJECTORIES_FOLDER
+    logs = {drive.run: drive for drive in log.logs}
     trajectories.mkdir()
     for drive, file in zip(drives, file_names([drive.name for drive in drives]), strict=True):
         write_tum(trajectories / f"{file}_measured.tum", drive.time, drive.measured)

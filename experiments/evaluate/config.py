@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
@@ -30,7 +30,7 @@ from trackslip.errors import require
 from trackslip.identification.source import MULTIPLIERS
 from trackslip.kinematics import GEARS
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     (
         "two laws on a ROS bag",
@@ -42,8 +42,8 @@ EXAMPLES = (
     ),
     ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
 )
-MAX_FOLDS = 10
-_SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
+MAX_FOLDS: Final = 10
+_SIZE: Final = default_is("the log's, the laws' or the robot's", "FLOAT")
 
 
 @dataclass(frozen=True)

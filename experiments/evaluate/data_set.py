@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Final, get_args
 
 from experiments.calibrate.config import Parameter
 from experiments.common.check import Check
@@ -16,9 +16,9 @@ from experiments.simulate.options import GroundOptions
 from sim.common.settings import build, read_toml
 from trackslip.errors import require, require_positive
 
-_AHEAD = 1.0  # time ahead at which errors are bounded [s]
-_UNITS = {"position": "m", "heading": "rad"}
-_QUANTITIES = tuple(f"{what}_{kind}" for what in _UNITS for kind in ("median", "p90", "rms"))
+_AHEAD: Final = 1.0  # time ahead at which errors are bounded [s]
+_UNITS: Final = {"position": "m", "heading": "rad"}
+_QUANTITIES: Final = tuple(f"{what}_{kind}" for what in _UNITS for kind in ("median", "p90", "rms"))
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,8 @@ class Bound:
     most: float
 
     def __post_init__(self) -> None:
-        require(
-            self.quantity in _QUANTITIES,
-            "quantity",
-            self.quantity,
-            f"one of {', '.join(_QUANTITIES)}",
-        )
+        is_known = self.quantity in _QUANTITIES
+        require(is_known, "quantity", self.quantity, f"one of {', '.join(_QUANTITIES)}")
         require_positive("most", self.most)
 
 
@@ -59,13 +55,9 @@ class DataSet:
 
     def __post_init__(self) -> None:
         require(self.log.exists(), "log", self.log, "a file beside the data set")
+        parameters = get_args(Parameter)
         for name in self.free:
-            require(
-                name in get_args(Parameter),
-                "free",
-                name,
-                f"one of {', '.join(get_args(Parameter))}",
-            )
+            require(name in parameters, "free", name, f"one of {', '.join(parameters)}")
         self.options(Config(self.log))
 
     def options(self, config: Config) -> Config:
@@ -76,26 +68,30 @@ class DataSet:
             "law": self.law,
             "robot": self.robot,
             "ground": GroundOptions(self.ground),
+            "free": self.free or None,
+            "folds": self.folds,
         }
-        stated |= {"free": self.free or None, "folds": self.folds}
+        defaults = Config(config.path)
         for name in stated:
-            default = getattr(Config(config.path), name)
+            default = getattr(defaults, name)
             refuse_changed(name, getattr(config, name), default, "with a data set, which states it")
         return replace(config, path=self.log, **stated)
 
     def checks(self, predictions: Sequence[Prediction]) -> list[Check]:
         """A check for each bound."""
-        errors, checks = (
-            {each.model.label: each.errors.after_seconds.get(_AHEAD) for each in predictions},
-            [],
-        )
+        errors = {
+            prediction.model.label: prediction.errors.after_seconds.get(_AHEAD)
+            for prediction in predictions
+        }
+        checks = []
         for bound in self.bounds:
             require(bound.row in errors, "bounds", bound.row, f"one of {', '.join(errors)}")
             what, _, kind = bound.quantity.partition("_")
-            value = getattr(getattr(errors[bound.row], what, None), kind, float("nan"))
-            checks.append(
-                Check(self.title, f"{bound.row}, {bound.quantity}", value, bound.most, _UNITS[what])
-            )
+            # NaN, which no bound allows, where the log has no such errors
+            statistics = getattr(errors[bound.row], what, None)
+            value = getattr(statistics, kind, float("nan"))
+            name = f"{bound.row}, {bound.quantity}"
+            checks.append(Check(self.title, name, value, bound.most, _UNITS[what]))
         return checks
 
 
@@ -104,13 +100,14 @@ def load_data_set(path: Path) -> DataSet:
     table = read_toml(path)
 
     def beside(value: object) -> object:
-        return (
-            str(path.parent / value)
-            if isinstance(value, str) and (path.parent / value).exists()
-            else value
-        )
+        """The path of a file beside the data set; other values, such as names, as they are."""
+        if isinstance(value, list):
+            return [beside(item) for item in value]
+        if not isinstance(value, str):
+            return value
+        file = path.parent / value
+        return str(file) if file.exists() else value
 
     for name in table.keys() & {"log", "robot", "ground", "law"}:
-        value = table[name]
-        table[name] = [beside(item) for item in value] if isinstance(value, list) else beside(value)
+        table[name] = beside(table[name])
     return build(DataSet, table, str(path))

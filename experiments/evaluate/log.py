@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from trackslip.identification.source import ReadOptions, Source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog, in_few_lines, none_usable
 
-_TIME = np.linspace(0.0, 1.0, 11)
+_TIME: Final = np.linspace(0.0, 1.0, 11)
 """Times in the drives that represent steady samples [s]."""
 
 
@@ -44,11 +45,7 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     notes += [*map(str, refused)]
     if config.folds:
         if len(drives) < config.folds:
-            drives = [
-                part
-                for log in drives
-                for part in log.cut((log.time[-1] - log.time[0]) / config.folds)
-            ]
+            drives = _cut(drives, config.folds)
         prepared, refused = drives_of(drives)
         usable = {drive.name for drive in prepared}
         drives = [log for log in drives if log.run in usable]
@@ -57,6 +54,15 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
     drives = [log for log, _ in checked]
     notes += [note for _, note in checked if note]
     return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes)))
+
+
+def _cut(drives: Sequence[RunLog], count: int) -> list[RunLog]:
+    """The drives, each cut into `count` parts of equal duration."""
+    cut = []
+    for log in drives:
+        duration = log.time[-1] - log.time[0]
+        cut += log.cut(duration / count)
+    return cut
 
 
 def _with_headings(drives: Sequence[RunLog]) -> tuple[list[RunLog], list[Refused]]:
@@ -79,16 +85,19 @@ def _windows(samples: SlipSamples) -> list[RunLog]:
     """Steady samples as drives of one second at constant twist, so that errors 1 s ahead are errors
     in the twist.
     """
-    left = np.zeros(len(samples)) if samples.lateral is None else np.nan_to_num(samples.lateral)
-    motions = _TIME[:, None, None] * np.column_stack(
-        [samples.twist[:, 0], left, samples.twist[:, 1]]
-    )
-    poses = np.moveaxis(se2.exp(motions), 0, 1)
-    omegas = np.repeat(samples.omega[:, None], len(_TIME), axis=1)
-    return [
-        RunLog(name, _TIME, omega, pose)
-        for name, omega, pose in zip(samples.run, omegas, poses, strict=True)
-    ]
+    ahead = samples.twist[:, 0]
+    left = np.zeros(len(samples))
+    if samples.lateral is not None:
+        left = np.nan_to_num(samples.lateral)
+    turn = samples.twist[:, 1]
+    twists = np.column_stack([ahead, left, turn])
+    poses = se2.exp(_TIME[:, None, None] * twists)  # (T, n, 3)
+
+    logs = []
+    for k, name in enumerate(samples.run):
+        omega = np.tile(samples.omega[k], (len(_TIME), 1))
+        logs.append(RunLog(name, _TIME, omega, poses[:, k]))
+    return logs
 
 
 def parts(drives: Sequence[RunLog], count: int, name: str) -> np.ndarray:
@@ -97,13 +106,17 @@ def parts(drives: Sequence[RunLog], count: int, name: str) -> np.ndarray:
 
     Raises LogError, with the `name` of the log, if it has too few different commands.
     """
-    keys = [
-        log.run if log.command is None else tuple(log.command.mean(axis=0).round(3))
-        for log in drives
-    ]
-    rank = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-    if len(rank) < count:
-        raise LogError(
-            f"{name}: has {counted(len(rank), 'different command')}, too few for folds = {count}"
-        )
-    return np.array([rank[key] * count // len(rank) for key in keys])
+    keys = [_command_key(log) for log in drives]
+    different = list(dict.fromkeys(keys))
+    if len(different) < count:
+        commands = counted(len(different), "different command")
+        raise LogError(f"{name}: has {commands}, too few for folds = {count}")
+    part_of = {key: rank * count // len(different) for rank, key in enumerate(different)}
+    return np.array([part_of[key] for key in keys])
+
+
+def _command_key(log: RunLog) -> str | tuple[float, ...]:
+    """A key that drives with the same command share; a drive without commands has its own."""
+    if log.command is None:
+        return log.run
+    return tuple(log.command.mean(axis=0).round(3))

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Final
 
 import numpy as np
 
@@ -32,9 +33,11 @@ from trackslip.odometry.identified import LawInUse, identified_law, no_slip
 from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 
-ROBOT, CALIBRATED = "robot", "calibrated"
-"""Model names for simulated robots, as given and as fitted."""
-_FITTED = (REFERENCE, "turn_loss", "turn_loss_sides", "centrifugal")
+ROBOT: Final = "robot"
+"""Model name of a simulated robot as given."""
+CALIBRATED: Final = "calibrated"
+"""Model name of a simulated robot as fitted."""
+_FITTED: Final = (REFERENCE, "turn_loss", "turn_loss_sides", "centrifugal")
 """Laws that folds fit by default; on the shipped logs, other laws were never best."""
 
 
@@ -72,16 +75,20 @@ def _robot_model(
     label: str, candidate: Candidate, geometry: RobotGeometry, config: Config
 ) -> Model:
     """A simulated robot that is driven by the log's encoders or commands."""
-    sensor, clock = candidate.sensor, candidate.clock
+    sensor = candidate.sensor
+    clock = candidate.clock
 
     def trajectories(drives: Sequence[RunLog], read: Sequence[RunLog]) -> list[Trajectory]:
-        motion = Replayer(read, config.inputs).run(candidate.robot, candidate.ground)
-        poses = [partial(motion.sensor_at, k, sensor) for k in range(len(drives))]
-        return [
-            estimated_trajectory(*pair, geometry, clock) for pair in zip(drives, poses, strict=True)
-        ]
+        replayer = Replayer(read, config.inputs)
+        motion = replayer.run(candidate.robot, candidate.ground)
+        predicted = []
+        for k, drive in enumerate(drives):
+            pose_at = partial(motion.sensor_at, k, sensor)
+            predicted.append(estimated_trajectory(drive, pose_at, geometry, clock))
+        return predicted
 
-    return Model(label, CALIBRATED if label == CALIBRATED else ROBOT, sensor, clock, trajectories)
+    name = CALIBRATED if label == CALIBRATED else ROBOT
+    return Model(label, name, sensor, clock, trajectories)
 
 
 def stored_law(text: str, config: Config, geometry: RobotGeometry | None = None) -> LawInUse | None:
@@ -118,15 +125,20 @@ def models_of(
     """Models that predict the drives labelled k in `part` (n,): laws, robots and, with folds, no
     slip and two gains.
     """
-    sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
+    sensor = Mounting(*config.sensor) if config.sensor else Mounting()
+    clock = config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
-    geometry, models = source.geometry, list[Model]()
+    geometry = source.geometry
+    models: list[Model] = []
     look = None
     if config.folds:
-        look = first_look(drives_of(others)[0], geometry, sensor)
-        baselines = replace(no_slip(geometry), name=TODAY), _gains(look, geometry)
-        models = [_law_model(law.name, law, sensor, clock) for law in baselines]
-    laws = _law_models(config, look, geometry, any(drive.gyro is not None for drive in source.logs))
+        usable, _ = drives_of(others)
+        look = first_look(usable, geometry, sensor)
+        today = replace(no_slip(geometry), name=TODAY)
+        gains = _gains(look, geometry)
+        models = [_law_model(law.name, law, sensor, clock) for law in (today, gains)]
+    has_gyro = any(drive.gyro is not None for drive in source.logs)
+    laws = _law_models(config, look, geometry, has_gyro)
     models += laws
     for label, candidates in robots.items():
         robot = candidates[k]
@@ -149,24 +161,25 @@ def _law_models(
     fitted = config.folds and any(text in drive_laws() for text in texts)
     reference = None
     if look is not None and fitted:
-        reference = fit_drives(
-            REFERENCE, look.drives, geometry, start=look.gains.start(geometry, look.clock)
-        )
+        start = look.gains.start(geometry, look.clock)
+        reference = fit_drives(REFERENCE, look.drives, geometry, start=start)
     laws = [_law(text, config, geometry, reference) for text in texts]
     known = next((law for law in laws if law.mounting is not None), laws[0])
-    names, models = [law.name for law in laws], list[Model]()
+    names = [law.name for law in laws]
+    models: list[Model] = []
     for text, law in zip(texts, laws, strict=True):
         own = known if law.mounting is None else law
-        sensor, clock = own.mounting or Mounting(), own.clock_offset or 0.0
+        sensor = own.mounting or Mounting()
+        clock = own.clock_offset or 0.0
         if not config.folds:  # laws that are fitted have their own turning centre and clock
             sensor = Mounting(*config.sensor) if config.sensor else sensor
             clock = clock if config.clock_offset is None else config.clock_offset
-        models.append(
-            _law_model(text if names.count(law.name) > 1 else law.name, law, sensor, clock)
-        )
+        label = text if names.count(law.name) > 1 else law.name
+        models.append(_law_model(label, law, sensor, clock))
     if gyro and not config.folds:
         first = next((k for k, name in enumerate(names) if name != NO_SLIP), 0)
-        model, law = models[first], laws[first]
+        model = models[first]
+        law = laws[first]
         label = f"{model.label} with gyro"
         models.append(_law_model(label, law, model.sensor, model.clock_offset, law.gyro or Gyro()))
     return models
@@ -183,16 +196,17 @@ def _law(
         return law or no_slip(geometry)
     assert reference is not None
     fit = fit_drives(text, reference.fit.drives.drives, geometry, reference=reference)
-    sensor = Mounting(*(fit.extras[key] for key in ("sensor_x", "sensor_y", "sensor_yaw")))
-    clock = fit.extras["clock_offset"] - fit.extras["lag"]
-    return LawInUse(
-        text, fit.law, geometry, drift=fit.extras["drift"], mounting=sensor, clock_offset=clock
-    )
+    extras = fit.extras
+    sensor = Mounting(extras["sensor_x"], extras["sensor_y"], extras["sensor_yaw"])
+    clock = extras["clock_offset"] - extras["lag"]
+    drift = extras["drift"]
+    return LawInUse(text, fit.law, geometry, drift=drift, mounting=sensor, clock_offset=clock)
 
 
 def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
     """The law with two gains: (1 + ε) on speed, and (1 + ε) b / (b + D) on yaw rate."""
-    return LawInUse(GAINS, FAMILIES[REFERENCE].build(look.gains.law(geometry), geometry), geometry)
+    law = FAMILIES[REFERENCE].build(look.gains.law(geometry), geometry)
+    return LawInUse(GAINS, law, geometry)
 
 
 def notes_on_motors(config: Config) -> list[str]:
@@ -215,7 +229,8 @@ def robots_of(
     As poses are stamped late, folds always fit the clock offset to the log's other parts, unless it
     is given.
     """
-    robots, fit = dict[str, Sequence[Candidate]](), None
+    robots: dict[str, Sequence[Candidate]] = {}
+    fit = None
     clock = ("clock",) if config.folds and config.clock_offset is None else ()
     for k, robot in enumerate(config.robot):
         base = first_candidate(robot, config.ground, config.sensor, config.clock_offset)
@@ -227,8 +242,7 @@ def robots_of(
         if clock:
             robots[label] = calibrate(target, base, clock, part[target.log]).folds
         if k == 0 and config.free:
-            fit = calibrate(
-                target, base, tuple(dict.fromkeys((*config.free, *clock))), part[target.log]
-            )
+            free = tuple(dict.fromkeys((*config.free, *clock)))
+            fit = calibrate(target, base, free, part[target.log])
             robots[CALIBRATED] = fit.folds
     return robots, fit

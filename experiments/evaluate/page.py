@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import degrees, nan
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from experiments.evaluate.prediction import AHEAD, Prediction, winner
 from sim.calibration.calibration import Calibration
 from trackslip.errors import counted
 from trackslip.identification.drive_comparison import TODAY
-from trackslip.identification.prediction import PredictionErrors
+from trackslip.identification.prediction import PredictionErrors, Statistics
 from trackslip.laws.file import NO_SLIP
+from trackslip.odometry.evaluation import Trajectory
 
-_HEADER = (
+_HEADER: Final = (
     "ahead",
     "model",
     "pairs",
@@ -34,14 +35,13 @@ _HEADER = (
     "rms [deg]",
     "rate",
 )
-_NOTE = (
+_NOTE: Final = (
     "All models predict the same motion: from every measured pose to the one nearest to the time "
-    "or distance ahead. "
-    "Errors contain the noise of both poses. Rates: mean errors over the time or the distance "
-    "ahead."
+    "or distance ahead. Errors contain the noise of both poses. Rates: mean errors over the time "
+    "or the distance ahead."
 )
-_DOTS = "Dots: medians. Lines: to the errors that 90 % stay below."
-_BEGINS = (
+_DOTS: Final = "Dots: medians. Lines: to the errors that 90 % stay below."
+_BEGINS: Final = (
     "The drive that goes far and turns most. Every path begins at its first measured pose, "
     "or fits all positions."
 )
@@ -63,7 +63,9 @@ class Report:
         """Print the tables, the warnings, the gain, and how many bounds hold."""
         for table in self._tables:
             table.print()
-        for line in (*(f"warning: {note}" for note in self.notes), self._gain, self._verdict):
+        for note in self.notes:
+            print(f"warning: {note}")
+        for line in (self._gain, self._verdict):
             if line:
                 print(line)
 
@@ -73,30 +75,21 @@ class Report:
         errors = best.ahead(length, unit)
         assert errors is not None
         position, far, _, heading, turned, _ = _cells(errors)
-        facts = [("position, median and 90 %", f"{position} and {far} m")]
-        facts += [("heading, median and 90 %", f"{heading}° and {turned}°")]
+        facts = [
+            ("position, median and 90 %", f"{position} and {far} m"),
+            ("heading, median and 90 %", f"{heading}° and {turned}°"),
+        ]
         error = f"{position} m" if errors.position else f"{heading}°"
         title = f"Best after {length:g} {unit}: {best.model.label}, {error} off"
-        answer = Answer(
-            title, facts, [f"{line}." for line in (self._gain, self._verdict) if line], self.notes
-        )
-        drive = max(
-            best.errors.trajectories,
-            key=lambda drive: np.ptp(drive.distance) * np.ptp(drive.estimated[:, 2]),
-        )
+        lines = [f"{line}." for line in (self._gain, self._verdict) if line]
+        answer = Answer(title, facts, lines, self.notes)
+
+        drive = max(best.errors.trajectories, key=_extent)
+        draw_errors = partial(_errors_ahead, self.predictions)
+        draw_paths = partial(_paths, self.predictions, drive.name)
         plots = [
-            Plot(
-                "errors_ahead",
-                partial(_errors_ahead, self.predictions),
-                "Errors of all models",
-                _DOTS,
-            ),
-            Plot(
-                "paths",
-                partial(_paths, self.predictions, drive.name),
-                f"Paths of {drive.name}",
-                _BEGINS,
-            ),
+            Plot("errors_ahead", draw_errors, "Errors of all models", _DOTS),
+            Plot("paths", draw_paths, f"Paths of {drive.name}", _BEGINS),
         ]
         sections = [Section("Errors", [*self._tables, *plots])]
         return Page(self.title, command, manifest, sections, [self.source], answer)
@@ -114,26 +107,29 @@ class Report:
     @property
     def _errors(self) -> Table:
         """Errors of all models by time and distance ahead."""
-        rows = list[tuple[str | Cell, ...]]()
+        rows: list[tuple[str | Cell, ...]] = []
         best, *compared = self._winner
         for length, unit in AHEAD:
             ahead = f"{length:g} {unit}"
             for prediction in self.predictions:
-                errors, model = prediction.ahead(length, unit), prediction.model
+                errors = prediction.ahead(length, unit)
+                model = prediction.model
                 if errors is None:
                     continue
                 is_best = prediction is best and [length, unit] == compared
                 name = replace(law_cell(model.name, is_best, formula=False), text=model.label)
-                rows.append(
-                    (ahead, name, f"{errors.count:,}", *_cells(errors), _rate(errors, length, unit))
-                )
+                pairs = f"{errors.count:,}"
+                rate = _rate(errors, length, unit)
+                rows.append((ahead, name, pairs, *_cells(errors), rate))
                 ahead = ""
         return Table("Errors: median, 90 % and rms", _HEADER, rows, "llr", _NOTE)
 
     @property
     def _verdict(self) -> str:
+        if not self.checks:
+            return ""
         held = sum(check.holds for check in self.checks)
-        return f"{held} of {counted(len(self.checks), 'check')} passed" if self.checks else ""
+        return f"{held} of {counted(len(self.checks), 'check')} passed"
 
     @property
     def _gain(self) -> str:
@@ -141,35 +137,49 @@ class Report:
         better.
         """
         best, length, unit = self._winner
-        baseline = next(
-            (each for each in self.predictions if each.model.name in (TODAY, NO_SLIP)), best
-        )
+        without_law = [each for each in self.predictions if each.model.name in (TODAY, NO_SLIP)]
+        if not without_law or without_law[0] is best:
+            return ""
         better = []
         for what in ("position", "heading"):
-            errors, without = (getattr(each.ahead(length, unit), what) for each in (best, baseline))
-            if errors and errors.median > 0 and baseline is not best:
-                better.append(f"{what} {significant(without.median / errors.median)} times better")
-        line = (
+            errors = getattr(best.ahead(length, unit), what)
+            without = getattr(without_law[0].ahead(length, unit), what)
+            if errors and errors.median > 0:
+                factor = without.median / errors.median
+                better.append(f"{what} {significant(factor)} times better")
+        if not better:
+            return ""
+        return (
             f"{best.model.label}, after {length:g} {unit}, compared with no slip "
             f"compensation: {', '.join(better)}"
         )
-        return line if better else ""
+
+
+def _extent(drive: Trajectory) -> float:
+    """How far a drive goes and how much it turns, to choose the one to draw [m rad]."""
+    distance = np.ptp(drive.distance)
+    turn = np.ptp(drive.estimated[:, 2])
+    return float(distance * turn)
 
 
 def _cells(errors: PredictionErrors) -> list[str]:
     """Median, 90 % quantile and rms of the errors in position [m] and heading [deg]."""
-    cells = []
-    for part, factor, digits in ((errors.position, 1.0, 3), (errors.heading, degrees(1.0), 2)):
-        values = (part.median, part.p90, part.rms) if part else (nan, nan, nan)
-        cells += [number(factor * value, digits) for value in values]
-    return cells
+    return [
+        *_statistics(errors.position, 1.0, 3),
+        *_statistics(errors.heading, degrees(1.0), 2),
+    ]
+
+
+def _statistics(part: Statistics | None, factor: float, digits: int) -> list[str]:
+    """Median, 90 % quantile and rms of errors, times `factor`."""
+    values = (part.median, part.p90, part.rms) if part else (nan, nan, nan)
+    return [number(factor * value, digits) for value in values]
 
 
 def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
     """Mean errors per metre or per second ahead."""
-    position, heading = (
-        part.mean / length if part else nan for part in (errors.position, errors.heading)
-    )
+    position = errors.position.mean / length if errors.position else nan
+    heading = errors.heading.mean / length if errors.heading else nan
     forwards = percent(position) if unit == "m" else significant(position, "m/s")
     return f"{forwards}, {significant(degrees(heading), f'°/{unit}')}"
 
@@ -180,22 +190,21 @@ def _errors_ahead(predictions: Sequence[Prediction]) -> style.Panels:
     quantiles.
     """
     _, length, unit = winner(predictions)
+    height = 0.9 + 0.28 * len(predictions)
+    labels = [prediction.model.label for prediction in predictions]
     figures = []
     for what, sign, factor in (("position", "m", 1.0), ("heading", "°", degrees(1.0))):
-        label, height = f"error after {length:g} {unit} [{sign}]", 0.9 + 0.28 * len(predictions)
+        label = f"error after {length:g} {unit} [{sign}]"
         figure, axis = style.panel(what.capitalize(), label, "", height)
         for k, prediction in enumerate(predictions):
             errors = getattr(prediction.ahead(length, unit), what)
             if errors is not None:
                 ends = factor * np.array([errors.median, errors.p90])
-                axis.plot(
-                    ends, [k, k], "o-", markevery=[0], color=shown(prediction.model.name).colour
-                )
+                colour = shown(prediction.model.name).colour
+                axis.plot(ends, [k, k], "o-", markevery=[0], color=colour)
         axis.set_xscale("log")
         style.log_ticks(axis.xaxis)
-        axis.set_yticks(
-            range(len(predictions)), [prediction.model.label for prediction in predictions]
-        )
+        axis.set_yticks(range(len(predictions)), labels)
         axis.set_ylim(len(predictions) - 0.5, -0.5)
         figures.append(figure)
     return tuple(figures)
@@ -209,14 +218,9 @@ def _paths(predictions: Sequence[Prediction], name: str) -> style.Panels:
     rows = style.thin(len(measured), 1500)
     axis.plot(*measured[rows, :2].T, ".", color=BLACK, ms=4, mew=0, label="measured poses")
     for prediction in predictions:
-        path, line = prediction.drive(name).placed[rows], shown(prediction.model.name)
-        axis.plot(
-            path[:, 0],
-            path[:, 1],
-            label=prediction.model.label,
-            color=line.colour,
-            linestyle=line.dashes,
-        )
+        path = prediction.drive(name).placed[rows]
+        model = prediction.model
+        axis.plot(path[:, 0], path[:, 1], label=model.label, **style.law_line(model.name))
     style.plane(axis, adjustable="datalim")
     style.legend_below(figure, axis.lines, ncols=2, handlelength=3.2)
     return (figure,)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,12 +14,12 @@ from trackslip.identification.prediction import PredictionErrors
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, Trajectory, errors_of
 
-AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
+AHEAD: Final = (*((length, "s") for length in LENGTHS), (10.0, "m"))
 """Times [s] and distances [m] ahead; models are compared at the last entry that all models
 reach.
 """
-_MIN_PAIRS = 10  # number of pairs of poses needed for a median and a 90 % quantile
-_MARGIN = 1e-3  # time added at both ends, so that times ascend [s]
+_MIN_PAIRS: Final = 10  # number of pairs of poses needed for a median and a 90 % quantile
+_MARGIN: Final = 1e-3  # time added at both ends, so that times ascend [s]
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,11 @@ class Prediction:
 
     def ahead(self, length: float, unit: str) -> PredictionErrors | None:
         """Errors after a distance [m] or a time [s]; None if there are too few pairs of poses."""
-        errors = (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(
-            length
-        )
-        return errors if errors is not None and errors.count >= _MIN_PAIRS else None
+        by_length = self.errors.after_metres if unit == "m" else self.errors.after_seconds
+        errors = by_length.get(length)
+        if errors is None or errors.count < _MIN_PAIRS:
+            return None
+        return errors
 
     def drive(self, name: str) -> Trajectory:
         """Measured and predicted poses of a drive."""
@@ -44,16 +45,20 @@ class Prediction:
     @property
     def summary(self) -> dict[str, Any]:
         """The prediction as an entry in summary.json."""
-        errors, model = self.errors, self.model
+        errors = self.errors
+        model = self.model
         return {
             "law": model.name,
             "sensor": model.sensor,
             "clock_offset": model.clock_offset,
-            "after_metres": {f"{length:g}": ahead for length, ahead in errors.after_metres.items()},
-            "after_seconds": {
-                f"{length:g}": ahead for length, ahead in errors.after_seconds.items()
-            },
+            "after_metres": _by_text(errors.after_metres),
+            "after_seconds": _by_text(errors.after_seconds),
         }
+
+
+def _by_text(errors: Mapping[float, PredictionErrors]) -> dict[str, PredictionErrors]:
+    """Errors by length, as text for JSON."""
+    return {f"{length:g}": ahead for length, ahead in errors.items()}
 
 
 def predict(
@@ -66,7 +71,9 @@ def predict(
     offset. With folds, where windows may be short, encoders continue at their last speeds. Raises
     LogError if there are no such poses.
     """
-    compared, notes = list[tuple[list[RunLog], list[RunLog]]](), list[str]()
+    # for each part, its drives with the poses to predict, and with encoders as read
+    compared: list[tuple[list[RunLog], list[RunLog]]] = []
+    notes: list[str] = []
     for k, models_of_part in enumerate(models):
         read = [drive for drive, label in zip(drives, part, strict=True) if label == k]
         clocks = [model.clock_offset for model in models_of_part]
@@ -78,11 +85,14 @@ def predict(
         short = [drive.run for drive in covered if drive.is_valid.sum() <= 1]
         notes = [f"run {run!r}: encoders were read at less than two of its poses" for run in short]
         compared.append((known, known))
+
+    # one prediction per model, over all parts
     predictions = []
     for same in zip(*models, strict=True):
-        trajectories = list[Trajectory]()
+        trajectories: list[Trajectory] = []
         for model, (seen, read) in zip(same, compared, strict=True):
-            trajectories += model.trajectories(seen, read) if seen else []
+            if seen:
+                trajectories += model.trajectories(seen, read)
         predictions.append(Prediction(same[0], errors_of(trajectories, notes)))
     return predictions
 
@@ -91,18 +101,22 @@ def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog:
     """The log with only the poses that encoders cover at all clock offsets `clocks`, encoder minus
     pose clock [s].
     """
-    covered = (log.time + min(clocks) >= log.time[0]) & (log.time + max(clocks) <= log.time[-1])
-    return replace(log, valid=log.is_valid & covered)
+    after_begin = log.time + min(clocks) >= log.time[0]
+    before_end = log.time + max(clocks) <= log.time[-1]
+    return replace(log, valid=log.is_valid & after_begin & before_end)
 
 
 def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
     """The log with encoders continued at their first and last speeds, to cover all poses at all
     clock offsets.
     """
-    rows = np.clip(np.arange(-1, len(log.time) + 1), 0, len(log.time) - 1)
-    time, valid = log.time[rows], log.is_valid[rows]
-    time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
-    valid[[0, -1]] = False
+    last = len(log.time) - 1
+    rows = np.array([0, *range(last + 1), last])  # the first and the last row twice
+    time = log.time[rows]
+    time[0] += min(-_MARGIN, *clocks)
+    time[-1] += max(_MARGIN, *clocks)
+    valid = log.is_valid[rows]
+    valid[[0, -1]] = False  # the added rows have no poses
     return RunLog(
         log.run, time, log.omega[rows], log.pose[rows], valid=valid, read=log.is_read[rows]
     )

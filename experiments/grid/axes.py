@@ -8,7 +8,7 @@ import re
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import docstring_parser
 import tyro
@@ -21,7 +21,7 @@ from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError, SettingsFileError, require
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 
-SPECIAL = {
+SPECIAL: Final = {
     "radius": Column("radius", "m", "radius of the no-slip command"),
     "speed": Column("speed", "m/s", "speed of the no-slip command"),
     "friction_ratio": Column(
@@ -29,9 +29,22 @@ SPECIAL = {
     ),
 }
 """Numeric axes that are neither an option nor a robot parameter."""
-_SHORT = {"ground.source": "ground", "ground.slope": "slope", "radii": "radius", "speeds": "speed"}
-_NO_AXES = ("threads", "rrd", "out", "overwrite", "robot", "robot.radius_error", "robot.drive")
-_UNIT = re.compile(r" *\[([^]]+)\]")
+_SHORT: Final = {
+    "ground.source": "ground",
+    "ground.slope": "slope",
+    "radii": "radius",
+    "speeds": "speed",
+}
+_NO_AXES: Final = (
+    "threads",
+    "rrd",
+    "out",
+    "overwrite",
+    "robot",
+    "robot.radius_error",
+    "robot.drive",
+)
+_UNIT: Final = re.compile(r" *\[([^]]+)\]")
 
 
 def option_name(axis: str) -> str | None:
@@ -67,7 +80,8 @@ def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
     types = typing.get_type_hints(cls)
     fields: dict[str, tuple[Any, Column]] = {}
     for field in dataclasses.fields(cls):
-        kind, name = types[field.name], prefix + field.name
+        kind = types[field.name]
+        name = prefix + field.name
         if dataclasses.is_dataclass(kind):
             fields |= _fields(kind, f"{name}.")
         elif typing.get_origin(kind) is not tuple:

@@ -26,7 +26,9 @@ def run(config: Config) -> None:
     runs = plan(config)
     world = World.of(config)  # read before its files can change
     with resumable(config, {case.id for case in runs}) as (run, store):
-        resumed, began, file = len(store.rows), run.wall, run.folder / RUNS_FILE
+        resumed = len(store.rows)
+        began = run.wall
+        file = run.folder / RUNS_FILE
         simulated = sum(case.duration for case in runs if case.id not in store.rows)
         drive_missing(
             runs,

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import tyro
 
@@ -13,7 +13,7 @@ from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.options import MAX_JOBS
 from trackslip.errors import InvalidValueError
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the paper's 25 runs", "trackslip grid"),
     ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
     ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),

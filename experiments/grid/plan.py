@@ -6,7 +6,7 @@ import functools
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.manifest import digest
 from experiments.common.options import with_option
@@ -17,7 +17,7 @@ from experiments.simulate.world import FileReader, Specification, World, read_fi
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 # options that a fleet shares
-_IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")
+_IN_COMMON: Final = ("scanner", "duration", "localization", "motion", "random_phase")
 
 
 @dataclass(frozen=True)
@@ -100,22 +100,19 @@ def plan(config: Config) -> list[PlannedRun]:
 
 def _planned(config: Config) -> list[PlannedRun]:
     axes = axes_of(config)
-    radii, speeds = axes.pop("radius"), axes.pop("speed")
-    base, read = replace(config, radii=radii, speeds=speeds), functools.cache(read_files)
+    radii = axes.pop("radius")
+    speeds = axes.pop("speed")
+    base = replace(config, radii=radii, speeds=speeds)
+    read = functools.cache(read_files)
     grids = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
     settings = [_setting(grid, base, read) for grid in grids]
-    narrowest = min(
-        (setting.specification.parameters for setting in settings),
-        key=lambda robot: robot.half_gauge,
-    )
+    robots = [setting.specification.parameters for setting in settings]
+    narrowest = min(robots, key=lambda robot: robot.half_gauge)
     # if a radius is too small for only some of the robots, just those runs fail
     for radius in radii:
         require_radius(radius, narrowest.geometry)
-    return [
-        _run(setting, *command)
-        for setting in settings
-        for command in itertools.product(radii, speeds)
-    ]
+    commands = list(itertools.product(radii, speeds))
+    return [_run(setting, radius, speed) for setting in settings for radius, speed in commands]
 
 
 def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setting:
@@ -126,22 +123,27 @@ def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setti
     if "pull.force" not in axes:
         config.require_load()
     world = Specification.read(config, read)
-    changed = {
-        axis.removeprefix("robot."): value
-        for axis, value in axes.items()
-        if axis.startswith("robot.")
-    }
-    robot, ground = replace(world.parameters, **changed), world.ground
+    prefix = "robot."
+    of_robot = [axis for axis in axes if axis.startswith(prefix)]
+    changed = {axis.removeprefix(prefix): axes[axis] for axis in of_robot}
+    robot = replace(world.parameters, **changed)
+    ground = world.ground
     if "friction_ratio" in axes:
         ground = replace(ground, across=axes["friction_ratio"] * ground.along)
     world = replace(world, parameters=robot, ground=ground)
     drive = config.drive.changed(robot.drive)
     config.check(drive)
-    shared = {name: getattr(config, name) for name in _IN_COMMON} | {"drive": drive}
+    shared = {name: getattr(config, name) for name in _IN_COMMON}
+    shared["drive"] = drive
     shape = replace(robot, radius_error=0.0)
-    fleet = digest([shared, shape, world.obstacles, world.pull, ground.largest_shear > 0])
+    shears = ground.largest_shear > 0
     return Setting(
-        axes, config, world, digest([shared, world]), fleet, digest([drive, config.scanner, world])
+        axes=axes,
+        config=config,
+        specification=world,
+        id=digest([shared, world]),
+        fleet=digest([shared, shape, world.obstacles, world.pull, shears]),
+        scans=digest([drive, config.scanner, world]),
     )
 
 
@@ -151,12 +153,13 @@ def _shipped_scans() -> str:
 
 
 def _run(setting: Setting, radius: float, speed: float) -> PlannedRun:
-    config, plain = setting.config, GridCell.at(radius, speed)
+    config = setting.config
+    command = GridCell.at(radius, speed)
     id = digest([setting.id, (radius,), (speed,), config.seed, (config.rrd, config.bag)])
-    name = " ".join(
-        [plain.name, *sorted(f"{axis}={value}" for axis, value in setting.axes.items())]
-    )
+    values = sorted(f"{axis}={value}" for axis, value in setting.axes.items())
+    name = " ".join([command.name, *values])
     # a grid in the shipped world has the same scans as `reproduce`
-    key = plain.key if setting.scans == _shipped_scans() else f"{plain.key} {setting.scans}"
+    is_shipped = setting.scans == _shipped_scans()
+    key = command.key if is_shipped else f"{command.key} {setting.scans}"
     axes = {**setting.axes, "radius": radius, "speed": speed}
     return PlannedRun(GridCell(name, key, radius, speed, {"id": id}), axes, setting, id)

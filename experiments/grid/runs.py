@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
-_SAMPLED = (
+_SAMPLED: Final = (
     "omega_l",
     "omega_r",
     "v",
@@ -29,7 +29,7 @@ _SAMPLED = (
     "true_slip_r",
     "observed_radius",
 )
-_POSES = ("rmse_x", "rmse_y", "rmse_heading", "valid_fraction")
+_POSES: Final = ("rmse_x", "rmse_y", "rmse_heading", "valid_fraction")
 
 
 @dataclass(frozen=True)
@@ -65,18 +65,20 @@ class GridRuns:
             sampling = usable_samples(
                 [log], geometry, method=run.setting.config.motion, longest=True
             )
-            sample, truth = sampling.samples, true_samples([log], geometry)
+            sample = sampling.samples
+            truth = true_samples([log], geometry)
             numbers = np.concatenate(
                 [sample.omega[0], sample.twist[0], sample.slip[0], truth.slip[0], sample.radius]
             )
-            row = dict(zip(_SAMPLED, numbers.tolist(), strict=True)) | {
-                "note": "; ".join(sampling.notes) or None
-            }
+            row: Row = dict(zip(_SAMPLED, numbers.tolist(), strict=True))
+            row["note"] = "; ".join(sampling.notes) or None
         except LogError as error:
-            note = f"run {run.name!r} left out: {str(error).removeprefix(f'run {run.name!r}: ')}"
-            row = dict.fromkeys(_SAMPLED) | {"note": note}
+            reason = str(error).removeprefix(f"run {run.name!r}: ")
+            row = dict.fromkeys(_SAMPLED)
+            row["note"] = f"run {run.name!r} left out: {reason}"
         errors = LocalizationErrors.of([log])
-        return row | {name: getattr(errors, name) for name in _POSES} | _of_motors(log)
+        row |= {name: getattr(errors, name) for name in _POSES}
+        return row | _of_motors(log)
 
 
 def _of_motors(log: RunLog) -> Row:

@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from sim.runs.run_recorder import Saturation
 from trackslip.errors import counted
 from trackslip.kinematics import Array
 
-_MAX_LINES = 40
+_MAX_LINES: Final = 40
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,8 @@ class RunGrid(GridSlips):
         """A grid from the rows of its runs: means over the speeds at every radius, errors over all
         runs.
         """
-        slip, true_slip = (
-            _values(rows, "slip_l", "slip_r"),
-            _values(rows, "true_slip_l", "true_slip_r"),
-        )
+        slip = _values(rows, "slip_l", "slip_r")
+        true_slip = _values(rows, "true_slip_l", "true_slip_r")
         commanded, observed = _values(rows, "radius", "observed_radius").T
         slips = GridSlips.of(commanded, observed, slip, true_slip)
         errors = ("rmse_x", "rmse_y", "rmse_heading")
@@ -59,7 +57,8 @@ class RunGrid(GridSlips):
     @property
     def lines(self) -> list[tuple[str, ...]]:
         """Table rows, one per radius: commanded radius, observed radius, and mean slips."""
-        radius, slip = self.radius, self.slip_by_radius
+        radius = self.radius
+        slip = self.slip_by_radius
         rows = zip(radius.commanded, radius.observed, slip.outer, slip.inner, strict=True)
         return [
             (f"{given:g}", f"{seen:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
@@ -73,7 +72,8 @@ class RunGrid(GridSlips):
         """
         tightest = self.lines[int(np.argmin(self.radius.commanded))]
         errors = (self.slip_error.outer, self.slip_error.inner)
-        error = math.sqrt(np.mean([error.bias**2 + error.std**2 for error in errors]))
+        mean_squares = [error.bias**2 + error.std**2 for error in errors]
+        error = math.sqrt(np.mean(mean_squares))
         return (
             *map(str, self.axes.values()),
             str(self.runs),
@@ -100,63 +100,67 @@ def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) 
     and failures.
     """
     if len(grids) == 1:
-        header: tuple[str, ...] = (
-            "commanded radius [m]",
-            "observed [m]",
-            "outer slip",
-            "inner slip",
-        )
-        Table(
-            f"{counted(len(rows), 'run')} of {duration:g} s", header, grids[0].lines, align="r"
-        ).print()
+        _grid_table(grids[0], len(rows), duration).print()
     else:
-        numbers = (
-            "runs",
-            "failed",
-            "tightest [m]",
-            "observed [m]",
-            "outer slip",
-            "inner slip",
-            "slip error, rms",
-        )
-        lines = [grid.line for grid in grids[:_MAX_LINES]]
-        title = f"{counted(len(rows), 'run')} in {counted(len(grids), 'grid')}"
-        Table(title, (*grids[0].axes, *numbers), lines, align="r").print()
-        if len(grids) > _MAX_LINES:
-            print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
+        _grids_table(grids, len(rows)).print()
+        more = len(grids) - _MAX_LINES
+        if more > 0:
+            print(f"and {more} more grids; {TABLE_FILE} has a row for each run")
     notices = [f"warning: {warning}" for warning in _warnings(rows)]
     notices += [f"failed: {row['run']}: {row['error']}" for row in _failed(rows)]
-    print("".join(f"{notice}\n" for notice in notices[:_MAX_LINES]), end="")
-    if len(notices) > _MAX_LINES:
-        print(f"and {len(notices) - _MAX_LINES} more warnings and failures in {SUMMARY_FILE}")
+    for notice in notices[:_MAX_LINES]:
+        print(notice)
+    more = len(notices) - _MAX_LINES
+    if more > 0:
+        print(f"and {more} more warnings and failures in {SUMMARY_FILE}")
+
+
+def _grid_table(grid: RunGrid, runs: int, duration: float) -> Table:
+    """A table of a single grid, with a row per radius."""
+    header = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
+    title = f"{counted(runs, 'run')} of {duration:g} s"
+    return Table(title, header, grid.lines, align="r")
+
+
+def _grids_table(grids: Sequence[RunGrid], runs: int) -> Table:
+    """A table of the first grids, with a row each."""
+    numbers = (
+        "runs",
+        "failed",
+        "tightest [m]",
+        "observed [m]",
+        "outer slip",
+        "inner slip",
+        "slip error, rms",
+    )
+    title = f"{counted(runs, 'run')} in {counted(len(grids), 'grid')}"
+    lines = [grid.line for grid in grids[:_MAX_LINES]]
+    return Table(title, (*grids[0].axes, *numbers), lines, align="r")
 
 
 def all_failed(rows: Sequence[Row]) -> str:
     """The message for a sweep in which all runs failed."""
-    first, *others = rows
-    return (
-        f"all {len(rows)} runs fail, the first, {first['run']!r}: {first['error']}"
-        if others
-        else first["error"]
-    )
+    error: str = rows[0]["error"]
+    if len(rows) == 1:
+        return error
+    return f"all {len(rows)} runs fail, the first, {rows[0]['run']!r}: {error}"
 
 
 def _warnings(rows: Sequence[Row]) -> list[str]:
     """Warnings on saturated motors, and on parts of runs that could not be used."""
-    saturated = [
-        saturation_warning(
-            row["run"],
-            Saturation(
-                row["saturated_motor"],
-                row["saturated"],
-                row["torque_at_hand"],
-                row["torque_needed"],
-            ),
-        )
-        for row in rows
-        if row.get("saturated")
-    ]
-    return saturated + [row["note"] for row in rows if row.get("note")]
+    saturated = [_saturation_warning(row) for row in rows if row.get("saturated")]
+    notes = [row["note"] for row in rows if row.get("note")]
+    return saturated + notes
+
+
+def _saturation_warning(row: Row) -> str:
+    saturation = Saturation(
+        motor=row["saturated_motor"],
+        share=row["saturated"],
+        torque=row["torque_at_hand"],
+        needed=row["torque_needed"],
+    )
+    return saturation_warning(row["run"], saturation)
 
 
 def _failed(rows: Sequence[Row]) -> list[Row]:

@@ -18,19 +18,19 @@ def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
     metadata.
     """
     run, id, *measured = COLUMNS.values()
-    columns = (run, id, *(known()[axis][1] for axis in axes), *measured)
-    arrays = [_array([row.get(column.name) for row in rows], column) for column in columns]
-    fields = [
-        pa.field(column.name, array.type, metadata=column.metadata)
-        for column, array in zip(columns, arrays, strict=True)
-    ]
-    pa.parquet.write_table(
-        pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True
-    )
+    of_axes = [known()[axis][1] for axis in axes]
+    arrays = []
+    fields = []
+    for column in (run, id, *of_axes, *measured):
+        array = _array([row.get(column.name) for row in rows], column)
+        arrays.append(array)
+        fields.append(pa.field(column.name, array.type, metadata=column.metadata))
+    table = pa.table(arrays, schema=pa.schema(fields))
+    pa.parquet.write_table(table, path, write_page_checksum=True)
 
 
 def _array(values: list[Any], column: Column) -> pa.Array:
-    if all(value is None for value in values):
+    if all(value is None for value in values):  # the type can't be seen from the values
         return pa.array(values, pa.float64() if column.unit else pa.string())
     return pa.array(values)
 

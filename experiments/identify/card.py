@@ -3,6 +3,7 @@
 import math
 import shlex
 from collections.abc import Sequence
+from typing import Final
 
 from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Answer
@@ -16,9 +17,10 @@ from trackslip.intervals import Gain
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
 
-LINES = 25  # largest number of lines on the terminal, including the report's path
-_AHEAD = 5.0  # horizon of the errors that are printed [s]
-_MOST_ALARMS, _MOST_NOTES = 4, 2
+LINES: Final = 25  # largest number of lines on the terminal, including the report's path
+_AHEAD: Final = 5.0  # horizon of the errors that are printed [s]
+_MOST_ALARMS: Final = 4
+_MOST_NOTES: Final = 2
 
 
 def card(result: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
@@ -41,18 +43,18 @@ def card(result: Identification, out: str | None = None, taken: Sequence[str] = 
         facts.append(("error today → now", error))
     if error := far_error_today_and_now(result):
         facts.append((f"after {FAR_AHEAD:g} m", error))
-    notes = (f"note: {line}" for line in _few(in_few_lines(result.warnings), _MOST_NOTES))
+    warnings = _few(in_few_lines(result.warnings), _MOST_NOTES)
+    notes = [f"note: {line}" for line in warnings]
     lines = [*_look(result), *_other_method(result), *_few(taken, _MOST_NOTES), *notes]
     alarms = [alarm.line for alarm in result.alarms]
-    return Answer(
-        f"Best law: {result.best}", facts, lines, alarms=alarms, next=_commands(result, out)
-    )
+    commands = _commands(result, out)
+    return Answer(f"Best law: {result.best}", facts, lines, alarms=alarms, next=commands)
 
 
 def _multipliers(result: Identification) -> list[tuple[str, str]]:
     """The multipliers of the answer, each with its interval, or with what would determine it."""
     unstated = any(alarm.kind == "multiplier" for alarm in result.alarms)
-    facts = list[tuple[str, str]]()
+    facts: list[tuple[str, str]] = []
     for key, gain in result.answer.items():
         if not key.endswith("multiplier"):
             continue
@@ -73,12 +75,13 @@ def _with_interval(gain: Gain) -> str:
 
 def print_card(answer: Answer, report: str) -> None:
     """Print an answer in at most LINES lines: alarms, values, sentences, and the next commands."""
+    alarms = [f"ALARM: {line}" for line in _few(answer.alarms, _MOST_ALARMS)]
     width = max(len(name) for name, _ in answer.facts)
-    head = [f"ALARM: {line}" for line in _few(answer.alarms, _MOST_ALARMS)]
-    head += [f"{name:<{width}}  {value}" for name, value in answer.facts]
-    tail = [*(f"next: {line}" for line in answer.next), f"report: {report}"]
-    room = max(0, LINES - len(head) - len(tail))
-    for line in [*head, *answer.lines[:room], *tail]:
+    values = [f"{name:<{width}}  {value}" for name, value in answer.facts]
+    commands = [f"next: {line}" for line in answer.next]
+    tail = [*commands, f"report: {report}"]
+    room = max(0, LINES - len(alarms) - len(values) - len(tail))
+    for line in [*alarms, *values, *answer.lines[:room], *tail]:
         print(line)
 
 
@@ -92,8 +95,9 @@ def error_today_and_now(result: Identification) -> str:
     known.
     """
     if result.method == "steady" or result.drive is None:
-        cv = result.comparison.validation
-        before, after = (cv.get(name) for name in ("none", result.best))
+        validation = result.comparison.validation
+        before = validation.get("none")
+        after = validation.get(result.best)
         if before is None or after is None:
             return ""
         return (
@@ -128,7 +132,7 @@ def _two_digits(value: float) -> str:
 
 def _before_and_after(old: PredictionErrors, new: PredictionErrors, per_metre: bool = True) -> str:
     """Median errors of two predictions of the same motions, in position and heading."""
-    parts = list[str]()
+    parts: list[str] = []
     if old.position is not None and new.position is not None:
         part = f"position {old.position.median:.3f} → {new.position.median:.3f} m"
         if per_metre:
@@ -149,12 +153,11 @@ def _look(result: Identification) -> list[str]:
     if result.drive is None or result.method == "steady":
         return []
     look = result.drive.look
-    gains = [
-        (what, gain)
-        for what, gain in (("speed", look.gains.speed), ("turn", look.gains.turn))
-        if gain is not None
-    ]
-    parts = [f"{what} gain {_with_interval(gain)}" for what, gain in gains]
+    parts = []
+    if look.gains.speed is not None:
+        parts.append(f"speed gain {_with_interval(look.gains.speed)}")
+    if look.gains.turn is not None:
+        parts.append(f"turn gain {_with_interval(look.gains.turn)}")
     if look.clock:
         ahead = "encoders" if look.clock > 0 else "poses"
         parts.append(f"clocks {abs(look.clock):.2g} s apart (that of the {ahead} is ahead)")
@@ -175,14 +178,16 @@ def _other_method(result: Identification) -> list[str]:
 def _few(lines: Sequence[str], most: int) -> list[str]:
     """At most `most` lines, followed by a line with the number of lines left out, if any."""
     more = len(lines) - most
-    return [*lines] if more <= 0 else [*lines[:most], f"{more:,} more in the report"]
+    if more <= 0:
+        return [*lines]
+    return [*lines[:most], f"{more:,} more in the report"]
 
 
 def _commands(result: Identification, out: str | None) -> list[str]:
     """Command lines to run next; laws with an alarm are not offered for deployment."""
     if not out:
         return []
-    evaluate, deploy = (
-        f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy")
-    )
+    folder = shlex.quote(out)
+    evaluate = f"trackslip evaluate ANOTHER_LOG --law {folder}"
+    deploy = f"trackslip deploy {folder}"
     return [evaluate] if result.alarms else [evaluate, deploy]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
@@ -29,7 +29,7 @@ from trackslip.identification.source import MULTIPLIERS
 from trackslip.kinematics import GEARS
 from trackslip.motion.steady import SETTLE
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("from a stored grid", "trackslip identify out/grid"),
     (
         "from a real robot's log",

@@ -4,7 +4,7 @@ drives.
 
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,16 +20,18 @@ from trackslip.laws.exponential import PUBLISHED
 from trackslip.odometry.evaluation import Trajectory, moved, trajectory_of
 from trackslip.odometry.identified import identified_law, no_slip
 
-_WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
+# ratio of the largest to the smallest radius above which the axis is logarithmic
+_WIDE: Final = 8.0
 # least radius of curves, and least upper end of the radius axis [m]
-_LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5
-_POLE = 1.0  # slip above which a law is near its pole [-]
-_RUN = "#444444"
-_FEWEST = 10  # number of positions that are too few for a figure
-_PIECES = 6  # approximate number of pieces of a drive that are predicted
-_AHEAD = 10.0  # duration of a piece [s]
-_SHADES = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
-_BARS: dict[str, Any] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
+_LEAST_RADIUS: Final = 1e-3
+_LEAST_SPAN: Final = 0.5
+_POLE: Final = 1.0  # slip above which a law is near its pole [-]
+_RUN: Final = "#444444"
+_FEWEST: Final = 10  # number of positions that are too few for a figure
+_PIECES: Final = 6  # approximate number of pieces of a drive that are predicted
+_AHEAD: Final = 10.0  # duration of a piece [s]
+_SHADES: Final = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
+_BARS: Final[dict[str, Any]] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
 
 
 @style.styled
@@ -42,15 +44,12 @@ def slip_against_speed(turns: Turns) -> style.Panels:
         figure, axes = style.panel(
             f"{name.capitalize()} track", "measured speed [m/s]", "slip i [–]"
         )
+        slip = turns.slip[:, track]
         if turns.slip_error is not None:
-            axes.errorbar(turns.speed, turns.slip[:, track], turns.slip_error[:, track], **_BARS)
-        points = axes.scatter(
-            turns.speed, turns.slip[:, track], c=turns.radius, cmap=_SHADES, s=20, zorder=4
-        )
-        axes.set(
-            xlim=(0.0, 1.1 * max(float(turns.speed.max()), 1e-3)),
-            ylim=_limits(turns.slip[:, track]),
-        )
+            axes.errorbar(turns.speed, slip, turns.slip_error[:, track], **_BARS)
+        points = axes.scatter(turns.speed, slip, c=turns.radius, cmap=_SHADES, s=20, zorder=4)
+        fastest = max(float(turns.speed.max()), 1e-3)
+        axes.set(xlim=(0.0, 1.1 * fastest), ylim=_limits(slip))
         figure.colorbar(points, label="observed radius R [m]", aspect=30)
         panels.append(figure)
     return tuple(panels)
@@ -63,26 +62,22 @@ def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
     """
     laws = {name: comparison.laws[name].law for name in comparison.laws} | {"published": PUBLISHED}
     looks = _law_lines(laws, comparison.best)
-    radius, panels = curve_radii(turns), []
+    radius = curve_radii(turns)
+    panels = []
     for track, side in enumerate(TRACKS):
         figure, axes = style.panel(f"{side.capitalize()} track", "", "slip i [–]", height=4.6)
-        axes.plot(
-            turns.radius, turns.slip[:, track], "o", color=_RUN, ms=4, mew=0, zorder=6, label="runs"
-        )
+        slip = turns.slip[:, track]
+        axes.plot(turns.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6, label="runs")
         if turns.slip_error is not None:
-            axes.errorbar(
-                turns.radius,
-                turns.slip[:, track],
-                turns.slip_error[:, track],
-                turns.radius_error,
-                **_BARS,
-            )
+            error = turns.slip_error[:, track]
+            axes.errorbar(turns.radius, slip, error, turns.radius_error, **_BARS)
         for name, look in looks.items():
             for curve in turns.curves(laws[name], radius):
-                slip = curve[:, track]
-                axes.plot(radius, np.where(np.abs(slip) < _POLE, slip, np.nan), **look)
+                by_law = curve[:, track]
+                drawn = np.where(np.abs(by_law) < _POLE, by_law, np.nan)
+                axes.plot(radius, drawn, **look)
                 look = look | {"label": ""}
-        axes.set_ylim(_limits(turns.slip[:, track]))
+        axes.set_ylim(_limits(slip))
         show_radii(axes, turns)
         style.legend_below(figure, axes.get_legend_handles_labels()[0], handlelength=3.2)
         panels.append(figure)
@@ -94,14 +89,14 @@ def _law_lines(names: Iterable[str], best: str) -> dict[str, dict[str, Any]]:
     others.
     """
     looks = {name: style.law_line(name, lw=1.2, label=name) for name in names}
-    return {best: looks[best] | {"lw": 3.0, "label": f"{best} (best)"}} | {
-        n: k for n, k in looks.items() if n != best
-    }
+    looks_of_best = looks.pop(best) | {"lw": 3.0, "label": f"{best} (best)"}
+    return {best: looks_of_best, **looks}
 
 
 def _limits(values: Array) -> tuple[float, float]:
     """Limits of an axis that shows values (n,) and zero."""
-    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    low = min(0.0, float(values.min()))
+    high = max(0.0, float(values.max()))
     room = 0.15 * (high - low) + 1e-4
     return low - room, high + room
 
@@ -148,23 +143,17 @@ def predicted_paths(result: Identification) -> style.Panels | None:
     panels = []
     for name, law in (("none", no_slip(result.geometry)), (result.drive.best, best)):
         figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
-        axes.plot(
-            *measured[style.thin(len(measured), 1500)].T,
-            ".",
-            color=GREY,
-            ms=3,
-            mew=0,
-            label="measured",
-        )
+        x, y = measured[style.thin(len(measured), 1500)].T
+        axes.plot(x, y, ".", color=GREY, ms=3, mew=0, label="measured")
         axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # limits without the predictions
         drive = trajectory_of(log, law.odometry(), best.mounting, best.clock_offset or 0.0)
         for rows in _pieces(drive):
+            # from the measured pose at the begin of the piece
             first = rows.start
             turn = float(drive.heading[first] - drive.estimated[first, 2])
-            path = moved(
-                drive.estimated[rows], turn, drive.estimated[first, :2], drive.measured[first, :2]
-            )
-            axes.plot(*path[:, :2].T, **style.law_line(name, lw=1.8))
+            begin = drive.estimated[first, :2]
+            path = moved(drive.estimated[rows], turn, begin, drive.measured[first, :2])
+            axes.plot(path[:, 0], path[:, 1], **style.law_line(name, lw=1.8))
             axes.plot(*path[0, :2], "ok", ms=4, zorder=6)
         style.plane(axes)
         panels.append(figure)
@@ -175,9 +164,8 @@ def _pieces(drive: Trajectory) -> list[slice]:
     """Rows of a few pieces of a drive, each of duration _AHEAD and starting at a pose with a known
     heading.
     """
-    edges = np.searchsorted(
-        drive.time, np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD)
-    )
+    times = np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD)
+    edges = np.searchsorted(drive.time, times)
     pieces = [
         slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])
     ]

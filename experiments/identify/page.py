@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from markupsafe import Markup
 
@@ -15,7 +15,7 @@ from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 
-INTRO = Markup(
+INTRO: Final = Markup(
     "The slip of a track is i = 1 − V / (r ω), where V is its true speed over the ground, r the "
     "sprocket radius and ω "
     "the sprocket speed: positive where the track is slower than commanded. In a turn of radius "
@@ -26,14 +26,14 @@ INTRO = Markup(
     "a Tracked Mobile "
     "Robot</cite>, IROS 2008; its Eq. 11 is the slip law it published."
 )
-_STEADY = (
+_STEADY: Final = (
     "All laws are fitted to the same runs and judged by the motion that sprocket speeds cause. "
     "The best law is the "
     "simplest of those that predict left-out radii, and then left-out runs, as well as any other "
     "within one standard "
     "error or a thousandth of the speed."
 )
-_DRIVE = (
+_DRIVE: Final = (
     "The poses are cut into windows. In each window, the path that the belts drive under a law "
     "is aligned with the "
     "poses; the fit chooses the law's parameters, the sensor's place and the clock so that the "
@@ -42,7 +42,7 @@ _DRIVE = (
     "the errors of the "
     "measured poses at both ends, which no law can remove."
 )
-_SLIP = (
+_SLIP: Final = (
     "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or "
     "slower each sprocket "
     "has to turn for the robot to go where it should."
@@ -145,16 +145,12 @@ def _driven(runs: int, turns: Turns) -> str:
     """A sentence on the number of samples, and their radii and speeds."""
     if not len(turns):
         return f"{counted(runs, 'run')}, all of them nearly straight."
-    ends = (
-        f"{end:.2f}"
-        for values in (turns.radius, turns.speed)
-        for end in (values.min(), values.max())
-    )
-    where = "at observed radii from {} to {} m and speeds from {} to {} m/s".format(*ends)
-    straight = (
-        f", and {counted(runs - len(turns), 'nearly straight run')}" if runs > len(turns) else ""
-    )
-    return f"{counted(len(turns), 'turn')} {where}{straight}, each with one mean slip per track."
+    radii = f"{turns.radius.min():.2f} to {turns.radius.max():.2f} m"
+    speeds = f"{turns.speed.min():.2f} to {turns.speed.max():.2f} m/s"
+    where = f"at observed radii from {radii} and speeds from {speeds}"
+    straight = runs - len(turns)
+    others = f", and {counted(straight, 'nearly straight run')}" if straight > 0 else ""
+    return f"{counted(len(turns), 'turn')} {where}{others}, each with one mean slip per track."
 
 
 def whole_drives(result: Identification) -> Section | None:

@@ -1,6 +1,7 @@
 """Tables on an identification: parameters, comparison of the laws, and prediction errors."""
 
 from math import degrees
+from typing import Final
 
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
 from experiments.common.table import MISSING, Cell, Table, number, pair
@@ -9,29 +10,29 @@ from trackslip.identification.answer import TOO_LITTLE
 from trackslip.identification.comparison import Comparison, FittedLaw
 from trackslip.identification.drive_comparison import TODAY, DriveComparison
 from trackslip.identification.path import EXTRAS
+from trackslip.identification.prediction import PredictionErrors
 from trackslip.identification.steady import CrossValidation, SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.families import GAINS
 from trackslip.metrics import rms
 
-_STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
-_DRIVE_NOTE = (
+_STEADY_NOTE: Final = (
+    "Intervals: Student's, of errors of measurement and of one scatter between the runs."
+)
+_DRIVE_NOTE: Final = (
     "Intervals are Student's t intervals, from fits that each leave out one block of driving."
 )
-_CRITERIA_NOTE = (
+_CRITERIA_NOTE: Final = (
     "free: number of fitted parameters. rms: residual of the fit. cv: rms error at left-out "
-    "radii, for slip, speed v "
-    "and yaw rate w. The published law is not fitted."
+    "radii, for slip, speed v and yaw rate w. The published law is not fitted."
 )
-_PREDICTION_NOTE = (
+_PREDICTION_NOTE: Final = (
     "Errors over all pairs of poses between which the robot moves. today: dead reckoning without "
-    "slip, with only the "
-    "given delay and sensor place. two_gains: gains by regression. Score: mean ratio of the "
-    "error to the best law's."
+    "slip, with only the given delay and sensor place. two_gains: gains by regression. Score: "
+    "mean ratio of the error to the best law's."
 )
-# factor from SI to m or degrees, and decimals
-_UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}
+_NOT_VALIDATED: Final = (MISSING, MISSING, MISSING)
 
 
 def parameters_table(comparison: Comparison) -> Table:
@@ -51,36 +52,32 @@ def parameters_table(comparison: Comparison) -> Table:
     assert isinstance(comparison, DriveComparison)
     fit = comparison.laws[comparison.best]
     rows += [(EXTRAS[key].title, symbol(fit.name, key), value_text(fit, key)) for key in fit.extras]
-    title = (
-        f"Slip laws from {counted(len(comparison.look.drives), 'whole drive')}, sensor and "
-        f"clock by {comparison.best}"
-    )
+    drives = counted(len(comparison.look.drives), "whole drive")
+    title = f"Slip laws from {drives}, sensor and clock by {comparison.best}"
     return Table(title, header, rows, "llr", _DRIVE_NOTE)
 
 
 def value_text(fit: FittedLaw, name: str) -> str:
     """A parameter with its interval, or with the reason why it has none."""
-    value = (fit.values | getattr(fit, "extras", {}))[name]
+    values = fit.values | getattr(fit, "extras", {})
+    ends = fit.interval95.get(name)
     why_none = fit.held.get(name, TOO_LITTLE)
-    return with_interval(
-        value, fit.interval95.get(name), unit_of(fit.name, name), why_none=why_none
-    )
+    return with_interval(values[name], ends, unit_of(fit.name, name), why_none=why_none)
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
     """A comparison of the fitted laws, the best predictor first, and of the published law, last."""
     rows: list[tuple[str | Cell, ...]] = []
-    for name in comparison.laws:
-        fit, errors = comparison.laws[name], comparison.validation[name]
-        cells = (
-            str(len(fit.values)),
-            number(fit.rms, 5),
-            *([MISSING] * 3 if errors is None else _validation_cells(errors)),
-        )
-        rows.append((law_cell(name, name == comparison.best, formula=False), *cells))
+    for name, fit in comparison.laws.items():
+        law = law_cell(name, name == comparison.best, formula=False)
+        errors = comparison.validation[name]
+        validation = _NOT_VALIDATED if errors is None else _validation_cells(errors)
+        rows.append((law, str(len(fit.values)), number(fit.rms, 5), *validation))
     samples = comparison.samples
-    residual = rms(samples.relative_errors(PUBLISHED.twist(samples.omega, geometry), geometry))
-    rows.append((law_cell("published", formula=False), "0", number(residual, 5), *[MISSING] * 3))
+    predicted = PUBLISHED.twist(samples.omega, geometry)
+    residual = rms(samples.relative_errors(predicted, geometry))
+    law = law_cell("published", formula=False)
+    rows.append((law, "0", number(residual, 5), *_NOT_VALIDATED))
     header = ("law", "free", "rms", "cv slip", "cv v [mm/s]", "cv w [mrad/s]")
     return Table("Laws compared", header, rows, note=_CRITERIA_NOTE)
 
@@ -98,29 +95,26 @@ def prediction_table(drive: DriveComparison) -> Table:
     """Median errors in predicting held-out data: without identification first, then for each law,
     best law first.
     """
-    ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
+    ahead = tuple(drive.errors[drive.best])
     today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
+    rows: list[tuple[str | Cell, ...]] = []
     for name in [*today, *drive.laws]:
-        cells = []
-        for errors in map(drive.errors[name].get, ahead):
-            sizes = [(getattr(errors, key, None), *unit) for key, unit in _UNITS.items()]
-            known = [
-                number(factor * each.median, digits)
-                for each, factor, digits in sizes
-                if each is not None
-            ]
-            cells.append(pair(known) if known else MISSING)
-        rows.append(
-            (
-                law_cell(name, name == drive.best, formula=False),
-                *cells,
-                number(drive.score.get(name), 2),
-            )
-        )
+        law = law_cell(name, name == drive.best, formula=False)
+        errors = drive.errors[name]
+        cells = [_median_errors(errors.get(seconds)) for seconds in ahead]
+        rows.append((law, *cells, number(drive.score.get(name), 2)))
     title = "Held-out prediction, median error of position [m] | heading [deg]"
-    return Table(
-        title,
-        ("law", *(f"{seconds:g} s" for seconds in ahead), "score"),
-        rows,
-        note=_PREDICTION_NOTE,
-    )
+    header = ("law", *(f"{seconds:g} s" for seconds in ahead), "score")
+    return Table(title, header, rows, note=_PREDICTION_NOTE)
+
+
+def _median_errors(errors: PredictionErrors | None) -> str:
+    """Median errors in position [m] and heading [deg], as far as they are known."""
+    if errors is None:
+        return MISSING
+    known = []
+    if errors.position is not None:
+        known.append(number(errors.position.median, 3))
+    if errors.heading is not None:
+        known.append(number(degrees(1.0) * errors.heading.median, 1))
+    return pair(known) if known else MISSING

@@ -3,7 +3,7 @@ laws.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 
-TRACKS = ("inner", "outer")
+TRACKS: Final = ("inner", "outer")
 """Order of the tracks on the last axis, here and in the figures."""
-_STRAIGHT = 20.0  # radius from which a run counts as straight [m]
+_STRAIGHT: Final = 20.0  # radius from which a run counts as straight [m]
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,18 @@ class Turns:
         """The turns among samples; the inner track is the left track for positive curvature, else
         the right track.
         """
-        turning = samples.take(
-            (np.abs(samples.radius) < _STRAIGHT) & np.isfinite(samples.slip).all(axis=1)
-        )
+        is_turn = np.abs(samples.radius) < _STRAIGHT
+        is_known = np.isfinite(samples.slip).all(axis=1)
+        turning = samples.take(is_turn & is_known)
         left = turning.curvature > 0
-        errors = _errors(turning, left, geometry)
+        radius_error, slip_error = _errors(turning, left, geometry)
         return cls(
-            turning.twist, np.abs(turning.radius), left, _inner_outer(turning.slip, left), *errors
+            twist=turning.twist,
+            radius=np.abs(turning.radius),
+            left=left,
+            slip=_inner_outer(turning.slip, left),
+            radius_error=radius_error,
+            slip_error=slip_error,
         )
 
     def __len__(self) -> int:
@@ -88,17 +93,25 @@ def _errors(
 ) -> tuple[Array | None, Array | None]:
     """Standard errors of the radius (n,) and of both slips (n, 2), propagated linearly from the
     twists' errors.
+
+    The radius is v / w, with the gradient (1 / w, -v / w^2) by (v, w); the slip of a track at s b
+    from the middle, with s = -1 or 1, is 1 - (v + s b w) / u, with the belt's speed u, and has the
+    gradient -(1, s b) / u. A value with the gradient g has the variance g C g^T.
     """
-    if samples.covariance is None:
+    covariance = samples.covariance
+    if covariance is None:
         return None, None
+
+    def standard_errors(gradient: Array) -> Array:
+        """Standard errors (n, k) of values with gradients (n, k, 2) by the twist."""
+        variance = np.einsum("nki,nij,nkj->nk", gradient, covariance, gradient)
+        return np.sqrt(variance)
+
     v, w = samples.twist.T
-    commanded = geometry.sprocket_radius * samples.omega  # (n, 2)
-    # (n, 1, 2) gradient with respect to the twist
-    of_radius = np.stack([1 / w, -v / w**2], axis=-1)[:, None]
-    # (n, 2, 2)
-    of_slip = -np.stack([1 / commanded, TRACK_SIGNS * geometry.half_gauge / commanded], axis=-1)
-    radius, slip = (
-        np.sqrt(np.einsum("nki,nij,nkj->nk", gradient, samples.covariance, gradient))
-        for gradient in (of_radius, of_slip)
-    )
-    return radius[:, 0], _inner_outer(slip, left)
+    of_radius = np.stack([1 / w, -v / w**2], axis=-1)  # (n, 2)
+    belts = geometry.sprocket_radius * samples.omega
+    sideways = TRACK_SIGNS * geometry.half_gauge
+    of_slip = -np.stack([1 / belts, sideways / belts], axis=-1)  # (n, 2, 2)
+    radius = standard_errors(of_radius[:, None])[:, 0]
+    slip = standard_errors(of_slip)
+    return radius, _inner_outer(slip, left)

@@ -2,7 +2,7 @@
 
 import shlex
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,26 +19,27 @@ from trackslip.planning.information import Expectation, PoseQuality
 from trackslip.planning.limits import first_knowledge, read_identification
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
 
-PLAN_FILE, BAG_FILE = "plan.csv", "cmd_vel.mcap"
+PLAN_FILE: Final = "plan.csv"
+BAG_FILE: Final = "cmd_vel.mcap"
 
 
 def run(config: Config) -> None:
     """Plan a drive, and store and print the plan."""
-    bag, bag_file = config.bag and has_rosbags(), config.out / BAGS_FOLDER / BAG_FILE
+    bag = config.bag and has_rosbags()
+    bag_file = config.out / BAGS_FOLDER / BAG_FILE
     with Run(config) as run:
         plan = _plan(config, run)
         paper = expected_of_paper(plan)
-        robot, play = plan.knowledge.geometry, f"ros2 bag play {shlex.quote(str(bag_file))}"
+        robot = plan.knowledge.geometry
+        play = f"ros2 bag play {shlex.quote(str(bag_file))}"
         sizes = f"--half-gauge {robot.half_gauge:g} --sprocket-radius {robot.sprocket_radius:g}"
         identify = f"trackslip identify LOG {sizes}"
         rows = np.column_stack([plan.time, plan.omega, plan.twist])
-        np.savetxt(
-            run.folder / PLAN_FILE, rows, "%.6g", ",", header="t,omega_l,omega_r,v,w", comments=""
-        )
+        header = "t,omega_l,omega_r,v,w"
+        np.savetxt(run.folder / PLAN_FILE, rows, "%.6g", ",", header=header, comments="")
         manifest = run.manifest(seed=config.seed)
-        page(plan, paper, manifest, [play, identify] if bag else [identify]).write(
-            run.folder, config.pdf
-        )
+        steps = [play, identify] if bag else [identify]
+        page(plan, paper, manifest, steps).write(run.folder, config.pdf)
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist, config.topic)
         run.write(_to_json(plan, paper), manifest=manifest)
@@ -61,19 +62,23 @@ def _plan(config: Config, run: Run) -> DrivePlan:
     law: str = config.law or REFERENCE
     if config.after is None:
         geometry = config.geometry()
-        knowledge, values, known = first_knowledge(geometry), None, None
+        knowledge = first_knowledge(geometry)
+        values = None
+        known = None
     else:
         before, knowledge = read_identification(config.after, config.law)
-        geometry, law, known = before.geometry, before.name, before.errors
+        geometry = before.geometry
+        law = before.name
+        known = before.errors
         values = [getattr(before.law, name) for name in FAMILIES[law].names]
-    stated: dict[str, Any] = {"offset": config.offset, "reach_doubt": config.doubt}
-    knowledge = replace(
-        knowledge, **{name: value for name, value in stated.items() if value is not None}
-    )
-    source, limits = POSE_SENSORS[config.poses], config.limits(geometry)
-    poses = PoseQuality(
-        source.rate, source.position_noise, source.heading_noise if source.heading else None
-    )
+    if config.offset is not None:
+        knowledge = replace(knowledge, offset=config.offset)
+    if config.doubt is not None:
+        knowledge = replace(knowledge, reach_doubt=config.doubt)
+    limits = config.limits(geometry)
+    source = POSE_SENSORS[config.poses]
+    heading_noise = source.heading_noise if source.heading else None
+    poses = PoseQuality(source.rate, source.position_noise, heading_noise)
     with run.progress("drives", evaluations(limits), "drives") as step:
         return plan_drive(geometry, limits, poses, law, knowledge, values, known, config.seed, step)
 

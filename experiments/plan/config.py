@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import tyro
 
@@ -21,7 +21,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.planning.limits import CORNER_DISTANCE, DriveLimits
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
     (
         "outdoors, with GNSS",
@@ -29,7 +29,7 @@ EXAMPLES = (
     ),
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
 )
-_OF_AFTER = default_is("from --after", "FLOAT")
+_OF_AFTER: Final = default_is("from --after", "FLOAT")
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ paper's runs.
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,8 +20,9 @@ from experiments.common.table import MISSING, Table, number, percent, significan
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
 
-_EXPECTED = ("parameter", "expected", "± error", "scale", "share", "25 runs")
-_NOTE = (
+_EXPECTED: Final = ("parameter", "expected", "± error", "scale", "share", "25 runs")
+_SIZE: Final = (4.5, 4.2)  # width and height of a figure [in]
+_NOTE: Final = (
     "Share: the standard error over the scale, for D half_gauge + D. The plan makes the "
     "largest share small."
 )
@@ -36,11 +37,14 @@ def page(
         f"{_errors_text(plan, plan.expectation)}"
     )
     answer = Answer(heading, _facts(plan, paper), next=steps)
-    figure = Plot(
-        "plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected."
-    )
-    sections = [Section("Drive", [figure]), Section("Expected errors", [_expected(plan, paper)])]
-    return Page("A drive to identify slip", command_line("plan"), manifest, sections, answer=answer)
+    draw = partial(_draw_plan, plan)
+    figure = Plot("plan", draw, "Path and speeds", "The path if the law is as expected.")
+    sections = [
+        Section("Drive", [figure]),
+        Section("Expected errors", [_expected(plan, paper)]),
+    ]
+    command = command_line("plan")
+    return Page("A drive to identify slip", command, manifest, sections, answer=answer)
 
 
 def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
@@ -51,19 +55,24 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
 
 
 def _expected(plan: DrivePlan, paper: Expectation | None) -> Table:
+    """A table with a row per parameter of the law: what is expected, and how well the drive and
+    the paper's runs determine it.
+    """
+    errors = _errors(plan, plan.expectation)
+    errors_of_paper = {} if paper is None else _errors(plan, paper)
     rows = []
-    errors, of_paper = (
-        _errors(plan, plan.expectation),
-        {} if paper is None else _errors(plan, paper),
-    )
-    for (name, size), value in zip(plan.sizes.items(), plan.values.tolist(), strict=True):
+    for (name, scale), value in zip(plan.sizes.items(), plan.values.tolist(), strict=True):
         factor, unit = unit_of(plan.law, name)
-        relative = (
-            significant(factor * size, unit, 3),
-            percent(plan.expectation.stderr[name] / size),
+        share = plan.expectation.stderr[name] / scale
+        row = (
+            symbol(plan.law, name),
+            number(factor * value, 2, unit),
+            errors[name],
+            significant(factor * scale, unit, 3),
+            percent(share),
+            errors_of_paper.get(name, MISSING),
         )
-        expected = (number(factor * value, 2, unit), errors[name])
-        rows.append((symbol(plan.law, name), *expected, *relative, of_paper.get(name, MISSING)))
+        rows.append(row)
     title = (
         f"{plan.limits.duration:g} s in {plan.limits.area_text} m: how well {plan.law} will "
         "be known"
@@ -73,11 +82,11 @@ def _expected(plan: DrivePlan, paper: Expectation | None) -> Table:
 
 def _errors(plan: DrivePlan, expectation: Expectation) -> dict[str, str]:
     """The standard error of each of the law's parameters, with its unit."""
-    units = {name: unit_of(plan.law, name) for name in plan.sizes}
-    return {
-        name: significant(factor * expectation.stderr[name], unit)
-        for name, (factor, unit) in units.items()
-    }
+    errors = {}
+    for name in plan.sizes:
+        factor, unit = unit_of(plan.law, name)
+        errors[name] = significant(factor * expectation.stderr[name], unit)
+    return errors
 
 
 def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
@@ -89,11 +98,9 @@ def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
     """Facts on a plan: start, extent, undetermined parameters, and the errors expected from the
     paper's runs.
     """
-    (x, y, heading), (across, up), knowledge = (
-        plan.start,
-        np.ptp(plan.places, axis=0),
-        plan.knowledge,
-    )
+    x, y, heading = plan.start
+    across, up = np.ptp(plan.places, axis=0)
+    knowledge = plan.knowledge
     where = (
         f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading "
         f"{math.degrees(heading):.0f}°"
@@ -115,21 +122,38 @@ def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
 
 @styled
 def _draw_plan(plan: DrivePlan) -> tuple[Figure, Figure]:
-    figures = [Figure(figsize=(4.5, 4.2), layout="constrained") for _ in range(2)]
-    place, belts = (figure.subplots() for figure in figures)
-    area, reached, low = plan.limits.area, np.ptp(plan.places, axis=0), tuple(plan.places[0])
-    place.add_patch(
-        Rectangle((-area[0] / 2, -area[1] / 2), *area, fill=False, ec=GREY, lw=1.2, label="area")
-    )
-    place.add_patch(Rectangle(low, *reached, color=BAND, lw=0, label="where it may get to"))
-    place.plot(*plan.path.T, color=BLUE, label="expected path")
-    place.plot(*plan.start[:2], "o", color=GREEN, label="start")
-    plane(place, title="Path")
-    for values, side, colour in zip(plan.speeds.T, ("left", "right"), (BLUE, ORANGE), strict=True):
-        belts.step(plan.time, values, where="post", color=colour, label=side)
-    belts.set(
-        title="Belts", xlabel="time [s]", ylabel="speed [m/s]", xlim=(0, plan.limits.duration)
-    )
-    for figure in figures:
+    path = _draw_path(plan)
+    belts = _draw_belts(plan)
+    for figure in (path, belts):
         figure.legend(loc="outside lower center", ncols=2)
-    return figures[0], figures[1]
+    return path, belts
+
+
+def _draw_path(plan: DrivePlan) -> Figure:
+    """The expected path in the area, and the part of the area that the robot may get to."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    axes = figure.subplots()
+    length, width = plan.limits.area
+    corner = (-length / 2, -width / 2)
+    area = Rectangle(corner, length, width, fill=False, ec=GREY, lw=1.2, label="area")
+    axes.add_patch(area)
+    low_x, low_y = plan.places[0]
+    reached = np.ptp(plan.places, axis=0)
+    within = Rectangle((low_x, low_y), *reached, color=BAND, lw=0, label="where it may get to")
+    axes.add_patch(within)
+    axes.plot(*plan.path.T, color=BLUE, label="expected path")
+    axes.plot(*plan.start[:2], "o", color=GREEN, label="start")
+    plane(axes, title="Path")
+    return figure
+
+
+def _draw_belts(plan: DrivePlan) -> Figure:
+    """The speeds of both belts over time."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    axes = figure.subplots()
+    left, right = plan.speeds.T
+    axes.step(plan.time, left, where="post", color=BLUE, label="left")
+    axes.step(plan.time, right, where="post", color=ORANGE, label="right")
+    axes.set(title="Belts", xlabel="time [s]", ylabel="speed [m/s]")
+    axes.set_xlim(0, plan.limits.duration)
+    return figure

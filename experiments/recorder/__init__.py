@@ -11,11 +11,13 @@ def record_all(
     folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None
 ) -> None:
     """Record each run, and each group of runs in `compared`, to `folder`/RECORDINGS_FOLDER."""
-    groups = [*((log.run, [log]) for log in logs), *(compared or {}).items()]
-    for name, (_, group) in zip(
-        file_names([name for name, _ in groups], ".rrd"), groups, strict=True
-    ):
-        record(folder / RECORDINGS_FOLDER / name, group)
+    titles = [log.run for log in logs]
+    groups: list[Sequence[RunLog]] = [[log] for log in logs]
+    for name, group in (compared or {}).items():
+        titles.append(name)
+        groups.append(group)
+    for file, group in zip(file_names(titles, ".rrd"), groups, strict=True):
+        record(folder / RECORDINGS_FOLDER / file, group)
 
 
 def record(file: Path, logs: Sequence[RunLog]) -> None:
@@ -30,6 +32,7 @@ def record(file: Path, logs: Sequence[RunLog]) -> None:
 
 def title(logs: Sequence[RunLog]) -> str:
     """The title of a recording."""
-    return (
-        logs[0].run if len(logs) == 1 else f"{len(logs)} runs: {', '.join(log.run for log in logs)}"
-    )
+    if len(logs) == 1:
+        return logs[0].run
+    names = ", ".join(log.run for log in logs)
+    return f"{len(logs)} runs: {names}"

@@ -3,7 +3,7 @@ belts turn.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -15,14 +15,15 @@ from sim.robot.robot import SCANNED_GROUP, VISUAL_GROUP
 from sim.tracks.drawing import BOX, CYLINDER, Pieces, TrackLook
 from trackslip.kinematics import Array
 
-ROBOT = "robot"
+ROBOT: Final = "robot"
 """Entity with a robot's bodies, below the run's entity."""
-GROUND = f"{FIELD}/ground"
-_UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour for geoms that don't set a colour
-_STONE, _THICK = 0.5, 0.01  # side and half the thickness of a paving stone [m]
-_MARGIN = 3.0  # width of the paving around everything else [m]
-_MAX_STONES = 100  # largest number of stones along one side
-_TONES = ((92, 90, 86), (84, 82, 78))
+GROUND: Final = f"{FIELD}/ground"
+_UNSET: Final = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour for geoms that don't set a colour
+_STONE: Final = 0.5  # side of a paving stone [m]
+_THICKNESS: Final = 0.01  # half the thickness of a paving stone [m]
+_MARGIN: Final = 3.0  # width of the paving around everything else [m]
+_MAX_STONES: Final = 100  # largest number of stones along one side
+_TONES: Final = ((92, 90, 86), (84, 82, 78))  # colours of the stones, as on a chessboard
 
 
 def send_robot(
@@ -35,21 +36,28 @@ def send_robot(
     travel: Array,  # (R, T) distances travelled by the belts, or (1, T) for belts at rest [m]
 ) -> None:
     """Send all moving bodies of a model and the tracks on them, below the entity `root`."""
-    carriers = {body for _, body, _ in tracks}
-    bodies = [
-        b
-        for b in range(1, model.nbody)
-        if model.body_weldid[b] and (b in carriers or drawn(model, b))
-    ]
-    entities = {
-        body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies
-    }
+    bodies = _moving_bodies(model, [body for _, body, _ in tracks])
+    entities = {body: f"{root}/{ROBOT}/{_body_path(model, body)}" for body in bodies}
     position, attitude = _poses(model, qpos, bodies)
     for k, (body, entity) in enumerate(entities.items()):
-        recording.poses(entity, time, position[:, k], np.roll(attitude[:, k], -1, axis=-1))
+        scalar_last = np.roll(attitude[:, k], -1, axis=-1)
+        recording.poses(entity, time, position[:, k], scalar_last)
         send_geoms(recording, f"{entity}/body", model, body)
     for (name, body, look), distance in zip(tracks, travel.T, strict=True):
-        _send_track(recording, f"{entities[body]}/{_path(name)}", time, look.pieces(distance))
+        entity = f"{entities[body]}/{_path(name)}"
+        _send_track(recording, entity, time, look.pieces(distance))
+
+
+def _moving_bodies(model: mujoco.MjModel, carriers: Sequence[int]) -> list[int]:
+    """Bodies that can move, and are visible or carry a track."""
+    # bodies welded to the world have 0 here
+    moving = [body for body in range(1, model.nbody) if model.body_weldid[body]]
+    return [body for body in moving if body in carriers or drawn(model, body)]
+
+
+def _body_path(model: mujoco.MjModel, body: int) -> str:
+    """A body's name, or its number if it has no name, as part of an entity's path."""
+    return _path(model.body(body).name or str(body))
 
 
 def _path(name: str) -> str:
@@ -60,7 +68,8 @@ def _path(name: str) -> str:
 def send_geoms(recording: Recording, entity: str, model: mujoco.MjModel, body: int) -> None:
     """Send the visible geoms of a body, in its frame; planes, which are infinite, are left out."""
     for i in drawn(model, body):
-        recording.still(f"{entity}/{_path(model.geom(i).name or str(i))}", _shape(model, i))
+        name = _path(model.geom(i).name or str(i))
+        recording.still(f"{entity}/{name}", _shape(model, i))
 
 
 def drawn(model: mujoco.MjModel, body: int) -> list[int]:
@@ -72,15 +81,21 @@ def drawn(model: mujoco.MjModel, body: int) -> list[int]:
 
 def send_paving(recording: Recording, within: Array, height: float = 0.0) -> None:
     """Send level ground at a height [m] around the points `within` (n, 2) [m]."""
-    low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
-    high = np.minimum(
-        np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int), low + _MAX_STONES
-    )
-    corner = np.stack(np.meshgrid(*map(np.arange, low, high)), axis=-1).reshape(-1, 2)
+    # corners of the paving, in stones
+    begin = (within.min(axis=0) - _MARGIN) / _STONE
+    end = (within.max(axis=0) + _MARGIN) / _STONE
+    low = np.floor(begin).astype(int)
+    high = np.minimum(np.ceil(end).astype(int), low + _MAX_STONES)
+
+    columns = np.arange(low[0], high[0])
+    rows = np.arange(low[1], high[1])
+    corner = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    middle = _STONE * (corner + 0.5)
+    is_odd = corner.sum(axis=1) % 2
     stones = rr.Boxes3D(
-        centers=at_height(_STONE * (corner + 0.5), height - _THICK),
-        half_sizes=[[_STONE / 2, _STONE / 2, _THICK]],
-        colors=np.array(_TONES, np.uint8)[corner.sum(axis=1) % 2],
+        centers=at_height(middle, height - _THICKNESS),
+        half_sizes=[[_STONE / 2, _STONE / 2, _THICKNESS]],
+        colors=np.array(_TONES, np.uint8)[is_odd],
         fill_mode="solid",
     )
     recording.still(GROUND, stones)
@@ -88,23 +103,29 @@ def send_paving(recording: Recording, within: Array, height: float = 0.0) -> Non
 
 def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) -> None:
     """Send the boxes and cylinders of a track, only once if the track is at rest."""
-    turn = (
-        Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3))
-        .as_quat()
-        .reshape(*pieces.angle.shape, 4)
-    )
-    colours = np.rint(255 * pieces.rgba).astype(np.uint8)
+    matrices = pieces.rotation.reshape(-1, 3, 3)
+    quaternions = Rotation.from_matrix(matrices).as_quat()
+    turn = quaternions.reshape(*pieces.angle.shape, 4)
+    colours = _bytes(pieces.rgba)
     for kind, name in ((BOX, "boxes"), (CYLINDER, "wheels")):
         mine = pieces.kind == kind
-        place, turned = pieces.position[:, mine], turn[:, mine]
+        place = pieces.position[:, mine]
+        turned = turn[:, mine]
         solid = _solid(kind, pieces.size[mine], place[0], turned[0], colours[mine])
         if len(place) == 1:
             recording.still(f"{entity}/{name}", solid)
-        else:
-            columns = {"centers": place.reshape(-1, 3), "quaternions": turned.reshape(-1, 4)}
-            recording.shapes(
-                f"{entity}/{name}", time, np.full(len(time), mine.sum()), solid, **columns
-            )
+            continue
+        counts = np.full(len(time), mine.sum())
+        centres = place.reshape(-1, 3)
+        turns = turned.reshape(-1, 4)
+        recording.shapes(
+            f"{entity}/{name}", time, counts, solid, centers=centres, quaternions=turns
+        )
+
+
+def _bytes(rgba: Array) -> np.ndarray:
+    """Colours (..., 4) from 0 to 1 as bytes from 0 to 255."""
+    return np.rint(255 * rgba).astype(np.uint8)
 
 
 def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarray) -> Any:
@@ -123,54 +144,77 @@ def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarra
 
 def _shape(model: mujoco.MjModel, i: int) -> Any:
     """A geom as a rerun shape in the frame of its body."""
-    kind, place, turn = model.geom_type[i], model.geom_pos[i], np.roll(model.geom_quat[i], -1)
-    material, rgba = model.geom_matid[i], model.geom_rgba[i]
-    if material >= 0 and (rgba == _UNSET).all():  # as MuJoCo draws it
-        rgba = model.mat_rgba[material]
-    colour = np.rint(255 * rgba).astype(np.uint8)
+    kind = model.geom_type[i]
+    place = model.geom_pos[i]
+    turn = np.roll(model.geom_quat[i], -1)  # rerun has w last
+    colour = _bytes(_rgba(model, i))
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[i]
-        first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        corners = model.mesh_vert[model.mesh_vertadr[mesh] :][
-            model.mesh_face[first : first + count]
-        ]
+        triangles = _mesh(model, model.geom_dataid[i])
     elif kind == mujoco.mjtGeom.mjGEOM_HFIELD:
-        corners = _height_field(model, int(model.geom_dataid[i]))
+        triangles = _height_field(model, int(model.geom_dataid[i]))
     else:
         return _solid(kind, model.geom_size[i][None], place[None], turn[None], colour[None])
-    vertices = Rotation.from_quat(turn).apply(corners.reshape(-1, 3)) + place
+    vertices = Rotation.from_quat(turn).apply(triangles.reshape(-1, 3)) + place
+    return _flat_mesh(vertices, colour)
+
+
+def _rgba(model: mujoco.MjModel, i: int) -> Array:
+    """A geom's colour (4,), as MuJoCo draws it: the material's, unless the geom sets its own."""
+    material = model.geom_matid[i]
+    own = model.geom_rgba[i]
+    is_own = (own != _UNSET).any()
+    return own if material < 0 or is_own else model.mat_rgba[material]
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> Array:
+    """Triangles (F, 3, 3) of a mesh."""
+    first = model.mesh_faceadr[mesh]
+    faces = model.mesh_face[first : first + model.mesh_facenum[mesh]]
+    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :]
+    return np.asarray(vertices[faces])
+
+
+def _flat_mesh(vertices: Array, colour: np.ndarray) -> rr.Mesh3D:
+    """Triangles with vertices (3 F, 3), each shaded flat."""
     edge = np.diff(vertices.reshape(-1, 3, 3), axis=1)
-    normal = np.cross(edge[:, 0], edge[:, 1])  # each triangle is shaded flat
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    return rr.Mesh3D(
-        vertex_positions=vertices, vertex_normals=np.repeat(normal, 3, axis=0), albedo_factor=colour
-    )
+    normal = np.cross(edge[:, 0], edge[:, 1])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal /= np.maximum(length, 1e-12)
+    normals = np.repeat(normal, 3, axis=0)
+    return rr.Mesh3D(vertex_positions=vertices, vertex_normals=normals, albedo_factor=colour)
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Array:
-    """Triangles (F, 3, 3) on a height field's surface, the same as MuJoCo's."""
-    rows, columns, first = (
-        model.hfield_nrow[field],
-        model.hfield_ncol[field],
-        model.hfield_adr[field],
-    )
+    """Triangles (F, 3, 3) on a height field's surface, the same as MuJoCo's: each cell is divided
+    by the diagonal from its corner at the smallest x and y.
+    """
+    rows = model.hfield_nrow[field]
+    columns = model.hfield_ncol[field]
+    first = model.hfield_adr[field]
     length, width, high, _ = model.hfield_size[field]
-    x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))
-    z = high * model.hfield_data[first : first + rows * columns].reshape(rows, columns)
-    points = np.stack([x, y, z], axis=-1)
-    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
-    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 3)
+
+    x = np.linspace(-length, length, columns)
+    y = np.linspace(-width, width, rows)
+    heights = model.hfield_data[first : first + rows * columns]
+    z = high * heights.reshape(rows, columns)
+    points = np.stack([*np.meshgrid(x, y), z], axis=-1)
+
+    near = points[:-1, :-1]
+    along_x = points[:-1, 1:]
+    far = points[1:, 1:]
+    along_y = points[1:, :-1]
+    corners = np.stack([near, along_x, far, near, far, along_y], axis=2)
+    return corners.reshape(-1, 3, 3)
 
 
 def _poses(model: mujoco.MjModel, qpos: Array, bodies: Sequence[int]) -> tuple[Array, Array]:
     """Positions (R, B, 3) and attitudes (R, B, 4), w first, of bodies in states qpos (R, nq)."""
     data = mujoco.MjData(model)
-    position, attitude = (
-        np.empty((len(qpos), len(bodies), 3)),
-        np.empty((len(qpos), len(bodies), 4)),
-    )
+    position = np.empty((len(qpos), len(bodies), 3))
+    attitude = np.empty((len(qpos), len(bodies), 4))
     for k in range(len(qpos)):
         data.qpos[:] = qpos[k]
         mujoco.mj_kinematics(model, data)
-        position[k], attitude[k] = data.xpos[bodies], data.xquat[bodies]
+        position[k] = data.xpos[bodies]
+        attitude[k] = data.xquat[bodies]
     return position, attitude

@@ -5,7 +5,7 @@ colour.
 import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import rerun as rr
@@ -33,7 +33,7 @@ from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED, RunLog
 
-_COLOURS = (
+_COLOURS: Final = (
     BLUE,
     "#D55E00",
     "#009E73",
@@ -45,38 +45,55 @@ _COLOURS = (
     "#8C510A",
     "#6A3D9A",
 )
-_REFERENCE_COLOUR = "#b8b8b8"
-_AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
-_THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # line widths [px]
-_ABOVE = 0.004  # height of lines above the ground, and above each other [m]
-PANELS = (
+_REFERENCE_COLOUR: Final = "#b8b8b8"
+# errors ahead, to the left, and in heading
+_AHEAD: Final = "#009E73"
+_SIDEWAYS: Final = "#F0E442"
+_TURNING: Final = "#CC79A7"
+# line widths [px]
+_THICK: Final = 4.5
+_LINE: Final = 1.5
+_THIN: Final = 0.8
+_ABOVE: Final = 0.004  # height of lines above the ground, and above each other [m]
+PANELS: Final = (
     Panel("Slip [-]", ("slip/assumed", "slip/identified", "slip/true"), 1.9, has_outliers=True),
     Panel("Sprocket speed [rad/s]", ("sprocket/command", "sprocket/measured"), 1.4),
     Panel("Position error [mm]", ("error/distance", "error/position"), 1.2, has_outliers=True),
     Panel("Heading error [deg]", ("error/heading",), 0.9, has_outliers=True),
 )
 """Panels with plots of a run; panels without lines are left out."""
-_COMPARED = ("slip/true", "slip/identified", "sprocket/measured", "error/distance", "error/heading")
+_COMPARED: Final = (
+    "slip/true",
+    "slip/identified",
+    "sprocket/measured",
+    "error/distance",
+    "error/heading",
+)
 """Lines that are plotted when several runs are compared."""
 
 
 def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
     """Send a run, or several runs on a common timeline."""
-    runs, alone = [Traces(log) for log in logs], len(logs) == 1
+    runs = [Traces(log) for log in logs]
+    alone = len(logs) == 1
     within = _within(runs)
     send_field(recording, runs[0], _looks(logs[0]).model, within)
     _send_camera(recording, runs)
     roots = []
     for number, traces in enumerate(runs):
-        colour, run = _COLOURS[number % len(_COLOURS)], traces.log.run
-        root = RUN if alone else rr.new_entity_path([RUN, run]).removeprefix("/")
+        colour = _COLOURS[number % len(_COLOURS)]
+        run = traces.log.run
+        root = RUN
+        if not alone:
+            root = rr.new_entity_path([RUN, run]).removeprefix("/")
         looks = _looks(traces.log, None if alone else colour)
         _send_robot(recording, root, traces, looks, turning=alone)
         _send_paths(recording, root, traces, colour, estimate=alone)
         series = series_of(traces)
         if alone:
             send_estimate(recording, f"{root}/estimate", traces, looks.model)
-            send_scans(recording, f"{root}/scan", traces, float(looks.model.body("lrf").pos[2]))
+            height = float(looks.model.body("lrf").pos[2])
+            send_scans(recording, f"{root}/scan", traces, height)
         else:
             series = _in_colour(series, colour, run)
         recording.series(root, traces.time, series)
@@ -86,38 +103,55 @@ def send_runs(recording: Recording, logs: Sequence[RunLog]) -> None:
 
 def series_of(traces: Traces) -> list[Series]:
     """All plot lines that the log of a run provides."""
-    log, error, sides = traces.log, traces.error, (LEFT, RIGHT)
-    dark, pale = _blended(sides, 0), _blended(sides, 255)
-    by_track = [
-        ("slip/assumed", traces.assumed, "assumed", dark, _THICK),
-        ("slip/identified", traces.identified, "identified", pale, _THIN),
-        ("slip/true", traces.slip, "true", sides, _LINE),
-        ("sprocket/command", log.command, "set point", pale, _THICK),
-        ("sprocket/measured", log.omega, "measured", sides, _LINE),
-    ]
-    series = [
-        Series(entity, values, (f"left, {what}", f"right, {what}"), colours, width)
-        for entity, values, what, colours, width in by_track
-        if values is not None
-    ]
-    if error is not None:
-        distance = 1e3 * np.hypot(error[:, :1], error[:, 1:2])
-        series += [
-            Series("error/distance", distance, ("distance",), (GREY,), _THICK),
-            Series(
-                "error/position", 1e3 * error[:, :2], ("ahead", "to the left"), (_AHEAD, _SIDEWAYS)
-            ),
-            Series("error/heading", np.degrees(error[:, 2:]), ("heading",), (_TURNING,)),
-        ]
+    return [*_track_series(traces), *_error_series(traces)]
+
+
+def _track_series(traces: Traces) -> list[Series]:
+    """Lines for the left and the right track: slips and sprocket speeds."""
+    sides = (LEFT, RIGHT)
+    dark = _blended(sides, 0)
+    pale = _blended(sides, 255)
+    series = []
+
+    def add(
+        entity: str, values: Array | None, what: str, colours: Sequence[str], width: float
+    ) -> None:
+        """Add the lines of both tracks, if the log has their values."""
+        if values is not None:
+            names = (f"left, {what}", f"right, {what}")
+            series.append(Series(entity, values, names, colours, width))
+
+    add("slip/assumed", traces.assumed, "assumed", dark, _THICK)
+    add("slip/identified", traces.identified, "identified", pale, _THIN)
+    add("slip/true", traces.slip, "true", sides, _LINE)
+    add("sprocket/command", traces.log.command, "set point", pale, _THICK)
+    add("sprocket/measured", traces.log.omega, "measured", sides, _LINE)
     return series
+
+
+def _error_series(traces: Traces) -> list[Series]:
+    """Lines of the errors from the reference, if there is one."""
+    error = traces.error
+    if error is None:
+        return []
+    position = 1e3 * error[:, :2]
+    distance = 1e3 * np.hypot(error[:, :1], error[:, 1:2])
+    heading = np.degrees(error[:, 2:])
+    names = ("ahead", "to the left")
+    return [
+        Series("error/distance", distance, ("distance",), (GREY,), _THICK),
+        Series("error/position", position, names, (_AHEAD, _SIDEWAYS)),
+        Series("error/heading", heading, ("heading",), (_TURNING,)),
+    ]
 
 
 def _blended(colours: Sequence[str], level: int) -> list[str]:
     """Colours blended halfway to a grey `level`, from 0 (black) to 255 (white)."""
-    return [
-        "#" + "".join(f"{(channel + level) // 2:02x}" for channel in rgb(colour))
-        for colour in colours
-    ]
+    blended = []
+    for colour in colours:
+        channels = [(channel + level) // 2 for channel in rgb(colour)]
+        blended.append("#" + bytes(channels).hex())
+    return blended
 
 
 def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
@@ -125,14 +159,13 @@ def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
     track.
     """
     colours = [colour, *_blended([colour], 255)]
-    lines = [line for line in series if line.entity in _COMPARED]
-    names = [
-        (f"{run}, left", f"{run}, right") if len(line.names) == 2 else (run,) for line in lines
-    ]
-    return [
-        replace(line, names=name, colours=colours, width=_LINE)
-        for line, name in zip(lines, names, strict=True)
-    ]
+    of_tracks = (f"{run}, left", f"{run}, right")
+    compared = []
+    for line in series:
+        if line.entity in _COMPARED:
+            names = of_tracks if len(line.names) == 2 else (run,)
+            compared.append(replace(line, names=names, colours=colours, width=_LINE))
+    return compared
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
@@ -142,9 +175,8 @@ def parameters_of(log: RunLog) -> RobotParameters:
     known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
     with contextlib.suppress(*MALFORMED):  # also raised for a robot of another kind
-        return build(
-            RobotParameters, {key: value for key, value in known.items() if key in names}, log.run
-        )
+        own = {key: value for key, value in known.items() if key in names}
+        return build(RobotParameters, own, log.run)
     return RobotParameters()
 
 
@@ -152,10 +184,8 @@ def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
     """Looks of the robot in a run, in `colour` or its own colours; a plain robot if the file with
     looks is missing.
     """
-    parameters, paint = (
-        parameters_of(log),
-        () if colour is None else (*np.divide(rgb(colour), 255), 1.0),
-    )
+    parameters = parameters_of(log)
+    paint = () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
     try:
         return robot_looks(parameters, paint)
     except TrackslipError:
@@ -166,54 +196,62 @@ def _send_robot(
     recording: Recording, root: str, traces: Traces, looks: RobotLooks, turning: bool
 ) -> None:
     """Send the robot at its poses, on level ground, with its belts `turning` or at rest."""
-    speed = (traces.log.omega * parameters_of(traces.log).sprocket_radius)[:, looks.track_side]
-    travel = np.cumsum(speed * np.diff(traces.time, prepend=0.0)[:, None], axis=0)
+    belts = traces.log.omega * parameters_of(traces.log).sprocket_radius
+    speed = belts[:, looks.track_side]
+    period = np.diff(traces.time, prepend=0.0)[:, None]
+    travel = np.cumsum(speed * period, axis=0)
+    if not turning:
+        travel = travel[:1]
     qpos = looks.qpos(traces.pose)
-    send_robot(
-        recording,
-        root,
-        looks.model,
-        traces.time,
-        qpos,
-        looks.tracks,
-        travel if turning else travel[:1],
-    )
+    send_robot(recording, root, looks.model, traces.time, qpos, looks.tracks, travel)
 
 
 def _send_camera(recording: Recording, runs: Sequence[Traces]) -> None:
     """Send the position of a camera that follows the middle of the robots without turning."""
     time = max((traces.time for traces in runs), key=lambda time: float(time[-1]))
-    places = [[np.interp(time, traces.time, column) for column in traces.pose.T] for traces in runs]
-    recording.poses(CAMERA, time, at_height(np.mean(places, axis=0).T, 0.0))
+    poses = [_at_times(time, traces) for traces in runs]
+    recording.poses(CAMERA, time, at_height(np.mean(poses, axis=0), 0.0))
+
+
+def _at_times(time: Array, traces: Traces) -> Array:
+    """Poses (n, 3) of a robot at times (n,), at its last pose after the end of its run."""
+    columns = [np.interp(time, traces.time, column) for column in traces.pose.T]
+    return np.stack(columns, axis=-1)
 
 
 def _send_paths(
     recording: Recording, root: str, traces: Traces, colour: str, estimate: bool
 ) -> None:
     """Send the true path if it is known, the measured path, and the reference with its target."""
-    recording.line(f"{root}/path/driven", at_height(traces.pose, 2 * _ABOVE), colour, 0.008)
+    driven = at_height(traces.pose, 2 * _ABOVE)
+    recording.line(f"{root}/path/driven", driven, colour, 0.008)
     if estimate and traces.log.truth is not None:
-        known = traces.estimate[np.isfinite(traces.estimate).all(axis=1)]
-        recording.line(
-            f"{root}/path/estimated", at_height(known, 3 * _ABOVE), ESTIMATE_COLOUR, 0.004
-        )
-    if (reference := traces.reference) is not None:
-        path, target = at_height(reference, _ABOVE), f"{root}/reference/target"
-        recording.line(f"{root}/reference/path", path, _REFERENCE_COLOUR, 0.016)
-        arrow = rr.Arrows3D(
-            vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], **paint("#ffffff", 0.012)
-        )
-        recording.still(target, arrow)
-        recording.poses(target, traces.time, path, about_vertical(reference[:, 2]))
+        known = np.isfinite(traces.estimate).all(axis=1)
+        estimated = at_height(traces.estimate[known], 3 * _ABOVE)
+        recording.line(f"{root}/path/estimated", estimated, ESTIMATE_COLOUR, 0.004)
+    if traces.reference is not None:
+        _send_reference(recording, f"{root}/reference", traces.time, traces.reference)
+
+
+def _send_reference(recording: Recording, entity: str, time: Array, reference: Array) -> None:
+    """Send the path of desired poses (T, 3), and an arrow that moves along it."""
+    path = at_height(reference, _ABOVE)
+    recording.line(f"{entity}/path", path, _REFERENCE_COLOUR, 0.016)
+    white = paint("#ffffff", 0.012)
+    arrow = rr.Arrows3D(vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], **white)
+    recording.still(f"{entity}/target", arrow)
+    recording.poses(f"{entity}/target", time, path, about_vertical(reference[:, 2]))
 
 
 def _within(runs: Sequence[Traces]) -> Array:
     """Points (n, 2) [m] on paths, references and scanners, between which everything of interest
     lies.
     """
-    points = [traces.pose[:, :2] for traces in runs]
-    points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
-    points += [
-        traces.log.scans.scan.mount[None, :2] for traces in runs if traces.log.scans is not None
-    ]
+    points = []
+    for traces in runs:
+        points.append(traces.pose[:, :2])
+        if traces.reference is not None:
+            points.append(traces.reference[:, :2])
+        if traces.log.scans is not None:
+            points.append(traces.log.scans.scan.mount[None, :2])
     return np.concatenate(points)

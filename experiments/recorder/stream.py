@@ -5,7 +5,7 @@ viewer.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 from uuid import uuid4
 
 import numpy as np
@@ -16,11 +16,13 @@ from experiments.common.results import write_output
 from trackslip.kinematics import Array
 from trackslip.metrics import TRANSIENT
 
-TIMELINE = "time"
-RUN, FIELD, CAMERA = "run", "field", "camera"
-"""Entities: the run, or several runs below it; everything static; and the point that the viewer's
-camera follows.
-"""
+TIMELINE: Final = "time"
+RUN: Final = "run"
+"""Entity of the run, or of several runs below it."""
+FIELD: Final = "field"
+"""Entity of everything static."""
+CAMERA: Final = "camera"
+"""Entity of the point that the viewer's camera follows."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,8 @@ class Recording:
         """Add plot lines below the entity `root`."""
         late = time >= min(TRANSIENT, time[-1] / 2)
         for lines in series:
-            entity, count = f"{root}/{lines.entity}", len(lines.names)
+            entity = f"{root}/{lines.entity}"
+            count = len(lines.names)
             colours = [rgb(colour) for colour in lines.colours[:count]]
             look = rr.SeriesLines(names=lines.names, colors=colours, widths=[lines.width] * count)
             self.still(entity, look)

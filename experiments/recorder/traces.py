@@ -1,6 +1,7 @@
 """Quantities over time, derived from a run's log."""
 
 import contextlib
+from typing import Final
 
 import numpy as np
 import scipy
@@ -15,9 +16,9 @@ from trackslip.motion.steady_twist import even_poses
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
-_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which slip is mostly noise [rad/s]
-_DEGREE = 4  # degree of the polynomials that smooth poses, after Savitzky and Golay
-_WINDOW = 3.0  # window that each polynomial is fitted to [s]
+_MIN_SPROCKET_SPEED: Final = 0.3  # sprocket speed below which slip is mostly noise [rad/s]
+_DEGREE: Final = 4  # degree of the polynomials that smooth poses, after Savitzky and Golay
+_WINDOW: Final = 3.0  # window that each polynomial is fitted to [s]
 
 
 class Traces:
@@ -26,7 +27,8 @@ class Traces:
     """
 
     def __init__(self, log: RunLog) -> None:
-        self.log, truth = log, log.truth
+        truth = log.truth
+        self.log = log
         self.time = log.time - log.time[0]  # (T,) [s]
         self.estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
         """Measured poses (T, 3), NaN in rows without a pose."""
@@ -52,13 +54,15 @@ class Traces:
                 self.assumed = _slip(log.command, log.twist_command, geometry)
             if truth is not None:
                 twist = truth.twist[:, [0, 2]]
-                means = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2
+                previous = np.concatenate([twist[:1], twist[:-1]])
+                means = (twist + previous) / 2  # measured sprocket speeds are means, too
                 self.slip = _slip(log.omega, means, geometry)
 
 
 def reference_of(log: RunLog) -> Reference | None:
     """The reference of a run; None if the log names none, or one that does not exist any more."""
-    name, arc = log.metadata.get("reference"), log.metadata.get("circle")
+    name = log.metadata.get("reference")
+    arc = log.metadata.get("circle")
     with contextlib.suppress(*MALFORMED):
         return circle(**arc) if arc else load_reference(str(name))
     return None
@@ -66,7 +70,8 @@ def reference_of(log: RunLog) -> Reference | None:
 
 def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
     """Slips (T, 2), NaN where a sprocket hardly turns."""
-    return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, track_slip(omega, twist, geometry), np.nan)
+    turns = np.abs(omega) > _MIN_SPROCKET_SPEED
+    return np.where(turns, track_slip(omega, twist, geometry), np.nan)
 
 
 def _smooth_twist(log: RunLog) -> Array | None:
@@ -80,25 +85,31 @@ def _smooth_twist(log: RunLog) -> Array | None:
     except TrackslipError:
         return None
     step = float(time[1] - time[0])
-    window = int(np.clip(_WINDOW / step, _DEGREE + 3, len(time) - 1)) // 2 * 2 - 1  # odd
-    filtered = [
-        scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=k, delta=step, axis=0)
-        for k in (0, 1)
-    ]
-    heading, rates = filtered[0][:, 2], filtered[1]
+    rows = int(np.clip(_WINDOW / step, _DEGREE + 3, len(time) - 1))
+    odd = rows // 2 * 2 - 1
+
+    def derivative(order: int) -> Array:
+        """Derivative (n, 3) of the fitted polynomials, by time."""
+        filtered = scipy.signal.savgol_filter(pose, odd, _DEGREE, order, delta=step, axis=0)
+        return np.asarray(filtered)
+
+    heading = derivative(0)[:, 2]
+    rates = derivative(1)
     v = se2.rotate(-heading, rates[:, :2])[:, 0]
-    # measured sprocket speeds are also means
+    w = rates[:, 2]
+    # measured sprocket speeds are means since the previous row, too
     middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2
-    return np.stack(
-        [np.interp(middle, time, column, np.nan, np.nan) for column in (v, rates[:, 2])], axis=-1
-    )
+    columns = [np.interp(middle, time, column, np.nan, np.nan) for column in (v, w)]
+    return np.stack(columns, axis=-1)
 
 
 def _filled(pose: Array) -> Array:
     """Poses (T, 3) with NaN interpolated between neighbours, or replaced by the nearest pose at the
     ends.
     """
-    rows, known = np.arange(len(pose)), np.isfinite(pose).all(axis=1)
+    rows = np.arange(len(pose))
+    known = np.isfinite(pose).all(axis=1)
     if not known.any():
         return np.zeros_like(pose)
-    return np.column_stack([np.interp(rows, rows[known], column[known]) for column in pose.T])
+    columns = [np.interp(rows, rows[known], column[known]) for column in pose.T]
+    return np.column_stack(columns)

@@ -6,7 +6,7 @@ The runs of the grid are driven as one fleet, and the closed loops as another.
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -29,12 +29,13 @@ from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
+from trackslip.laws.base import SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.trajectory.segmented import PAPER_START, paper_reference
 
-STARTS = {"feedforward": PAPER_START, "linear": (0.3, -0.2, math.pi / 3)}
+STARTS: Final = {"feedforward": PAPER_START, "linear": (0.3, -0.2, math.pi / 3)}
 """Start poses (x, y, phi) of the paper's controllers, in the order of its runs (Secs. IV-B and
 IV-C) [m, m, rad].
 """
@@ -44,8 +45,10 @@ def run(config: Config) -> None:
     """Drive the grid, identify laws, verify them in closed loop, compare with the paper, store,
     report and print.
     """
-    world, path = World.of(config), paper_reference()
-    geometry, cells = world.robot.geometry, cells_of(config)
+    world = World.of(config)
+    path = paper_reference()
+    geometry = world.robot.geometry
+    cells = cells_of(config)
     with Run(config) as run:
         with run.busy(f"{counted(len(cells), 'run')}, scans and poses"):
             grid_logs = drive_grid(config, world, run.watch)
@@ -58,13 +61,10 @@ def run(config: Config) -> None:
             grid = GridSummary.of_logs(grid_logs, sampling.samples, geometry)
 
         if REFERENCE not in result.laws:  # the law that the page is about
-            raise LogError(
-                next(line for line in result.warnings if line.startswith(f"law {REFERENCE}:"))
-            )
-        laws = {
-            **KNOWN_LAWS,
-            **{name: result.laws[name] for name in IDENTIFIED if name in result.laws},
-        }
+            about = f"law {REFERENCE}:"
+            raise LogError(next(line for line in result.warnings if line.startswith(about)))
+        laws: dict[str, SlipLaw] = dict(KNOWN_LAWS)
+        laws |= {name: result.laws[name] for name in IDENTIFIED if name in result.laws}
         loops = [
             _loop(name, law, np.array(start), config.seed)
             for name, start in STARTS.items()
@@ -80,8 +80,10 @@ def run(config: Config) -> None:
                 raise
         tracking = tracking_results(loop_logs, path)
 
-        logs, warnings = [*grid_logs, *loop_logs], saturation_warnings(grid_logs)
-        manifest, simulated = run.manifest(**world.about), simulated_seconds(logs)
+        logs = [*grid_logs, *loop_logs]
+        warnings = saturation_warnings(grid_logs)
+        manifest = run.manifest(**world.about)
+        simulated = simulated_seconds(logs)
         with run.busy("report"), run.watch.stage("report"):
             report = page(
                 command_line("reproduce"), manifest, grid, result, tracking, loop_logs, warnings
@@ -129,6 +131,7 @@ def _record(run: Run, logs: Sequence[RunLog], loops: Sequence[RunLog]) -> None:
     """Record each run and, for each controller, its runs side by side."""
     compared: dict[str, list[RunLog]] = {}
     for log in loops:
-        compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)
+        name = f"{log.metadata['controller']} compared"
+        compared.setdefault(name, []).append(log)
     with run.busy("recordings"):
         record_all(run.folder, logs, compared)

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from experiments.simulate.grid_options import GridConfig
 from trackslip.errors import InvalidValueError
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the whole paper", "trackslip reproduce"),
     ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
     ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),

@@ -3,7 +3,7 @@ along its path.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,14 +22,14 @@ from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.trajectory.segmented import paper_reference
 
-_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which measured slip is noise [rad/s]
-_SMOOTH = 0.5  # window of the moving average over the true slip [s]
-_SLIP_RANGE = (-0.15, 0.10)  # range of the slip axis in the paper's Fig. 12
-_CLOSEST = 3e-4  # distances below this are zero crossings [m]
-_PAPER: dict[str, Any] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6, "ls": "none"}
-_EQ_11: dict[str, Any] = {"color": BLACK, "ls": "--", "lw": 1.2}
-_LAW: dict[str, Any] = {"lw": 2.2, "ls": (0, (3, 1.2))}
-_TRUE: dict[str, Any] = {"lw": 0.8}
+_MIN_SPROCKET_SPEED: Final = 0.3  # sprocket speed below which measured slip is noise [rad/s]
+_SMOOTH: Final = 0.5  # window of the moving average over the true slip [s]
+_SLIP_RANGE: Final = (-0.15, 0.10)  # range of the slip axis in the paper's Fig. 12
+_CLOSEST: Final = 3e-4  # distances below this are zero crossings [m]
+_PAPER: Final[dict[str, Any]] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6, "ls": "none"}
+_EQ_11: Final[dict[str, Any]] = {"color": BLACK, "ls": "--", "lw": 1.2}
+_LAW: Final[dict[str, Any]] = {"lw": 2.2, "ls": (0, (3, 1.2))}
+_TRUE: Final[dict[str, Any]] = {"lw": 0.8}
 
 
 @style.styled
@@ -83,16 +83,16 @@ def paths(runs: Mapping[str, RunLog]) -> style.Panels:
     """Figs. 8 and 10: paths with each compensation, and distances over time."""
     reference = paper_reference()
     left, ground = style.panel("Path", "x [m]", "y [m]", height=4.6)
-    title, distance_label = "Position error (log scale)", "distance from the desired position [mm]"
+    title = "Position error (log scale)"
+    distance_label = "distance from the desired position [mm]"
     right, distance = style.panel(title, "time [s]", distance_label, height=4.6)
-    ground.plot(
-        *reference.pose(np.linspace(0, reference.duration, 600))[:, :2].T,
-        label="desired",
-        **style.DESIRED,
-    )
+    desired = reference.pose(np.linspace(0, reference.duration, 600))
+    ground.plot(desired[:, 0], desired[:, 1], label="desired", **style.DESIRED)
     for log, rows, look in _lines(runs):
-        pose, time = _true(log)[rows], log.time[rows]
-        norm = np.hypot(*body_errors(pose, reference.pose(time))[:, :2].T)
+        pose = _true(log)[rows]
+        time = log.time[rows]
+        errors = body_errors(pose, reference.pose(time))
+        norm = np.hypot(errors[:, 0], errors[:, 1])
         ground.plot(*pose[:, :2].T, **look)
         distance.plot(time, 1e3 * np.maximum(norm, _CLOSEST), **look)
     for name, log in runs.items():
@@ -160,7 +160,9 @@ def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFi
         figure, axes = style.panel(f"Compensated by {name}", "time [s]", "slip i [–]", height=4.2)
         style.mark_span(axes, TRANSIENT, _arc()[1])
         style.zero_line(axes)
-        by_law, true, rows = _slip_by(law, log), _true_slip(log), style.thin(len(log.time), 1000)
+        by_law = _slip_by(law, log)
+        true = _true_slip(log)
+        rows = style.thin(len(log.time), 1000)
         for side, track, colour in (("right", 1, ORANGE), ("left", 0, BLUE)):
             axes.plot(
                 log.time[rows],
@@ -193,10 +195,16 @@ def _true_slip(log: RunLog) -> Array:
     robot = stored_geometry(log)
     assert robot is not None
     assert log.truth is not None
-    width = max(1, round(_SMOOTH / float(np.median(np.diff(log.time)))))
-    speeds = np.column_stack([log.omega, log.truth.twist[:, [0, 2]]])
-    smooth = np.column_stack(
-        [np.convolve(column, np.ones(width) / width, mode="same") for column in speeds.T]
-    )
-    slip = track_slip(smooth[:, :2], smooth[:, 2:], robot)
-    return np.where(np.abs(smooth[:, :2]) > _MIN_SPROCKET_SPEED, slip, np.nan)
+    period = float(np.median(np.diff(log.time)))
+    width = max(1, round(_SMOOTH / period))
+    window = np.ones(width) / width
+
+    def smoothed(values: Array) -> Array:
+        """Moving averages of columns (T, 2)."""
+        columns = [np.convolve(column, window, mode="same") for column in values.T]
+        return np.column_stack(columns)
+
+    omega = smoothed(log.omega)
+    twist = smoothed(log.truth.twist[:, [0, 2]])
+    slip = track_slip(omega, twist, robot)
+    return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, slip, np.nan)

@@ -4,7 +4,7 @@ laws.
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from markupsafe import Markup
 
@@ -20,7 +20,7 @@ from experiments.simulate.tracking import TrackingResult, tracking_table
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
-TITLE = "Slip of a tracked robot: the paper and its simulation"
+TITLE: Final = "Slip of a tracked robot: the paper and its simulation"
 
 
 def page(
@@ -47,11 +47,9 @@ def page(
         "each track, by the published law (dashed; crosses at the radii that the paper observed) "
         "and in every run.",
     )
+    table = comparison_table(grid, result, results)
     sections = [
-        Section(
-            "Published and simulated",
-            [beside if len(turns) else None, comparison_table(grid, result, results)],
-        ),
+        Section("Published and simulated", [beside if len(turns) else None, table]),
         _closed_loops(result, results, loops),
         steady_slip(result),
         method(result),
@@ -73,30 +71,27 @@ def _answer(
     """The answer: how close the simulation is to the paper, and by how much compensation reduces
     errors.
     """
-    final = {
-        each.compensation: each.errors.final_position
-        for each in results
-        if each.controller == "feedforward"
-    }
-    late = {
-        each.compensation: each.errors.rms_position_after_12s
-        for each in results
-        if each.controller == "linear"
-    }
-    law = result.comparison.laws["icr_radius"]
+    feedforward = [run for run in results if run.controller == "feedforward"]
+    linear = [run for run in results if run.controller == "linear"]
+    final = {run.compensation: run.errors.final_position for run in feedforward}
+    late = {run.compensation: run.errors.rms_position_after_12s for run in linear}
+
+    slip_rms = number(grid.slip_rms_vs_published, 4)
+    radius_rms = percent(grid.radius.rms_vs_published)
+    offset = value_text(result.comparison.laws["icr_radius"], "offset")
     facts = [
-        (
-            "slip, simulated minus published",
-            f"{number(grid.slip_rms_vs_published, 4)} rms, at the paper's radii",
-        ),
-        ("radius driven, likewise", f"{percent(grid.radius.rms_vs_published)} rms"),
-        ("law of the simulated slip", f"icr_radius, D = {value_text(law, 'offset')}"),
+        ("slip, simulated minus published", f"{slip_rms} rms, at the paper's radii"),
+        ("radius driven, likewise", f"{radius_rms} rms"),
+        ("law of the simulated slip", f"icr_radius, D = {offset}"),
         ("feedforward, end of the path", _compensated(final)),
         ("linear controller, after 12 s", _compensated(late)),
     ]
-    gain = f"from {1e3 * final['none']:.0f} mm off the path to {1e3 * final['icr_radius']:.0f} mm"
+    before = 1e3 * final["none"]
+    after = 1e3 * final["icr_radius"]
+    heading = (
+        f"Compensated slip takes feedforward from {before:.0f} mm off the path to {after:.0f} mm"
+    )
     commands = [f"trackslip view {manifest['config']['out']}", "trackslip benchmark"]
-    heading = f"Compensated slip takes feedforward {gain}"
     return Answer(heading, facts, (), warnings, alarms, commands)
 
 

@@ -69,15 +69,20 @@ class ClosedLoopRun:
 
     def own_metadata(self) -> dict[str, Any]:
         """The metadata that may differ between the runs of a fleet."""
-        entries: dict[str, Any] = {"controller": self.controller, "compensation": self.compensation}
-        entries |= {"start": self.start, "seed": self.seed}
+        entries: dict[str, Any] = {
+            "controller": self.controller,
+            "compensation": self.compensation,
+            "start": self.start,
+            "seed": self.seed,
+        }
         if self.ground is not None:
             entries["ground"] = self.ground
         if self.plant is not None:
             own = self.plant.setup
-            entries |= {
-                name: getattr(own, name) for name in ("ground", "radius_error", "lag", "com_offset")
-            }
+            entries["ground"] = own.ground
+            entries["radius_error"] = own.radius_error
+            entries["lag"] = own.lag
+            entries["com_offset"] = own.com_offset
             entries["scanner_noise"] = self.plant.scanner_noise
         return plain(entries | dict(self.metadata))
 

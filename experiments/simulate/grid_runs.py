@@ -5,7 +5,7 @@ of cells.
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self, cast
+from typing import Any, Final, Self, cast
 
 import numpy as np
 
@@ -24,9 +24,10 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds
 from trackslip.logs.runlog import RunLog
 
-CLEARANCE = 1.5
+CLEARANCE: Final = 1.5
 """Distance from the scanner to the nearest point of each circle [m]."""
-_DRIVEN_OVER_COMMANDED = 1.3  # approximate ratio of the radius driven to the radius commanded
+# approximate ratio of the radius driven to the radius commanded
+_DRIVEN_OVER_COMMANDED: Final = 1.3
 
 
 @dataclass(frozen=True)
@@ -81,35 +82,28 @@ def drive_cells(
     over.
     """
     world = worlds[0]
-    config, robot = cast(GridConfig, world.config), world.robot
+    config = cast(GridConfig, world.config)
+    robot = world.robot
     for cell in cells:
         require_radius(cell.radius, robot.geometry)
     pairs = list(zip(cells, worlds, strict=True))
     start = np.tile(before_scanner(robot), (len(cells), 1))
     if config.random_phase:
-        phases = [
-            generator(w.config.seed, f"phase {cell.key}").uniform(0, 2 * np.pi) for cell, w in pairs
-        ]
-        start = np.array(
-            [
-                on_circle(robot, cell.radius, phase)
-                for cell, phase in zip(cells, phases, strict=True)
-            ]
-        )
-    errors = np.array([w.radius_error for w in worlds])
-    fleet = Fleet(
-        robot, start, [w.ground for w in worlds], errors, world.drive, config.threads, world.pull
-    )
-    noise = [generator(w.config.seed, f"grid {cell.key}") for cell, w in pairs]
+        for k, (cell, own) in enumerate(pairs):
+            random = generator(own.config.seed, f"phase {cell.key}")
+            start[k] = on_circle(robot, cell.radius, random.uniform(0, 2 * np.pi))
+    grounds = [own.ground for own in worlds]
+    errors = np.array([own.radius_error for own in worlds])
+    fleet = Fleet(robot, start, grounds, errors, world.drive, config.threads, world.pull)
+    noise = [generator(own.config.seed, f"grid {cell.key}") for cell, own in pairs]
     feed = ScannerFeed(config.scanner, fleet, noise, world.obstacles, kept)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
     omega = sprocket_speeds(twist, 0.0, robot.geometry)
     descriptions = []
-    for cell, w in pairs:
+    for cell, own in pairs:
         command = {"radius": cell.radius, "speed": cell.speed}
-        descriptions.append(
-            Description(cell.name, {**command, **cell.metadata, **w.metadata(config.localization)})
-        )
+        metadata = {**command, **cell.metadata, **own.metadata(config.localization)}
+        descriptions.append(Description(cell.name, metadata))
     method = locator(config.localization, robot)
     return open_loop(fleet, omega, config.duration, feed, method, descriptions, progress, watch)
 

@@ -46,9 +46,9 @@ class ErrorStatistics:
     def of(cls, error: Array) -> Self:
         """Statistics of errors (n,) [-] that are not NaN."""
         known = error[~np.isnan(error)]
-        return (
-            cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
-        )
+        if not known.size:
+            return cls(math.nan, math.nan)
+        return cls(float(known.mean()), float(known.std()))
 
 
 @dataclass(frozen=True)
@@ -93,18 +93,34 @@ class GridSlips:
             """Means (R,) over the runs at each radius."""
             return np.array([known_mean(values[commanded == radius]) for radius in radii])
 
-        driven, published = 1 / means(1 / observed), published_radii(radii)
-        relative = (driven / published - 1)[~np.isnan(published)]
-        printed, known = published_radii(commanded), ~np.isnan(observed)
+        # radii, from the mean curvature over the speeds
+        driven = 1 / means(1 / observed)
+        published = published_radii(radii)
+        relative = driven / published - 1
+        relative = relative[~np.isnan(published)]
+        radius_rms = rms(relative) if relative.size else None
+
+        # slips minus Eq. 11, at the paper's radii and at the simulation's own
+        printed = published_radii(commanded)
+        known = ~np.isnan(observed)
         in_paper = known & ~np.isnan(printed)
+        slip_rms = None
+        if in_paper.any():
+            slip_rms = rms(slip[in_paper] - PUBLISHED(1 / printed[in_paper]))
+        own_slip_rms = math.nan
+        if known.any():
+            own_slip_rms = rms(slip[known] - PUBLISHED(1 / observed[known]))
+
+        # differences between the speeds at each radius
         spread = np.array([np.ptp(true_slip[commanded == radius], axis=0) for radius in radii])
+
         return GridSlips(
-            RadiusSummary(radii, driven, published, rms(relative) if relative.size else None),
-            OuterInner.of(slip, means),
-            OuterInner.of(slip - true_slip, ErrorStatistics.of),
-            rms(slip[in_paper] - PUBLISHED(1 / printed[in_paper])) if in_paper.any() else None,
-            rms(slip[known] - PUBLISHED(1 / observed[known])) if known.any() else math.nan,
-            OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
+            radius=RadiusSummary(radii, driven, published, radius_rms),
+            slip_by_radius=OuterInner.of(slip, means),
+            slip_error=OuterInner.of(slip - true_slip, ErrorStatistics.of),
+            slip_rms_vs_published=slip_rms,
+            slip_rms_vs_published_at_simulated_radii=own_slip_rms,
+            speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
         )
 
 
@@ -143,10 +159,13 @@ class GridSummary(GridSlips):
         """Summarize the runs of a grid, which must be ordered by radius, and the slip samples of
         some of them.
         """
-        slip, true_slip = np.full((2, len(logs), 2), np.nan)
-        observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
+        names = [log.run for log in logs]
         rows = [names.index(name) for name in samples.run]
-        slip[rows], observed[rows] = samples.slip, samples.radius
+        slip = np.full((len(logs), 2), np.nan)
+        true_slip = np.full((len(logs), 2), np.nan)
+        observed = np.full(len(logs), np.nan)
+        slip[rows] = samples.slip
+        observed[rows] = samples.radius
         true_slip[rows] = true_samples([logs[row] for row in rows], geometry).slip
         commanded = np.array([log.metadata["radius"] for log in logs])
         slips = GridSlips.of(commanded, observed, slip, true_slip)
@@ -172,8 +191,10 @@ def _pose_errors(log: RunLog) -> Array:
     assert log.truth is not None
     error = log.pose - log.truth.pose
     error[:, 2] = wrap_angle(error[:, 2])
+    x, y, heading = np.mean(error**2, axis=0)
     valid = np.mean(log.is_valid)
-    return np.array([*np.mean(error**2, axis=0), valid, valid / np.median(np.diff(log.time))])
+    period = np.median(np.diff(log.time))
+    return np.array([x, y, heading, valid, valid / period])
 
 
 def simulated_seconds(logs: Sequence[RunLog]) -> float:

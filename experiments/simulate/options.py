@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeVar
 
 import tyro
 
@@ -32,25 +32,29 @@ Method = Annotated[
 """Method to estimate a twist from a run; None if the user chooses none."""
 RobotSource = Annotated[str, tyro.conf.arg(metavar=ROBOTS)]
 """A robot's name or file."""
-IDENTIFIED = ("exponential", "icr", "icr_radius")
+IDENTIFIED: Final = ("exponential", "icr", "icr_radius")
 """Identified laws that `reproduce` uses for compensation, besides no law and the published law."""
 
-MAX_THREADS = MAX_JOBS = 1024
-MAX_SEED = 2**63 - 1  # largest integer in a Parquet file
-MAX_PREVIEW = 1.0  # [s]
-MIN_DURATION, MAX_DURATION = 4.0, 3600.0
-"""Limits for the length of a run; shorter runs have no steady part to average over [s]."""
-_MIN_SPEED = 1e-3  # [m/s]
-USUAL_SPEED = 0.3
+MAX_THREADS: Final = 1024
+MAX_JOBS: Final = 1024
+MAX_SEED: Final = 2**63 - 1  # largest integer in a Parquet file
+MAX_PREVIEW: Final = 1.0  # [s]
+MIN_DURATION: Final = 4.0
+"""Shortest run; a shorter one has no steady part to average over [s]."""
+MAX_DURATION: Final = 3600.0
+"""Longest run [s]."""
+_MIN_SPEED: Final = 1e-3  # [m/s]
+USUAL_SPEED: Final = 0.3
 """Speed of a robot that nobody asks for another one [m/s]."""
 UsualSpeed = Annotated[
     float | None, default_is(f"{USUAL_SPEED}, or the robot's top speed if that is lower", "FLOAT")
 ]
 """An option whose default is `speed_or_usual`."""
-MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
-MIN_FRICTION_RATIO = 0.01  # friction across the track over friction along it [-]
-MAX_COORDINATE = 100.0  # largest coordinate of a start [m]
-RADIUS_ERROR = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
+MIN_RADIUS: Final = 1e-3  # [m]
+MAX_RADIUS: Final = 1000.0  # [m]
+MIN_FRICTION_RATIO: Final = 0.01  # friction across the track over friction along it [-]
+MAX_COORDINATE: Final = 100.0  # largest coordinate of a start [m]
+RADIUS_ERROR: Final = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ class Equipment(ResultsOptions):
             raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
 
 
-WITHOUT_SCANS = Excludes(
+WITHOUT_SCANS: Final = Excludes(
     (
         *("scanner.field_of_view", "scanner.resolution", "scanner.noise", "scanner.max_range"),
         *("scanner.dropout", "scanner.quantisation", "scanner.range_bias", "obstacles"),

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.plain_json import plain
 from experiments.common.table import Table, number
@@ -12,7 +12,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TrackingErrors, tracking_errors
 from trackslip.trajectory.base import Reference
 
-_HEADER = (
+_HEADER: Final = (
     "controller",
     "compensation",
     "rms [mm]",
@@ -44,12 +44,13 @@ def tracking_results(logs: Sequence[RunLog], reference: Reference) -> list[Track
     for log in logs:
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
-        names = {
-            key: str(log.metadata[key]) for key in ("controller", "compensation", "localization")
-        }
-        results.append(
-            TrackingResult(**names, errors=tracking_errors(log.time, log.truth.pose, reference))
+        result = TrackingResult(
+            controller=str(log.metadata["controller"]),
+            compensation=str(log.metadata["compensation"]),
+            localization=str(log.metadata["localization"]),
+            errors=tracking_errors(log.time, log.truth.pose, reference),
         )
+        results.append(result)
     return results
 
 
@@ -58,17 +59,16 @@ def tracking_table(results: Sequence[TrackingResult]) -> Table:
     rows = []
     for result in results:
         errors = result.errors
-        positions = (
-            errors.rms_position,
-            errors.rms_position_after_12s,
-            errors.max_position,
-            errors.final_position,
-        )
-        cells = [
-            *(number(1e3 * value, 1) for value in positions),
+        row = (
+            result.controller,
+            result.compensation,
+            number(1e3 * errors.rms_position, 1),
+            number(1e3 * errors.rms_position_after_12s, 1),
+            number(1e3 * errors.max_position, 1),
+            number(1e3 * errors.final_position, 1),
             number(degrees(errors.final_heading), 2),
-        ]
-        rows.append((result.controller, result.compensation, *cells))
+        )
+        rows.append(row)
     localization = ", ".join(dict.fromkeys(result.localization for result in results))
     note = (
         "Errors of position: rms over the whole run and from 12 s on, largest, final. "

@@ -94,7 +94,8 @@ class World(Specification):
         """Robots at the poses `start` (N, 3) [m, m, rad], all on the world's ground, or each on one
         of `grounds`.
         """
-        threads, ground = self.config.threads, grounds or self.ground
+        threads = self.config.threads
+        ground = grounds or self.ground
         return Fleet(self.robot, start, ground, self.radius_error, self.drive, threads, self.pull)
 
     def metadata(self, localization: str) -> dict[str, Any]:

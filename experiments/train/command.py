@@ -27,7 +27,8 @@ def run(config: Config) -> None:
     training.
     """
     anew = config.overwrite and not config.resume
-    if (config.out / UNFINISHED).is_file() and not (config.resume or anew):
+    is_unfinished = (config.out / UNFINISHED).is_file()
+    if is_unfinished and not config.resume and not anew:
         raise OutputError(
             f"out = {str(config.out)!r}: contains an unfinished training; --resume continues it, "
             "--overwrite starts again"
@@ -46,18 +47,18 @@ def run(config: Config) -> None:
         try:
             learn(model, config, task, curve, run.folder)
         except KeyboardInterrupt:
-            stored = config.resume or (config.out / UNFINISHED).is_file()
-            what = (
-                "--resume continues from the last update"
-                if stored
-                else "no update is complete, nothing is stored"
-            )
+            what = "no update is complete, nothing is stored"
+            if config.resume or (config.out / UNFINISHED).is_file():
+                what = "--resume continues from the last update"
             raise KeyboardInterrupt(f"interrupted; {what}") from None
         policy = task.policy(network_of(model))
         policy.save(run.folder / POLICY)
         write_onnx(run.folder / ONNX, policy, task.env.observed, task.env.commanded)
-        options = config.difficulty, config.trials, config.seed, config.threads
-        rates = crossing_rates(policy, *options) if config.env == TRAVERSE else []
+        rates = []
+        if config.env == TRAVERSE:
+            rates = crossing_rates(
+                policy, config.difficulty, config.trials, config.seed, config.threads
+            )
         run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
         learning_curve(curve).savefig(run.folder / "curve.png", dpi=160)
     if changed:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
@@ -28,7 +28,7 @@ from experiments.common.options import (
 from experiments.simulate.options import MAX_THREADS
 from trackslip.errors import require
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("two million steps", "trackslip train"),
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
     (
@@ -37,9 +37,9 @@ EXAMPLES = (
     ),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
-TRAVERSE = "traverse"
-_MAX_ROWS = 4_000_000  # control periods between two updates, of about 300 bytes each
-ENVIRONMENT = (
+TRAVERSE: Final = "traverse"
+_MAX_ROWS: Final = 4_000_000  # control periods between two updates, of about 300 bytes each
+ENVIRONMENT: Final = (
     "env",
     "robots",
     "references",
@@ -144,9 +144,8 @@ class Config(ResultsOptions):
         rows = self.robots * self.horizon
         most = f"at most {_MAX_ROWS // self.robots} for {self.robots} robots, to fit in memory"
         require(rows <= _MAX_ROWS, "horizon", self.horizon, most)
-        require(
-            rows % self.batch == 0, "batch", self.batch, f"a factor of robots * horizon = {rows}"
-        )
+        is_factor = rows % self.batch == 0
+        require(is_factor, "batch", self.batch, f"a factor of robots * horizon = {rows}")
+        known = ("random", *FTR_NAMES)
         for course in self.courses:
-            allowed = ("random", *FTR_NAMES)
-            require(course in allowed, "courses", course, f"some of {', '.join(allowed)}")
+            require(course in known, "courses", course, f"some of {', '.join(known)}")

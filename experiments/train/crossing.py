@@ -25,7 +25,8 @@ def crossing_rates(
     difficulty in the range.
     """
     config = from_options(TraverseConfig, policy.options)
-    task, everyone = Crossing(config, trials, threads), range(trials)
+    task = Crossing(config, trials, threads)
+    everyone = range(trials)
     low, high = difficulty
     levels = [(low, high)]
     if len(config.courses) == 1:
@@ -36,38 +37,45 @@ def crossing_rates(
             middle = sum(level) / 2
             for controller in ("scripted", "policy"):
                 task.set_difficulty(*level)
+                # both controllers cross the same courses
                 unseen = [generator(seed, f"unseen course {middle:g} {k}") for k in everyone]
-                task.begin(everyone, [task.draw(rng, {"course": course}) for rng in unseen])
-                while (task.outcome == Outcome.DRIVING).any():
-                    no_correction = np.zeros((trials, len(task.commanded)))
-                    task.step(
-                        policy.action(task.observation())
-                        if controller == "policy"
-                        else no_correction
-                    )
+                draws = [task.draw(rng, {"course": course}) for rng in unseen]
+                task.begin(everyone, draws)
+                _cross(task, policy if controller == "policy" else None)
                 row = {
                     "course": course if isinstance(course, str) else "own",
                     "controller": controller,
+                    "difficulty": middle,
+                    "courses": trials,
                 }
-                rows.append(row | {"difficulty": middle, "courses": trials} | _rate(task))
+                rows.append(row | _rate(task))
     return rows
+
+
+def _cross(task: Crossing, policy: Policy | None) -> None:
+    """Drive until every robot has an outcome, corrected by the policy, if there is one."""
+    none = np.zeros((len(task.outcome), len(task.commanded)))
+    while (task.outcome == Outcome.DRIVING).any():
+        task.step(none if policy is None else policy.action(task.observation()))
 
 
 def _rate(task: Crossing) -> dict[str, Any]:
     """Counts of outcomes, the share of courses crossed with its 95 % interval (Wilson), and the
     mean crossing time.
     """
-    crossed, tipped, stuck = (
-        task.outcome == end for end in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK)
-    )
-    row: dict[str, Any] = {
-        "crossed": int(crossed.sum()),
-        "tipped": int(tipped.sum()),
-        "stuck": int(stuck.sum()),
+    crossed = task.outcome == Outcome.REACHED
+    count = int(crossed.sum())
+    interval = binomtest(count, len(crossed)).proportion_ci(0.95, "wilson")
+    times = task.world.time[crossed]
+    return {
+        "crossed": count,
+        "tipped": int((task.outcome == Outcome.TIPPED).sum()),
+        "stuck": int((task.outcome == Outcome.STUCK).sum()),
+        "rate": float(crossed.mean()),
+        "low": float(interval.low),
+        "high": float(interval.high),
+        "time": float(times.mean()) if len(times) else None,
     }
-    low, high = binomtest(row["crossed"], len(crossed)).proportion_ci(0.95, "wilson")
-    row |= {"rate": float(crossed.mean()), "low": float(low), "high": float(high)}
-    return row | {"time": float(task.world.time[crossed].mean()) if crossed.any() else None}
 
 
 def crossing_table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
@@ -82,17 +90,19 @@ def crossing_table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
         "stuck",
         "time [s]",
     )
-    cells = [
-        (
-            *(
-                row["course"],
-                row["controller"],
-                f"{row['difficulty']:.3g}",
-                f"{100 * row['rate']:.1f}",
-            ),
-            f"{100 * row['low']:.1f} to {100 * row['high']:.1f}",
-            *(str(row["tipped"]), str(row["stuck"]), number(row["time"], 1)),
-        )
-        for row in rows
-    ]
-    return Table(title, header, cells)
+    return Table(title, header, [_cells(row) for row in rows])
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    low = 100 * row["low"]
+    high = 100 * row["high"]
+    return (
+        row["course"],
+        row["controller"],
+        f"{row['difficulty']:.3g}",
+        f"{100 * row['rate']:.1f}",
+        f"{low:.1f} to {high:.1f}",
+        str(row["tipped"]),
+        str(row["stuck"]),
+        number(row["time"], 1),
+    )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from experiments.benchmark.cases import plant_ranges
 from experiments.common.lookup import find_own_modules
@@ -14,9 +14,10 @@ from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS
 
-# ranges of errors at the start [m], [rad]
-_START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)
-_REWARD = TrackingReward(
+# ranges of errors at the start
+_START_DISTANCE: Final = (0.0, 0.2)  # [m]
+_START_HEADING: Final = (-0.4, 0.4)  # [rad]
+_REWARD: Final = TrackingReward(
     weight_position=0.8,
     weight_heading=0.2,
     weight_change=30.0,
@@ -24,9 +25,9 @@ _REWARD = TrackingReward(
     heading_scale=0.2,
 )
 # obstacles that the scripted controller does not always cross
-_HARD = ("step up", "stairs up", "beams")
+_HARD: Final = ("step up", "stairs up", "beams")
 # training should not spend time on robots that are stuck
-_LIMITS = Limits(time=20.0, stuck_time=3.0)
+_LIMITS: Final = Limits(time=20.0, stuck_time=3.0)
 
 
 @dataclass(frozen=True)
@@ -53,25 +54,40 @@ def learning_task(config: Config) -> LearningTask:
     """The learning task for `config.env`; raises TrackslipError if Stable-Baselines3 isn't
     installed.
     """
-    # late, as PyTorch takes seconds
-    from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv
-
     find_own_modules()
-    if config.env == TRAVERSE:
-        robot = config.robot or "rescue"
-        options = {**OPTIONS, "robot": robot, "course": list(config.courses)}
-        courses = {
-            "difficulty": config.difficulty,
-            "kinds": _HARD,
-            "obstacles": 1,
-            "limits": _LIMITS,
-            "own_rewards": config.own_rewards,
-        }
-        crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
-        drive = or_tireless(crossing.env.task.world.tracked.robot.drive)
-        return LearningTask(
-            crossing, lambda network: Policy(network, options), crossing.env, -1.0, robot, drive
-        )
+    return _crossing(config) if config.env == TRAVERSE else _path_tracking(config)
+
+
+def _crossing(config: Config) -> LearningTask:
+    """Crossing courses with a tracked robot with flippers."""
+    from sim.sb3 import TraverseVecEnv  # late, as PyTorch takes seconds
+
+    robot = config.robot or "rescue"
+    options = {**OPTIONS, "robot": robot, "course": list(config.courses)}
+    robots = TraverseVecEnv(
+        config.robots,
+        config.threads,
+        **options,
+        difficulty=config.difficulty,
+        kinds=_HARD,
+        obstacles=1,
+        limits=_LIMITS,
+        own_rewards=config.own_rewards,
+    )
+    return LearningTask(
+        robots=robots,
+        policy=lambda network: Policy(network, options),
+        env=robots.env,
+        deviation=-1.0,
+        robot=robot,
+        drive=or_tireless(robots.env.task.world.tracked.robot.drive),
+    )
+
+
+def _path_tracking(config: Config) -> LearningTask:
+    """Following paths with a shipped or a user's robot."""
+    from sim.sb3 import Corrections, PathTrackingVecEnv  # late, as PyTorch takes seconds
+
     robot = config.robot or SHIPPED
     parameters, _ = load_parameters(robot)
     plants = plant_ranges(parameters)
@@ -89,13 +105,12 @@ def learning_task(config: Config) -> LearningTask:
         own_rewards=config.own_rewards,
         randomization=replace(plants, start_distance=_START_DISTANCE, start_heading=_START_HEADING),
     )
-    corrected = Corrections(robots, config.authority)
     options = {"action": "twist"}
     return LearningTask(
-        corrected,
-        lambda network: TrackingPolicy(network, options, config.authority),
-        robots.env,
-        -1.2,
-        robot,
-        or_tireless(parameters.drive),
+        robots=Corrections(robots, config.authority),
+        policy=lambda network: TrackingPolicy(network, options, config.authority),
+        env=robots.env,
+        deviation=-1.2,
+        robot=robot,
+        drive=or_tireless(parameters.drive),
     )

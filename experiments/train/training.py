@@ -27,20 +27,23 @@ from sim.policy import Network
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.replacement import STORE
 
-POLICY, ONNX, CHECKPOINT = "policy.npz", "policy.onnx", "checkpoint.npz"
+POLICY: Final = "policy.npz"
+ONNX: Final = "policy.onnx"
+CHECKPOINT: Final = "checkpoint.npz"
 UNFINISHED: Final = Path(STORE) / CHECKPOINT
 """The last checkpoint of an unfinished training, in OUT."""
 FORMAT: Final = "trackslip checkpoint 1"
 _PICKLED: Final = ".checkpoint.zip", "checkpoint.zip"  # the checkpoints of older versions
-_MIN_RATE = 0.05  # final over initial learning rate
-_SMOOTH = 7  # number of points in a running mean of the curve
+_MIN_RATE: Final = 0.05  # final over initial learning rate
+_SMOOTH: Final = 7  # number of points in a running mean of the curve
 
 
 def last_checkpoint(out: Path) -> Path:
     """Path of the last checkpoint from an unfinished training or, if there is none, of the final
     checkpoint.
     """
-    return out / UNFINISHED if (out / UNFINISHED).is_file() else out / CHECKPOINT
+    unfinished = out / UNFINISHED
+    return unfinished if unfinished.is_file() else out / CHECKPOINT
 
 
 def read_checkpoint(out: Path) -> dict[str, Any]:
@@ -66,22 +69,28 @@ def model_of(config: Config, task: LearningTask) -> Any:
 
     torch.set_num_threads(1)  # PyTorch's threads would take processors from the simulation
     first = config.learning_rate
-    settings: dict[str, Any] = {
-        # left: remaining share of steps
-        "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),
-        "n_steps": config.horizon,
-        "batch_size": config.batch,
-        "n_epochs": config.epochs,
-        "gamma": config.discount,
-        "seed": config.seed,
-        "device": "cpu",
-    }
+
+    def learning_rate(left: float) -> float:
+        """The learning rate when a share `left` of the steps remains, which falls linearly."""
+        return first * (_MIN_RATE + (1 - _MIN_RATE) * left)
+
     network = {
         "net_arch": list(config.network),
         "activation_fn": torch.nn.Tanh,
         "log_std_init": task.deviation,
     }
-    return PPO("MlpPolicy", task.robots, policy_kwargs=network, **settings)
+    return PPO(
+        "MlpPolicy",
+        task.robots,
+        learning_rate=learning_rate,
+        n_steps=config.horizon,
+        batch_size=config.batch,
+        n_epochs=config.epochs,
+        gamma=config.discount,
+        seed=config.seed,
+        device="cpu",
+        policy_kwargs=network,
+    )
 
 
 def environment_of(config: Config) -> dict[str, Any]:
@@ -90,8 +99,9 @@ def environment_of(config: Config) -> dict[str, Any]:
     """
     options = {name: getattr(config, name) for name in ENVIRONMENT}
     named = [config.robot, config.laws, *config.references, *config.grounds, *config.courses]
-    files = {str(name): content(Path(name)) for name in named if name}
-    return {**plain(options), "files": {name: digest for name, digest in files.items() if digest}}
+    digests = {str(name): content(Path(name)) for name in named if name}
+    files = {name: digest for name, digest in digests.items() if digest}
+    return {**plain(options), "files": files}
 
 
 def checkpoint(
@@ -130,7 +140,8 @@ def resume(
     """
     import torch
 
-    file, stored = last_checkpoint(config.out), read_checkpoint(config.out)
+    file = last_checkpoint(config.out)
+    stored = read_checkpoint(config.out)
     try:
         layers = tuple(stored["network"])
         if layers != config.network:
@@ -238,7 +249,8 @@ def network_of(model: Any) -> Network:
         if hasattr(layer, "weight")
     ]
     weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
-    return Network(weights, tuple(layer.bias.detach().numpy().astype(float) for layer in layers))
+    biases = tuple(layer.bias.detach().numpy().astype(float) for layer in layers)
+    return Network(weights, biases)
 
 
 def learning_curve(curve: Sequence[dict[str, float]]) -> Figure:
@@ -247,10 +259,11 @@ def learning_curve(curve: Sequence[dict[str, float]]) -> Figure:
         "reward per step", "steps of all robots [thousand]", "mean of all robots [-]"
     )
     points = np.array([(point["steps"] / 1000, point["reward"]) for point in curve])
-    axes.plot(*points.T, ".", color=GREY, ms=3)
+    steps, reward = points.T
+    axes.plot(steps, reward, ".", color=GREY, ms=3)
     if len(points) >= _SMOOTH:
-        axes.plot(
-            *(np.convolve(line, np.ones(_SMOOTH) / _SMOOTH, "valid") for line in points.T),
-            color=BLUE,
-        )
+        window = np.ones(_SMOOTH) / _SMOOTH
+        smooth_steps = np.convolve(steps, window, "valid")
+        smooth_reward = np.convolve(reward, window, "valid")
+        axes.plot(smooth_steps, smooth_reward, color=BLUE)
     return figure

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -26,13 +27,14 @@ from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
 # slope that robots climb and park on, if friction holds them on twice that slope
-_GENTLE = math.radians(10.0)
-_MARGIN = math.radians(9.0)  # robots closer than this to tipping over rock when they begin to slide
-_BALANCE, _SPRINGS, _COULOMB = (
-    "quasi-static balance (trackslip.skid_theory)",
-    "rigid robot on springs",
-    "Coulomb's law",
-)
+_GENTLE: Final = math.radians(10.0)
+_MARGIN: Final = math.radians(
+    9.0
+)  # robots closer than this to tipping over rock when they begin to slide
+# sources of what is expected
+_BALANCE: Final = "quasi-static balance (trackslip.skid_theory)"
+_SPRINGS: Final = "rigid robot on springs"
+_COULOMB: Final = "Coulomb's law"
 
 
 @dataclass
@@ -49,21 +51,20 @@ class Checks:
         """Check theory and measurement, `pair` (2, ...), at the value closest to its bound or
         farthest beyond it.
         """
-        theory, measured, allowed = (
-            values.ravel() for values in np.broadcast_arrays(*np.asarray(pair), tolerance)
+        arrays = np.broadcast_arrays(*np.asarray(pair), tolerance)
+        theory, measured, allowed = (values.ravel() for values in arrays)
+        share_of_bound = np.abs(measured - theory) / allowed
+        k = int(np.argmax(share_of_bound))
+        check = Check(
+            case=self.robot,
+            what=what,
+            measured=float(measured[k]),
+            tolerance=float(allowed[k]),
+            unit=unit,
+            expected=float(theory[k]),
+            source=source,
         )
-        k = int(np.argmax(np.abs(measured - theory) / allowed))
-        self.done.append(
-            Check(
-                self.robot,
-                what,
-                float(measured[k]),
-                float(allowed[k]),
-                unit,
-                float(theory[k]),
-                source,
-            )
-        )
+        self.done.append(check)
 
     @property
     def failed(self) -> list[str]:
@@ -73,8 +74,12 @@ class Checks:
     @property
     def verdict(self) -> str:
         """Numbers of checks that passed, failed, and do not apply."""
-        counts = {"checks passed": len(self.done) - len(self.failed), "failed": len(self.failed)}
-        counts["not applicable"] = len(self.not_applicable)
+        failed = len(self.failed)
+        counts = {
+            "checks passed": len(self.done) - failed,
+            "failed": failed,
+            "not applicable": len(self.not_applicable),
+        }
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
     @property
@@ -87,19 +92,22 @@ class Checks:
     def tips_over(self, what: str, heading: float, slope: float) -> bool:
         """True, with a note on `what`, if the robot may tip over on a slope, heading uphill (0) or
         across it.
+
+        It tips over when its centre of mass is above the last contact point: h tan(slope) = d,
+        with the height h of the centre of mass and its distance d from that point.
         """
-        (x, y), p = self.setup.robot().contact_points.T, self.setup.parameters
-        tips = math.atan2(y.max() - p.com_y if heading else p.com_x - x.min(), p.com_height)
-        if tips < slope + _MARGIN:
-            needed, spare, most = (
-                f"{math.degrees(angle):.0f}°" for angle in (slope, _MARGIN, tips)
-            )
-            reason = (
-                f"too steep for this robot: {needed} and {spare} to spare > {most}, where "
-                "it tips over"
-            )
-            self.not_applicable.append(f"{what}: {reason}")
-        return tips < slope + _MARGIN
+        robot = self.setup.parameters
+        x, y = self.setup.robot().contact_points.T
+        distance = y.max() - robot.com_y if heading else robot.com_x - x.min()
+        tips_at = math.atan2(distance, robot.com_height)
+        if tips_at >= slope + _MARGIN:
+            return False
+        needed, spare, most = (f"{math.degrees(angle):.0f}°" for angle in (slope, _MARGIN, tips_at))
+        reason = (
+            f"too steep for this robot: {needed} and {spare} to spare > {most}, where it tips over"
+        )
+        self.not_applicable.append(f"{what}: {reason}")
+        return True
 
 
 def check_turns(checks: Checks) -> Turns:
@@ -107,14 +115,20 @@ def check_turns(checks: Checks) -> Turns:
     turns.
     """
     setup = checks.setup
-    bound = 0.01 if setup.parameters.axles else 0.005
     scale = speed_scale(setup.parameters)
+
+    # the paper's turns
+    bound = 0.01 if setup.parameters.axles else 0.005
     turns = drive_steadily(setup, paper_turns(setup.parameters)[2])
     checks.add("b + D in turns", turns.half_width, bound * turns.half_width[0], "m", _BALANCE)
     checks.add("slip in turns", turns.slip, 0.002, "1", _BALANCE)
-    spinning = scale * np.outer([0.06, 0.12, 0.24], [-1.0, 1.0])
-    spins = drive_steadily(setup, spinning / setup.sprocket_radius)
+
+    # turns on the spot
+    belts = scale * np.outer([0.06, 0.12, 0.24], [-1.0, 1.0])
+    spins = drive_steadily(setup, belts / setup.sprocket_radius)
     checks.add("b + D on the spot", spins.half_width, 0.013 * spins.half_width[0], "m", _BALANCE)
+
+    # straight uphill
     belts = scale * np.array([[0.12, 0.12]])
     uphill = Load(checks.gentle_slope)
     climb = drive_steadily(setup, belts / setup.sprocket_radius, uphill)
@@ -126,23 +140,27 @@ def check_standing(checks: Checks) -> None:
     """Check loads and lean in the paper's turns, and creep of robots parked uphill, obliquely and
     across a slope.
     """
-    setup, slope = checks.setup, checks.gentle_slope
-    loads, attitude = measure_loads(setup, paper_turns(setup.parameters)[2])
+    setup = checks.setup
+    slope = checks.gentle_slope
+    _, _, omega = paper_turns(setup.parameters)
+    loads, attitude = measure_loads(setup, omega)
     sink = attitude[..., 0].mean(axis=1)
     checks.add("load of a contact point, over the mean", loads, 0.05, "1", _SPRINGS)
     checks.add("sink on level ground", sink, 0.05 * sink[0], "m", _SPRINGS)
     checks.add("roll and pitch in turns", attitude[..., 1:], math.radians(0.05), "rad", _SPRINGS)
+
     creep = f"creep, parked on {math.degrees(slope):.0f}°"
-    if not checks.tips_over(creep, 0.0, slope):
-        start = [(0.0, 0.0, heading) for heading in (0.0, np.pi / 4, np.pi / 2)]
-        fleet = setup.fleet(start, replace(setup.ground, slope=slope))
-        fleet.advance(2.0)
-        before = fleet.pose()
-        fleet.advance(5.0)
-        speed = np.hypot(*(fleet.pose() - before)[:, :2].T) / 5.0
-        checks.add(
-            creep, [0 * speed, speed], 0.06e-3 if setup.ground.shear else 0.05e-3, "m/s", _COULOMB
-        )
+    if checks.tips_over(creep, 0.0, slope):
+        return
+    start = [(0.0, 0.0, heading) for heading in (0.0, np.pi / 4, np.pi / 2)]
+    fleet = setup.fleet(start, replace(setup.ground, slope=slope))
+    fleet.advance(2.0)
+    before = fleet.pose()
+    fleet.advance(5.0)
+    moved = fleet.pose() - before
+    speed = np.hypot(moved[:, 0], moved[:, 1]) / 5.0
+    allowed = 0.06e-3 if setup.ground.shear else 0.05e-3
+    checks.add(creep, [0 * speed, speed], allowed, "m/s", _COULOMB)
 
 
 def check_sliding(checks: Checks) -> dict[str, Array]:
@@ -151,68 +169,96 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
     Returns by direction (3, S): slopes [rad], and accelerations of the centre of mass in theory and
     simulated [m/s^2].
     """
-    setup, ground, measured = checks.setup, checks.setup.ground, {}
-    for way, heading, friction in (
+    ground = checks.setup.ground
+    measured = {}
+    for direction, heading, friction in (
         ("downhill", 0.0, ground.along),
         ("sideways", np.pi / 2, ground.across),
     ):
-        limit, what = math.atan(friction), f"acceleration sliding {way}"
+        limit = math.atan(friction)
+        what = f"acceleration sliding {direction}"
         if checks.tips_over(what, heading, limit):
             continue
         slopes = limit + np.radians([2.0, 3.0, 4.0])
-        fleet = setup.fleet(np.tile([0.0, 0.0, heading], (len(slopes), 1)))
-        # of the centre of mass, live
-        velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]
-        # tilt slowly until the loads are as in sliding
-        for share in np.linspace(0.0, 0.97, 100).tolist():
-            fleet.set_ground(replace(ground, slope=share * limit))
-            fleet.advance(0.02)
-        fleet.advance(1.0)
-        fleet.set_ground([replace(ground, slope=float(slope)) for slope in slopes])
-        fleet.advance(0.25)
-        before = np.hypot(*velocity.T)
-        fleet.advance(0.25)
-        simulated = (np.hypot(*velocity.T) - before) / 0.25
+        simulated = _sliding(checks.setup, heading, limit, slopes)
         expected = GRAVITY * (np.sin(slopes) - np.cos(slopes) * friction)
         checks.add(what, [expected, simulated], 0.05 * expected, "m/s^2", _COULOMB)
-        measured[way] = np.stack([slopes, expected, simulated])
+        measured[direction] = np.stack([slopes, expected, simulated])
     return measured
+
+
+def _sliding(setup: Setup, heading: float, limit: float, slopes: Array) -> Array:
+    """Accelerations (S,) of the centre of mass of robots that slide on slopes (S,) beyond the
+    `limit` on which friction holds them [m/s^2].
+    """
+    ground = setup.ground
+    start = np.tile([0.0, 0.0, heading], (len(slopes), 1))
+    fleet = setup.fleet(start)
+    chassis = fleet.robot.model.body("chassis").id
+    velocity = fleet.batch.bind("cvel")[:, chassis, 3:5]  # of the centre of mass, live
+
+    # tilt slowly until the loads are as in sliding
+    for share in np.linspace(0.0, 0.97, 100).tolist():
+        fleet.set_ground(replace(ground, slope=share * limit))
+        fleet.advance(0.02)
+    fleet.advance(1.0)
+
+    # let go
+    fleet.set_ground([replace(ground, slope=float(slope)) for slope in slopes])
+    fleet.advance(0.25)
+    before = np.hypot(velocity[:, 0], velocity[:, 1])
+    fleet.advance(0.25)
+    after = np.hypot(velocity[:, 0], velocity[:, 1])
+    return np.asarray((after - before) / 0.25)
 
 
 def check_energy(checks: Checks, generator: np.random.Generator) -> None:
     """Check that the belts' work in random driving equals losses plus stored energy, each from an
     independent source.
 
-    Forces and sliding speeds come from contact sensors, energies from MuJoCo. Over a step, a force
-    acts at the mean of the velocities before and after the step.
+    Forces and sliding speeds come from contact sensors, energies from MuJoCo. Over a step h, the
+    ground's force F at a contact point acts at the mean u of the point's sliding velocities before
+    and after the step, and its load N at the mean speed z at which the point rises, so that the
+    ground and the contact take -(F·u + N z) h. A belt with speed s does the work -F_x s h, which
+    must be what was taken plus the increase of the stored energy.
     """
-    robot, robots = checks.setup.robot(contact_sensors=True), 4
+    robot = checks.setup.robot(contact_sensors=True)
+    robots = 4
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     step = robot.model.opt.timestep
     drive = replace(checks.setup.drive, period=step)
     fleet = checks.setup.fleet(np.zeros((robots, 3)), robot=robot, drive=drive)
-    energy, contacts, total = fleet.batch.bind("energy"), [], []
+    energy = fleet.batch.bind("energy")  # live
+
+    # a new random command every second
+    contacts = []
+    total = []
     for k in range(round(10.0 / step) + 1):
         if k % round(1.0 / step) == 0:
-            fleet.command(generator.uniform(-fleet.drive.limit, fleet.drive.limit, (robots, 2)))
+            limit = fleet.drive.limit
+            fleet.command(generator.uniform(-limit, limit, (robots, 2)))
         fleet.advance(step)
         contacts.append(read_contacts(fleet))
         total.append(energy.sum())
-    force, load, belts = (
-        np.array([getattr(c, name) for c in contacts[:-1]]) for name in ("force", "load", "belt")
-    )
-    around = (np.array([getattr(c, name) for c in contacts]) for name in ("velocity", "rising"))
-    sliding, rising = ((values[:-1] + values[1:]) / 2 for values in around)
+
+    # forces and belts at the begin of each step, velocities over the step
+    force = np.array([contact.force for contact in contacts[:-1]])
+    load = np.array([contact.load for contact in contacts[:-1]])
+    belts = np.array([contact.belt for contact in contacts[:-1]])
+    sliding = _over_steps(np.array([contact.velocity for contact in contacts]))
+    rising = _over_steps(np.array([contact.rising for contact in contacts]))
     sliding[..., 0] += belts
-    spent = (
-        -((force * sliding).sum(axis=(1, 2, 3)) + (load * rising).sum(axis=(1, 2))).cumsum() * step
-    )
+
+    power_spent = (force * sliding).sum(axis=(1, 2, 3)) + (load * rising).sum(axis=(1, 2))
+    spent = -power_spent.cumsum() * step
     stored = np.array(total[1:]) - total[0]
-    work = -(force[..., 0] * belts).sum(axis=(1, 2)).cumsum() * step
-    checks.add(
-        "work of the belts",
-        [spent + stored, work],
-        0.01 * np.abs(stored).max(),
-        "J",
-        "conservation of energy",
-    )
+    power_of_belts = (force[..., 0] * belts).sum(axis=(1, 2))
+    work = -power_of_belts.cumsum() * step
+    allowed = 0.01 * np.abs(stored).max()
+    source = "conservation of energy"
+    checks.add("work of the belts", [spent + stored, work], allowed, "J", source)
+
+
+def _over_steps(values: Array) -> Array:
+    """Means of the values (n + 1, ...) at both ends of each of n steps."""
+    return np.asarray((values[:-1] + values[1:]) / 2)

@@ -3,6 +3,7 @@
 import math
 import sys
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -28,16 +29,16 @@ from sim.ground.ground import load_ground
 from sim.motors.motor import or_tireless
 from sim.robot.named import load_parameters
 
-_UNITS = {
+_UNITS: Final = {
     "m": (1e3, "mm"),
     "m/s": (1e3, "mm/s"),
     "rad": (math.degrees(1.0), "°"),
     "m/s^2": (1.0, "m/s²"),
 }
-_CAPTION = (
+_CAPTION: Final = (
     "Lines: theory, and Coulomb's law on slopes that don't hold the robot. Symbols: simulated."
 )
-_NOTE = "Each row shows the value that is closest to its bound."
+_NOTE: Final = "Each row shows the value that is closest to its bound."
 
 
 def run(config: Config) -> None:
@@ -45,9 +46,9 @@ def run(config: Config) -> None:
     fails.
     """
     parameters, ground = load_parameters(config.robot)
-    ground = config.ground.changed(
-        load_ground(config.ground.source) if config.ground.source else ground
-    )
+    if config.ground.source:
+        ground = load_ground(config.ground.source)
+    ground = config.ground.changed(ground)
     ground.require_even("the checks are for even ground, and tilt it themselves")
     setup = Setup(parameters, ground, config.threads)
     checks = Checks(Path(config.robot).stem, setup)
@@ -59,37 +60,32 @@ def run(config: Config) -> None:
             sliding = check_sliding(checks)
         with run.busy("energy"):
             check_energy(checks, generator(config.seed, "energy"))
-        rows = list(map(_row, checks.done))
-        table = Table(
-            "Theory and simulator", ("check", "theory", "measured", "allowed"), rows, note=_NOTE
-        )
+        header = ("check", "theory", "measured", "allowed")
+        rows = [_row(check) for check in checks.done]
+        table = Table("Theory and simulator", header, rows, note=_NOTE)
         alarms = [f"Failed: {what}." for what in checks.failed]
         friction = f"friction {ground.along:g} along, {ground.across:g} across"
         friction += f", shear {1e3 * ground.shear:g} mm" if ground.shear else ""
         width = span(1e3 * turns.half_width[1].round(3), "mm")
         slips = [span(turns.slip[1, :, side]) for side in (1, 0)]
-        facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
-        facts.append(("slip, outer | inner track", pair(slips)))
-        facts.append(("speed of the belts, at most", f"{checked_speed(parameters):.3g} m/s"))
+        facts = [
+            ("ground", friction),
+            ("b + D, half the distance of the ICRs", width),
+            ("slip, outer | inner track", pair(slips)),
+            ("speed of the belts, at most", f"{checked_speed(parameters):.3g} m/s"),
+        ]
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
         following = [f"trackslip grid --robot {config.robot}"]
         answer = Answer(checks.verdict, facts, lines, alarms=alarms, next=following)
         radius, speed, _ = paper_turns(parameters)
-        plot = Plot(
-            "motion", figures.panels(turns, radius, speed, sliding), "Turns and slopes", _CAPTION
-        )
+        drawn = figures.panels(turns, radius, speed, sliding)
+        plot = Plot("motion", drawn, "Turns and slopes", _CAPTION)
         sections = [Section("Theory beside measured", [table, plot])]
         manifest = run.manifest(
             seed=config.seed, robot=parameters, ground=ground, model_sha256=setup.robot().digest
         )
-        page = Page(
-            f"{checks.robot}: theory and simulator",
-            command_line("validate"),
-            manifest,
-            sections,
-            (),
-            answer,
-        )
+        title = f"{checks.robot}: theory and simulator"
+        page = Page(title, command_line("validate"), manifest, sections, answer=answer)
         page.write(run.folder, config.pdf)
         stored = {
             "radius": radius,
@@ -104,9 +100,9 @@ def run(config: Config) -> None:
         run.write({**found, "turns": stored, "sliding": sliding}, manifest=manifest)
     table.print()
     print_motors(config.robot, or_tireless(parameters.drive))
-    print(
-        "\n".join([checks.verdict, *(f"not applicable: {line}" for line in checks.not_applicable)])
-    )
+    print(checks.verdict)
+    for line in checks.not_applicable:
+        print(f"not applicable: {line}")
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
     if checks.failed:
         sys.exit(1)
@@ -117,9 +113,11 @@ def _row(check: Check) -> tuple[str, ...]:
     tolerance.
     """
     scale, unit = _UNITS.get(check.unit, (1.0, check.unit.removesuffix("1")))
-    values = scale * np.array([check.expected, check.measured, check.ends[1] - check.expected])
-    digits = max(0, 1 - math.floor(math.log10(values[2])))
-    theory, measured, allowed = (
-        number(value, digits, unit) for value in values.round(digits) + 0.0
-    )
-    return check.what, theory, measured + ("" if check.holds else " !"), f"± {allowed}"
+    _, high = check.ends
+    tolerance = high - check.expected
+    digits = max(0, 1 - math.floor(math.log10(scale * tolerance)))  # two significant digits
+    values = scale * np.array([check.expected, check.measured, tolerance])
+    rounded = values.round(digits) + 0.0  # without the sign of a zero
+    theory, measured, allowed = (number(value, digits, unit) for value in rounded)
+    mark = "" if check.holds else " !"
+    return check.what, theory, measured + mark, f"± {allowed}"

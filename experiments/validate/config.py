@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from experiments.common.choices import SHIPPED
 from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("the shipped robot", "trackslip validate"),
     ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
     ("on ground that shears", "trackslip validate --robot husky --ground firm_sand"),

@@ -21,26 +21,23 @@ def panels(turns: Turns, radius: Array, speed: Array, sliding: Mapping[str, Arra
         chosen = np.flatnonzero(speed == value)
         axes.plot(radius[chosen], turns.slip[0, chosen], **THEORY, zorder=1)
         look: dict[str, Any] = {
+            "marker": "os^Dv"[k],
+            "ls": "none",
             "color": shade(SPEED_SHADES, k / 4),
             "ms": 9.0 - 1.1 * k,
             "mfc": "none",
         }
-        axes.plot(
-            radius[chosen],
-            turns.slip[1, chosen],
-            "os^Dv"[k],
-            label=[f"{value:.3g} m/s", None],
-            **look,
-        )
+        labels = [f"{value:.3g} m/s", None]  # of both tracks
+        axes.plot(radius[chosen], turns.slip[1, chosen], label=labels, **look)
     zero_line(axes)
     axes.legend(loc="lower right", ncols=2)
     if not sliding:
         return (slips,)
     slopes, axes = panel("Sliding down slopes", "slope [°]", "acceleration [m/s²]")
-    for (way, (slope, expected, simulated)), colour in zip(
-        sliding.items(), (BLUE, ORANGE), strict=False
-    ):
-        axes.plot(np.degrees(slope), expected, color=colour, lw=1.2)
-        axes.plot(np.degrees(slope), simulated, "o", color=colour, mfc="none", label=way)
+    for direction, colour in zip(sliding, (BLUE, ORANGE), strict=False):
+        slope, expected, simulated = sliding[direction]
+        degrees = np.degrees(slope)
+        axes.plot(degrees, expected, color=colour, lw=1.2)
+        axes.plot(degrees, simulated, "o", color=colour, mfc="none", label=direction)
     axes.legend(loc="upper left")
     return slips, slopes

@@ -8,7 +8,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,7 @@ from trackslip.kinematics import (
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact, Load, steady_twist
 
-GRAVITY = 9.81
+GRAVITY: Final = 9.81
 """Acceleration due to gravity [m/s^2]."""
 
 
@@ -69,8 +69,9 @@ class Setup:
     @property
     def sprocket_radius(self) -> Array:
         """Effective radii of the sprockets (2,) [m]."""
-        p = self.parameters
-        return p.sprocket_radius * (1 + p.radius_error + p.radius_split * np.array([-1.0, 1.0]))
+        robot = self.parameters
+        split = robot.radius_split * np.array([-1.0, 1.0])
+        return robot.sprocket_radius * (1 + robot.radius_error + split)
 
 
 @dataclass(frozen=True)
@@ -87,14 +88,16 @@ class Turns:
         """b + D, half the distance between the tracks' ICRs, from theory and simulation (2, M)
         [m].
         """
-        return np.asarray((self.belts[:, 1] - self.belts[:, 0]) / (2 * self.twists[..., 2]))
+        difference = self.belts[:, 1] - self.belts[:, 0]
+        w = self.twists[..., 2]
+        return np.asarray(difference / (2 * w))
 
     @property
     def slip(self) -> Array:
         """Slips from theory and simulation (2, M, 2) [-]."""
-        return np.stack(
-            [track_slip(self.omega, twist[:, [0, 2]], self.geometry) for twist in self.twists]
-        )
+        planar = self.twists[..., [0, 2]]  # without the speed to the left
+        slips = [track_slip(self.omega, twist, self.geometry) for twist in planar]
+        return np.stack(slips)
 
 
 def checked_speed(parameters: RobotParameters) -> float:
@@ -122,7 +125,8 @@ def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
     speeds = np.array(SPEEDS) * speed_scale(parameters)
     radius, speed = np.array(list(itertools.product(radii, speeds))).T
-    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, parameters.geometry)
+    twist = np.stack([speed, speed / radius], axis=-1)
+    omega = sprocket_speeds(twist, 0.0, parameters.geometry)
     limit = checked_speed(parameters) / parameters.sprocket_radius
     return radius, speed, limit_sprocket_speeds(omega, limit)
 
@@ -136,41 +140,68 @@ def drive_steadily(
     On shearing ground, this takes until the elements of the slowest belt have passed through
     contact `passes` times.
     """
-    load, belts, p, settle = load or Load(), omega * setup.sprocket_radius, setup.parameters, 1.5
-    ground, pull = (
-        replace(setup.ground, slope=load.slope),
-        Pull(load.pull * p.mass * GRAVITY, load.hitch_height),
-    )
-    if ground.shear:
-        settle = passes * p.contact_length / float(np.abs(belts).min())
+    load = load or Load()
+    robot = setup.parameters
+    belts = omega * setup.sprocket_radius
+    ground = replace(setup.ground, slope=load.slope)
+    pull = Pull(load.pull * robot.mass * GRAVITY, load.hitch_height)
     fleet = setup.fleet(np.zeros((len(omega), 3)), ground, pull=pull)
     fleet.command(omega)
+
+    # until motion is steady
+    settle = 1.5
+    if ground.shear:
+        slowest = float(np.abs(belts).min())
+        settle = passes * robot.contact_length / slowest
     fleet.advance(round(settle / fleet.period) * fleet.period)
-    twists = []
+
     # a mean, because contact with MuJoCo's default parameters shakes
+    twists = []
     for _ in range(round(0.5 / fleet.period)):
         fleet.advance(fleet.period)
         twists.append(fleet.twist())
-    contact = p.contact_theory(ground.along, ground.across, 100)
+    simulated = np.mean(twists, axis=0)
+
+    contact = robot.contact_theory(ground.along, ground.across, 100)
     expected = steady_twist(belts, contact, GRAVITY, ground.shear, load)
-    return Turns(omega, belts, np.stack([expected, np.mean(twists, axis=0)]), p.geometry)
+    return Turns(omega, belts, np.stack([expected, simulated]), robot.geometry)
 
 
 def measure_loads(setup: Setup, omega: Array) -> tuple[Array, Array]:
     """Loads at K contact points in turns, relative to their mean (2, M, K) [-], and the chassis'
     sink [m], roll and pitch (2, M, 3) [rad], in theory (a rigid robot on equal springs) and
     simulated, at sprocket speeds (M, 2) [rad/s].
+
+    The centre of mass at (x_c, y_c) moves with u to the left and turns with w about the origin, so
+    that its acceleration has the components -w (u + w x_c) ahead and w (v - w y_c) to the left.
+    Springs that sink by SINK under the mean load sink by SINK times the relative load; the chassis
+    is the plane through them, z = sink - roll y + pitch x.
     """
+    robot = setup.parameters
     fleet = setup.fleet(np.zeros((len(omega), 3)), robot=setup.robot(contact_sensors=True))
     fleet.command(omega)
     fleet.advance(2.0)
-    contacts, p = read_contacts(fleet), setup.parameters
-    nearest = cdist(contacts.position.mean(axis=0), fleet.robot.contact_points).argmin(axis=1)
-    x, y = fleet.robot.contact_points[nearest].T  # the model's points in the order of the contacts
+
+    # the model's contact points, in the order of the sensors
+    contacts = read_contacts(fleet)
+    measured_at = contacts.position.mean(axis=0)
+    nearest = cdist(measured_at, fleet.robot.contact_points).argmin(axis=1)
+    x, y = fleet.robot.contact_points[nearest].T
+    count = len(x)
+
+    # loads and attitude in theory
     v, u, w = fleet.twist().T
-    acceleration = np.stack([-w * (u + w * p.com_x), w * (v - w * p.com_y)], axis=-1)
-    theory = Contact(x, y, setup.ground.along, setup.ground.across, p.centre_of_mass)
-    expected = theory.loads(acceleration / GRAVITY) * len(x)
-    plane = np.linalg.lstsq(np.column_stack([np.ones(len(x)), -y, x]), SINK * expected.T)[0].T
-    load = contacts.load * len(x) / (fleet.robot.mass * GRAVITY)
-    return np.stack([expected, load]), np.stack([plane, fleet.attitude()])
+    ahead = -w * (u + w * robot.com_x)
+    left = w * (v - w * robot.com_y)
+    acceleration = np.stack([ahead, left], axis=-1)
+    theory = Contact(x, y, setup.ground.along, setup.ground.across, robot.centre_of_mass)
+    expected = theory.loads(acceleration / GRAVITY) * count
+    plane = np.column_stack([np.ones(count), -y, x])
+    solution, *_ = np.linalg.lstsq(plane, SINK * expected.T)
+    expected_attitude = solution.T
+
+    weight = fleet.robot.mass * GRAVITY
+    load = contacts.load * count / weight
+    loads = np.stack([expected, load])
+    attitudes = np.stack([expected_attitude, fleet.attitude()])
+    return loads, attitudes

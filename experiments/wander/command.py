@@ -3,7 +3,7 @@
 import shlex
 from functools import partial
 from math import degrees
-from typing import Any
+from typing import Any, Final
 
 from experiments.common.results import RUNS_FILE, bags_text, write_bags
 from experiments.common.run import Run
@@ -16,14 +16,23 @@ from experiments.wander.drives import bag_contents, drive_contents, wander
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import counted
 
-_HEADER = ("drive", "rows", "poses", "distance [m]", "turned left [deg]", "right [deg]", "at rest")
+_HEADER: Final = (
+    "drive",
+    "rows",
+    "poses",
+    "distance [m]",
+    "turned left [deg]",
+    "right [deg]",
+    "at rest",
+)
 
 
 def run(config: Config) -> None:
     """Simulate the drives, store them, and print their contents."""
     if config.bag:
         require_rosbags()
-    world, simulated = World.of(config), config.drives * config.duration
+    world = World.of(config)
+    simulated = config.drives * config.duration
     with Run(config) as run:
         with run.progress(
             f"{config.driving}, {counted(config.drives, 'drive')}", simulated
@@ -33,7 +42,8 @@ def run(config: Config) -> None:
         summary: dict[str, Any] = {"drives": contents}
         if config.bag:
             with run.busy("bags"):
-                names, about = [log.run for log in logs], partial(bag_contents, config, world)
+                names = [log.run for log in logs]
+                about = partial(bag_contents, config, world)
                 summary["bags"] = write_bags(run.folder, names, logs, about)
         run.write(summary, logs, simulated, **world.about)
         if config.rrd:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import tyro
 
@@ -20,7 +20,7 @@ from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_sensor import POSE_SENSORS, PoseSensor
 from trackslip.errors import InvalidValueError
 
-EXAMPLES = (
+EXAMPLES: Final = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     (
         "a late clock and a jump",
@@ -31,9 +31,11 @@ EXAMPLES = (
         "trackslip wander --duration 60 --source scanner --bag",
     ),
 )
-_MIN_RATE, _MAX_RATE = 5.0, 1000.0  # limits for the rate of the encoders [Hz]
-_FLOAT = default_is("the source's", "FLOAT")
-_COUNT = default_is("the source's", "INT")
+# limits for the rate of the encoders [Hz]
+_MIN_RATE: Final = 5.0
+_MAX_RATE: Final = 1000.0
+_FLOAT: Final = default_is("the source's", "FLOAT")
+_COUNT: Final = default_is("the source's", "INT")
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ class References(HTMLParser):
             self.loaded.append(given.get("src") or given["href"])
 
 
-def test_every_page_is_there_with_its_public_names_and_equations_and_loads_nothing_from_a_network(
+def test_every_page_has_its_names_and_needs_no_network(
     site,
 ):
     for page in (ROOT / "docs").rglob("*.md"):

@@ -144,9 +144,7 @@ def test_a_bag_is_written_exactly_and_not_replaced_unasked(bags, tmp_path, refus
     assert sorted(file.parent.iterdir()) == before
 
 
-def test_a_grids_csv_has_its_units_beside_it_and_identify_reads_it_with_the_options_printed(
-    grid, tmp_path, capsys
-):
+def test_a_csv_has_units_beside_it_and_identify_reads_it(grid, tmp_path, capsys):
     file = tmp_path / "all.csv"
     main(["log", str(grid), "--out", str(file)])
     command = capsys.readouterr().out.splitlines()[-1].split()

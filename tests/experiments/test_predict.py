@@ -49,7 +49,7 @@ def by_hand(capsys, line):
     return capsys.readouterr().out
 
 
-def test_turns_to_both_sides_give_one_multiplier_and_say_the_sides(capsys):
+def test_turns_to_both_sides_give_a_multiplier_and_both_sides(capsys):
     printed = by_hand(capsys, "--turns 10 -10 --measured 7.9 -8.1")
     assert printed.startswith("wheel_separation_multiplier  1.250, ")
     assert "to the left 1.266, to the right 1.235: they differ by 2.5 %\n" in printed

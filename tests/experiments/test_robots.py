@@ -34,7 +34,7 @@ def test_a_tracked_robot_is_identified_and_controlled(trackslip):
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_a_robot_brings_its_own_drive_and_ground_into_every_command(trackslip, refused, tmp_path):
+def test_a_robot_has_its_drive_and_ground_in_every_command(trackslip, refused, tmp_path):
     """A heavy robot, too much for the shipped motors; options change single fields."""
     heavy = tmp_path / "heavy.toml"
     heavy.write_text(

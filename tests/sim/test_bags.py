@@ -62,7 +62,7 @@ def assert_poses(rows, prefix, pose):
     assert (Rotation.from_quat(turned) * heading.inv()).magnitude().max() < 1e-15
 
 
-def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_path):
+def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
     bag, valid, count = read(tmp_path / "bag"), log.valid, Counter()
     with (tmp_path / "bag" / "bag.mcap").open("rb") as file:

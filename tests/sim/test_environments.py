@@ -141,7 +141,7 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
         ),
     ],
 )
-def test_specifications_round_trip_as_json_and_unknown_options_are_type_errors(name, options):
+def test_specifications_round_trip_and_refuse_unknown_options(name, options):
     made = gym.make(name, **options)
     again = gym.make(gym.envs.registration.EnvSpec.from_json(made.spec.to_json()))
     assert again.unwrapped.task.config == made.unwrapped.task.config
@@ -270,6 +270,6 @@ for name in ("PathTracking", "Traverse"):
 """
 
 
-def test_importing_the_package_starts_no_simulator_and_registers_the_environments():
+def test_the_import_registers_environments_without_a_simulator():
     ran = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert ran.stdout == "(2, 19)\n(2, 63)\n"

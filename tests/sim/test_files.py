@@ -136,9 +136,7 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
         ),
     ],
 )
-def test_names_that_are_neither_known_nor_files_and_files_that_cannot_be_read(
-    tmp_path, load, known
-):
+def test_unknown_names_and_unreadable_files_are_refused(tmp_path, load, known):
     for name in ("", "mud", "x" * 5000):
         with pytest.raises(InvalidValueError, match=known):
             load(name)

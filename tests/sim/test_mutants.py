@@ -139,7 +139,7 @@ for folder in sorted(Path(sys.argv[1]).iterdir()):
 
 
 @pytest.mark.parametrize("kind", ["mjcf", "urdf"])
-def test_mutants_of_models_are_built_or_refused_and_crash_nothing(tmp_path, kind):
+def test_mutants_of_models_are_built_or_refused_without_a_crash(tmp_path, kind):
     """In a process of its own, which a crash would end."""
     name, text, robot = "mine.urdf", URDF, ROBOT
     if kind == "mjcf":

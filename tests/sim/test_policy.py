@@ -22,7 +22,7 @@ def network(rng, sizes=(19, 8, 2)):
     return Network(weights, tuple(rng.normal(0, 0.1, size) for _, size in pairs))
 
 
-def test_a_network_is_layers_of_tanh_and_many_rows_have_the_bits_of_one():
+def test_a_network_is_layers_of_tanh_bitwise_for_many_rows():
     rng = np.random.default_rng(0)
     layers, x = network(rng, (50, 64, 64, 2)), rng.normal(size=(2000, 50))
     (a, b, c), (d, e, f) = layers.weights, layers.biases
@@ -36,7 +36,7 @@ def test_a_network_is_layers_of_tanh_and_many_rows_have_the_bits_of_one():
 @pytest.mark.parametrize(
     ("bias", "expected"), [(0.0, [0.15, 0.12]), (9.0, [0.15 + 0.1 * 0.3, 0.12 + 0.5])]
 )
-def test_corrections_of_the_references_twist_are_as_large_as_the_authority(bias, expected):
+def test_corrections_are_as_large_as_the_authority(bias, expected):
     constant = Network((np.zeros((19, 2)),), (np.full(2, bias),))
     controller = PolicyController(TrackingPolicy(constant, OPTIONS, AUTHORITY), 5.0)
     reference = paper_reference()
@@ -126,7 +126,7 @@ def test_a_policy_of_another_environment_is_refused(inputs, options, message):
         PolicyController(policy, 5.0)
 
 
-def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
+def test_a_policy_sees_the_same_in_benchmark_and_environment():
     rng = np.random.default_rng(1)
     policy = TrackingPolicy(network(rng), OPTIONS, AUTHORITY)
     env = PathTrackingEnv(**OPTIONS)
@@ -158,9 +158,7 @@ def test_a_stored_policy_is_the_same(tmp_path):
 
 
 @pytest.mark.parametrize("task", ["PathTracking", "Traverse"])
-def test_as_an_onnx_file_it_is_a_graph_from_observations_to_actions_with_their_units(
-    tmp_path, task
-):
+def test_an_onnx_file_maps_observations_to_actions_with_units(tmp_path, task):
     """By onnx's own reference implementation."""
     onnx, reference = pytest.importorskip("onnx"), pytest.importorskip("onnx.reference")
     from sim.policy import write_onnx

@@ -74,50 +74,57 @@ def worst_and_median(error, unit=""):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_turns_and_loads_beside_the_default_contact(name):
     parameters = ROBOTS[name]
+    _, _, omega = paper_turns(parameters)
     with warnings.catch_warnings(action="ignore", category=RobotWarning):
-        recipe, default = (all_turns(kind, parameters) for kind in (Setup, DefaultContact))
-        setups, omega = (
-            (Setup(parameters, Ground()), DefaultContact(parameters, Ground())),
-            paper_turns(parameters)[2],
-        )
-        loads, attitudes = zip(*(measure_loads(setup, omega) for setup in setups), strict=True)
-    b = parameters.half_gauge
+        recipe = all_turns(Setup, parameters)
+        default = all_turns(DefaultContact, parameters)
+        loads, attitude = measure_loads(Setup(parameters, Ground()), omega)
+        default_loads, default_attitude = measure_loads(DefaultContact(parameters, Ground()), omega)
     rows = [
-        (
-            "b + D",
-            *(worst_and_median(100 * (w[1] / w[0] - 1), "%") for w, _, _ in (recipe, default)),
-        ),
-        (
-            "D alone",
-            *(
-                worst_and_median(100 * ((w[1] - b) / (w[0] - b) - 1), "%")
-                for w, _, _ in (recipe, default)
-            ),
-        ),
-        ("slip", *(worst_and_median(slip[1] - slip[0]) for _, slip, _ in (recipe, default))),
-        (
-            "lateral speed",
-            *(worst_and_median(1e3 * (u[1] - u[0]), "mm/s") for _, _, u in (recipe, default)),
-        ),
-        (
-            "load of a contact point",
-            *(worst_and_median(100 * (load[1] - load[0]), "%") for load in loads),
-        ),
-        ("sink", *(significant(1e3 * attitude[1, :, 0].mean(), "mm", 3) for attitude in attitudes)),
+        (quantity, errors, errors_by_default)
+        for (quantity, errors), (_, errors_by_default) in zip(
+            _error_texts(recipe, loads, attitude, parameters.half_gauge),
+            _error_texts(default, default_loads, default_attitude, parameters.half_gauge),
+            strict=True,
+        )
     ]
-    title = f"{name}: errors in {recipe[0].shape[1]:,} turns, worst | median"
+    width, slip, _ = recipe
+    _, default_slip, _ = default
+    title = f"{name}: errors in {width.shape[1]:,} turns, worst | median"
     Table(title, ("quantity", "recipe", "default contact"), rows).print()
-    error = np.abs(recipe[0][1] / recipe[0][0] - 1)
-    slip, by_default = (np.abs(slips[1] - slips[0]).max() for _, slips, _ in (recipe, default))
+
+    width_error = np.abs(width[1] / width[0] - 1)
+    median = float(np.median(width_error))
+    slip_error = np.abs(slip[1] - slip[0]).max()
+    default_slip_error = np.abs(default_slip[1] - default_slip[0]).max()
+    slip_ratio = slip_error / default_slip_error
+    load_error = np.abs(loads[1] - loads[0]).max()
     report(
         name,
         [
-            Check(name, "b + D, worst", error.max(), 0.005),
-            Check(name, "b + D, median", float(np.median(error)), 0.0015),
-            Check(name, "slip, over that of the default contact", slip / by_default, 0.1),
-            Check(name, "load of a contact point", np.abs(loads[0][1] - loads[0][0]).max(), 0.05),
+            Check(name, "b + D, worst", width_error.max(), 0.005),
+            Check(name, "b + D, median", median, 0.0015),
+            Check(name, "slip, over that of the default contact", slip_ratio, 0.1),
+            Check(name, "load of a contact point", load_error, 0.05),
         ],
     )
+
+
+def _error_texts(turns, loads, attitude, half_gauge):
+    """Errors of simulated against expected turns and loads, by quantity."""
+    width, slip, lateral = turns
+    width_error = 100 * (width[1] / width[0] - 1)
+    offset = width - half_gauge
+    offset_error = 100 * (offset[1] / offset[0] - 1)
+    sink = 1e3 * attitude[1, :, 0].mean()
+    return [
+        ("b + D", worst_and_median(width_error, "%")),
+        ("D alone", worst_and_median(offset_error, "%")),
+        ("slip", worst_and_median(slip[1] - slip[0])),
+        ("lateral speed", worst_and_median(1e3 * (lateral[1] - lateral[0]), "mm/s")),
+        ("load of a contact point", worst_and_median(100 * (loads[1] - loads[0]), "%")),
+        ("sink", significant(sink, "mm", 3)),
+    ]
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ def test_a_run_is_the_same_in_any_company(tmp_path):
     assert np.any(linear != logs[cases[0].name].truth.pose[0])
 
 
-def test_plants_are_drawn_around_the_nominal_one_and_are_the_same_for_all_controllers():
+def test_drawn_plants_are_the_same_for_all_controllers():
     loops = ClosedLoops(Config(), "drawn")
     plants = [
         loops.plant(BenchmarkCase("linear", "none", "circle", "stone", "zero", seed))
@@ -114,7 +114,7 @@ def test_entries_are_compared_pair_by_pair():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("paths", "grounds", "seeds"), [(1, 1, 32), (4, 1, 8), (8, 3, 3)])
-def test_intervals_of_paired_differences_and_gains_cover_as_they_should(paths, grounds, seeds):
+def test_intervals_of_differences_and_gains_cover_95_percent(paths, grounds, seeds):
     """Of a benchmark's suites; on the grounds of a seed the differences are nearly the same."""
     rng = np.random.default_rng(1)
     covered, gains = [], []

@@ -152,7 +152,7 @@ def test_section_4_with_five_seeds(trackslip):
 
 
 @pytest.mark.slow
-def test_on_ground_that_grows_stickier_online_adapts_within_seconds(trackslip):
+def test_online_adapts_to_stickier_ground_within_seconds(trackslip):
     options = (
         "--controllers",
         "linear",

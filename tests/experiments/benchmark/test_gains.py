@@ -27,7 +27,7 @@ class Never(Kanayama):
 QUICK = ("--localization", "truth", "--threads", "1", "--compensations", "none")
 
 
-def test_a_controller_gets_the_gains_of_its_compensation_or_the_like(tmp_path):
+def test_a_controller_gets_gains_of_its_or_a_like_compensation(tmp_path):
     (tmp_path / "gains.json").write_text(json.dumps({"gains": ROWS}))
     gains = Gains.load(str(tmp_path))
     assert gains.specification("linear", "icr_radius") == "linear:stiffness=40.0"
@@ -52,7 +52,7 @@ def test_shipped_gains_are_those_of_controllers_that_take_them():
         controller(gains.specification(name, compensation), RobotParameters().geometry, 0.3, 0.05)
 
 
-def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
+def test_the_search_finds_the_best_gains_that_are_smooth_enough():
     """A made-up error with its minimum at 0.9 and 40, and a roughness that forbids a stiffness
     above 30.
     """

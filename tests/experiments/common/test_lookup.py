@@ -25,7 +25,7 @@ def made(name):
     return controller(name, GEOMETRY, 0.5, 0.1, half_gauge=0.25)
 
 
-def test_arguments_are_those_of_the_constructor_and_those_of_the_robot_are_known():
+def test_arguments_are_the_constructors_and_the_robots_are_known():
     assert made("linear") == LinearTimeVarying()
     assert made("linear:stiffness=160,damping=1") == LinearTimeVarying(damping=1.0, stiffness=160.0)
     assert isinstance(made("linear:stiffness=160").stiffness, float)
@@ -62,7 +62,7 @@ def test_a_users_class_gets_both(tmp_path, monkeypatch):
             made(f"asks_for_limits:Mine:{argument}")
 
 
-def test_gains_are_positive_finite_floats_that_do_not_describe_the_robot(tmp_path, monkeypatch):
+def test_gains_are_positive_floats_that_do_not_describe_a_robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     defaults = (
         'gain=2.0, rate=0.5, top=float("inf"), zero=0.0, back=-1.0, n=3, on=True, '

@@ -115,7 +115,7 @@ def test_the_headings_of_a_gyro_alone_are_predicted(trackslip, files, tmp_path, 
     assert not any("with gyro" in name for name in models)
 
 
-def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip, files, folder):
+def test_sensor_and_clock_are_the_identified_ones_unless_given(trackslip, files, folder):
     log = str(files / "two.parquet")
     known = json.loads((files.parent / folder / "summary.json").read_text())
     extras = known["drive"]["laws"][known["best"]]["extras"]
@@ -163,7 +163,7 @@ def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
 
 
 @pytest.mark.slow
-def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_path):
+def test_simulated_drives_return_and_another_ground_fits_worse(wander, tmp_path):
     def errors(*options):
         result = ran(
             tmp_path / f"out{len(options)}", "evaluate", str(wander), "--robot", "shipped", *options
@@ -195,9 +195,7 @@ def test_folds_fit_laws_gains_and_the_robot_to_the_other_parts(wander, tmp_path)
     assert len(result.summary["calibrated"]["folds"]) == 2
 
 
-def test_errors_of_steady_samples_a_second_ahead_are_those_of_their_twists(
-    trackslip, files, tmp_path
-):
+def test_errors_of_steady_samples_are_those_of_their_twists(trackslip, files, tmp_path):
     omega = np.array([[2.0, 3.0], [-1.0, 4.0], [3.0, 3.0]] * 4)
     v, w = ICR.twist(omega, GEOMETRY).T + np.array([[0.01], [0.02]])
     table = pa.table({"omega_l": omega[:, 0], "omega_r": omega[:, 1], "v": v, "w": w})

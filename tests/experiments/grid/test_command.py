@@ -137,9 +137,7 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
         *((duration, 1, 2, count, 25) for duration, count in ((79, 1), (160, 2), (3600, 5))),
     ],
 )
-def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(
-    duration, ratios, workers, count, largest
-):
+def test_fleets_fit_into_memory_and_occupy_every_worker(duration, ratios, workers, count, largest):
     ratio = f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(ratios))}"
     runs = planned("--duration", str(duration), "--vary", ratio)
     parts = fleets(runs, workers, GridRuns.sizes)

@@ -92,7 +92,7 @@ def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):
 
 
 @pytest.mark.usefixtures("few_laws")
-def test_odometry_as_encoders_needs_the_multiplier_that_it_was_computed_with(trackslip):
+def test_odometry_as_encoders_needs_its_multiplier(trackslip):
     """Odometry of a controller with multiplier 1.2: its wheels' difference is 1 / 1.2 of the true
     one.
     """

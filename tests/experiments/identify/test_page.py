@@ -28,7 +28,7 @@ def found():
     return identified(driven(circles()), outliers=[("run 9", "it is 0.3 off")])
 
 
-def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(found, two_drives):
+def test_the_answer_has_values_intervals_and_next_commands(found, two_drives):
     about = {"config": {"out": "out/mine"}}
     for each, gain in (
         (found, "yaw rate at left-out radii: "),
@@ -52,7 +52,7 @@ def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(fou
     assert page(found, "Laws", "", {}).answer.next == []
 
 
-def test_turns_to_both_sides_straight_and_on_the_spot_have_a_page():
+def test_turns_of_all_kinds_and_straight_runs_have_a_page():
     on_the_spot = [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6)]
     for twists in (
         [*circles(), *circles(side=-1), (0.1, 0.0), (0.2, 0.0)],
@@ -68,7 +68,7 @@ def test_turns_to_both_sides_straight_and_on_the_spot_have_a_page():
             assert_readable(figure)
 
 
-def test_left_and_right_turns_have_the_same_inner_and_outer_slips():
+def test_turns_to_both_sides_have_the_same_inner_and_outer_slips():
     left, right = (Turns.of(driven(circles(side=side)), GEOMETRY) for side in (1, -1))
     assert left.left.all()
     assert not right.left.any()
@@ -77,7 +77,7 @@ def test_left_and_right_turns_have_the_same_inner_and_outer_slips():
         assert (turns.slip[:, 1] > 0).all()
 
 
-def test_straight_runs_are_left_out_and_turns_on_the_spot_have_radius_zero():
+def test_straight_runs_are_left_out_and_spins_have_radius_zero():
     turns = Turns.of(driven([(0.1, 0.0), (0.1, 0.1), (0.0, 0.4), (0.0, -0.4)]), GEOMETRY)
     assert len(turns) == 3
     np.testing.assert_allclose(turns.radius, [1, 0, 0], atol=0.02)

@@ -17,7 +17,7 @@ def few_routes(monkeypatch):
     monkeypatch.setattr(planning, "MIN_EVALUATIONS", 30)
 
 
-def test_its_commands_are_those_of_a_robot_without_slip_and_its_bag_sends_them(trackslip):
+def test_commands_are_those_without_slip_and_the_bag_has_them(trackslip):
     result = trackslip("plan", *SHORT, "--topic", "/base/cmd_vel")
     with (result.folder / "plan.csv").open(newline="") as stream:
         _, *rows = csv.reader(stream)
@@ -45,7 +45,7 @@ def test_its_commands_are_those_of_a_robot_without_slip_and_its_bag_sends_them(t
 
 
 @pytest.mark.usefixtures("with_figures")
-def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(trackslip):
+def test_the_page_says_how_well_the_law_will_be_known(trackslip):
     result = trackslip("plan", *SHORT)
     assert {path.name for path in (result.folder / "figures").iterdir()} == {
         "plan_path.svg",

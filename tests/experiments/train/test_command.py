@@ -115,7 +115,7 @@ def interrupted(monkeypatch, arguments, updates=2):
 
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
-def test_a_resumed_training_gives_the_policy_of_an_undisturbed_one(
+def test_a_resumed_training_gives_the_policy_of_a_whole_one(
     trackslip, tmp_path, monkeypatch, options
 ):
     """To the bit, with all that a later training would depend on."""
@@ -206,9 +206,7 @@ def test_robots_begin_anew_if_their_options_have_changed(trackslip, tmp_path, mo
     assert resumed.summary["steps"] == 512
 
 
-def test_an_interrupted_training_has_a_checkpoint_of_its_first_update(
-    trackslip, tmp_path, monkeypatch, capsys
-):
+def test_an_interrupted_training_has_its_first_checkpoint(trackslip, tmp_path, monkeypatch, capsys):
     def interrupt(*_):
         raise KeyboardInterrupt
 

@@ -9,7 +9,7 @@ from sim.traverse.policy import OPTIONS
 NO_CORRECTION = Network((np.zeros((63, 4)),), (np.zeros(4),))
 
 
-def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_does():
+def test_a_policy_without_corrections_crosses_as_if_scripted():
     short = Course((Flat(0.1),), start_length=0.4, goal_length=0.4)
     policy = Policy(NO_CORRECTION, OPTIONS | {"course": short})
     scripted, learned = crossing_rates(policy, (0.1, 0.1), 2, seed=0, threads=1)

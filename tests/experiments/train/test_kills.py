@@ -87,7 +87,7 @@ def assert_same_policy(resumed, undisturbed):
 @pytest.mark.parametrize(
     ("function", "call", "updates"), [("replace", 4, 3), ("savez", 2, 1), ("replace", 1, 0)]
 )
-def test_a_kill_while_a_checkpoint_is_stored_leaves_the_one_before(
+def test_a_kill_while_storing_leaves_the_checkpoint_before(
     tmp_path, undisturbed, function, call, updates
 ):
     out = tmp_path / "out"

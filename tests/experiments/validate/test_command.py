@@ -26,7 +26,7 @@ def test_the_shipped_robot(shipped):
 
 
 @pytest.mark.slow
-def test_a_check_that_fails_ends_with_1_once_everything_is_written(tmp_path, monkeypatch, capsys):
+def test_a_failed_check_ends_with_1_once_all_is_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(checks, "GRAVITY", 12.0)
     monkeypatch.setattr(command, "check_energy", lambda *_: None)
     with pytest.raises(SystemExit) as stop:
@@ -77,7 +77,7 @@ def test_every_robot_that_stands_slides_as_coulomb_has_it(tmp_path, robot, skipp
     assert all(abs(check.measured / check.expected - 1) < 0.01 for check in found.done)
 
 
-def test_the_check_nearest_to_its_bound_is_shown_and_what_is_no_number_fails():
+def test_the_value_nearest_to_its_bound_is_shown_and_nan_fails():
     found = Checks("robot", Setup(load_parameters("shipped")[0], Ground()))
     found.add("length", [[1.0, 2.0], [1.1, 2.15]], [0.2, 0.2], "m", "theory")
     found.add("angle", [0.0, np.nan], 0.1, "rad", "theory")

@@ -83,7 +83,7 @@ def test_parameters_can_be_changed_and_read_back():
         ),
     ],
 )
-def test_parameters_are_found_again_in_steady_rows_although_one_is_wrong(truth, wrong):
+def test_parameters_are_found_in_steady_rows_despite_a_wrong_one(truth, wrong):
     target = rows(BASE.with_values(truth), lateral="sensor_x" in truth)
     target.samples.twist[3] *= wrong
     fit = calibrate(target, BASE, tuple(truth))

@@ -133,9 +133,7 @@ def sliding_distance(speed, deceleration, step=0.005, rate=100.0):
     ("name", "friction"), [("shipped", 0.1), ("shipped", 0.7), ("husky", 0.6), ("warthog", 0.1)]
 )
 @pytest.mark.parametrize("speed", [0.3, 1.5])
-def test_a_robot_on_locked_tracks_slides_and_spins_as_far_as_coulomb_friction_lets_it(
-    name, friction, speed
-):
+def test_locked_tracks_slide_as_far_as_coulomb_friction_allows(name, friction, speed):
     """When it slides, it also pitches on the springs under it, which sets back its pose on the
     ground.
     """
@@ -181,9 +179,7 @@ def known(fleet, rows=slice(None)):
 
 
 @pytest.mark.parametrize("grounds", [COULOMB, SHEARING], ids=["Coulomb", "shear"])
-def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_stepped(
-    robot, grounds
-):
+def test_robots_drive_the_same_however_they_are_stepped(robot, grounds):
     """At any number of threads, in steps of any length, and alone; some motors are too weak."""
     commands = np.array([[2.0, 3.0], [3.0, -1.0], [3.0, 3.0], [0.5, 1.0]])
     start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])  # some turn through pi
@@ -218,7 +214,7 @@ def states(turned):
     )
 
 
-def test_axes_and_angles_are_those_of_the_rotation_and_its_left_side_goes_up_to_lean_right():
+def test_attitude_is_that_of_the_rotation_left_up_leans_right():
     state = states(TURNED)
     np.testing.assert_allclose(state.rotation, TURNED.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(state.heading, EULER[:, 0], atol=1e-12)
@@ -255,7 +251,7 @@ def weight_offset(parameters):
         dict(com_x=-0.03, com_y=0.05, sprocket_radius=1.0),
     ],
 )
-def test_robots_of_any_shape_have_their_numbers_stand_and_turn_as_theory_says(shape):
+def test_robots_of_any_shape_stand_and_turn_as_theory_says(shape):
     """Large ones would fly off and small ones topple if the recipe of the contacts didn't suit
     them.
     """
@@ -314,7 +310,7 @@ def test_robots_do_not_park_where_one_track_slides(robot):
     Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.7, slope=0.15, patches=(patch,)))
 
 
-def test_a_run_in_which_a_robot_tips_over_ends_with_its_name_and_keeps_its_rows(robot):
+def test_a_run_that_tips_over_names_itself_and_keeps_its_rows(robot):
     fleet = Fleet(robot, np.zeros((2, 3)))
     feed = ScannerFeed(LaserScanner(), fleet)
     fleet.set_ground([Ground(), Ground(8.0, 8.0, slope=1.4)])

@@ -95,7 +95,7 @@ def test_what_is_pulled_slips_as_theory_says(robot):
     np.testing.assert_allclose(fleet.drive.torque.sum(), 0.06 * 60, rtol=0.02)
 
 
-def test_the_ground_holds_a_parked_robot_with_just_the_shear_it_needs(robot):
+def test_a_parked_robot_shears_the_ground_as_far_as_needed(robot):
     slope = np.radians(10.0)
     grounds = [Ground(shear=k, slope=slope, uphill=0.5) for k in (0.002, 0.01, 0.025)]
     fleet = Fleet(robot, [[0.0, 0.0, 0.2]] * 3, grounds)
@@ -206,7 +206,7 @@ def test_lateral_speed_is_in_the_truth_and_as_theory_says():
     np.testing.assert_allclose(log.truth.twist[-20:].mean(axis=0), expected, rtol=0.02)
 
 
-def test_the_needed_traction_is_the_slopes_component_and_the_pull(robot):
+def test_the_needed_traction_is_that_of_slope_and_pull(robot):
     slope, force = 0.15, 20.0
     headings = np.array([0.0, np.pi / 2, 0.7])
     start = np.column_stack([np.zeros((3, 2)), headings])
@@ -217,7 +217,7 @@ def test_the_needed_traction_is_the_slopes_component_and_the_pull(robot):
     np.testing.assert_allclose(fleet.needed_traction(), expected, rtol=1e-6, atol=1e-9)
 
 
-def test_a_robot_that_knows_its_sideslip_keeps_to_a_line_across_the_slope(robot):
+def test_a_known_sideslip_keeps_the_line_across_a_slope(robot):
     """Straight across a slope of 10 deg, it crabs by C t; the heading that the controller holds
     must allow for it.
     """

@@ -27,7 +27,7 @@ def test_the_mean_speed_of_a_period_is_that_of_its_parts():
     np.testing.assert_allclose(commanded(0.05).advance(), np.mean(parts, axis=0), atol=1e-12)
 
 
-def test_a_servo_goes_on_from_the_speed_that_a_weak_motor_reached():
+def test_a_servo_continues_from_the_speed_a_weak_motor_reached():
     servo = commanded(0.05)
     servo.advance()
     servo.correct(np.array([[True, False], [False, False]]), np.full((2, 2), 0.1))

@@ -40,7 +40,7 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     np.testing.assert_allclose(fleet.drive.saturated_time, 1.0, atol=0.02)
 
 
-def test_power_of_a_steady_turn_is_what_ground_gear_and_winding_dissipate(robot):
+def test_power_of_a_steady_turn_is_what_is_dissipated(robot):
     """What the ground takes follows from Coulomb's law at every point of contact."""
     ground = Ground(0.6, 0.7)
     error = 0.02

@@ -132,7 +132,7 @@ def test_pushed_beyond_its_no_load_speed_a_motor_brakes(drive_box):
 
 @WORLDS
 @pytest.mark.parametrize("speed", [0.3, -0.3])
-def test_too_weak_to_brake_a_motor_takes_what_the_amplifier_gives(drive_box, speed):
+def test_a_motor_too_weak_to_brake_takes_the_amplifiers_torque(drive_box, speed):
     """Against the set point as well as beyond it, the current is at its limit."""
     drive = motors(20.0, limit=2.0)
     early = drive_box(drive, -STEEP, (speed, speed), 0.6)

@@ -116,7 +116,7 @@ def test_observations_of_a_known_case():
     assert 0 < info["true_slip"][0] < 0.5
 
 
-def test_a_reference_ends_with_truncation_and_leaving_it_with_termination(tmp_path):
+def test_the_end_truncates_and_leaving_the_path_terminates(tmp_path):
     path = tmp_path / "line.csv"
     path.write_text("x,y\n0,0\n0.3,0\n0.7,0\n")
     env, reference = (

@@ -234,7 +234,7 @@ def test_package_uris_stay_in_their_package(build, tmp_path, uri):
         build(URDF.format(shape, ""), "robot.urdf")
 
 
-def test_meshes_beside_the_robot_file_and_in_the_package_are_read(build, tmp_path):
+def test_meshes_beside_the_file_and_in_the_package_are_read(build, tmp_path):
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "a.obj").write_text(CUBE)
     text = mjcf(f"<asset>{MESH[0].format('../meshes/a.obj')}</asset>", MESH[1])
@@ -354,7 +354,7 @@ def test_large_meshes_are_refused_unread(build, tmp_path):
         build(mjcf(f"<asset>{MESH[0].format('a.obj')}</asset>", MESH[1]))
 
 
-def test_an_engine_out_of_memory_is_one_line_that_names_the_model(build, tmp_path):
+def test_an_engine_out_of_memory_is_one_line_with_the_model(build, tmp_path):
     arms = '<body><joint axis="0 1 0"/><geom size="1" mass="1"/></body>'
     crowd = f'<replicate count="150" offset="0 0 0.001">{arms}</replicate>'
     text = mjcf('<size memory="1M"/>', crowd)

@@ -19,7 +19,7 @@ from trackslip.skid_theory import line_contact, steady_twist
 FIELD = MODELS / "field.xml"
 
 
-def test_the_shipped_file_is_what_the_recipe_makes_of_the_default_parameters(robot):
+def test_the_recipe_makes_the_shipped_file_of_the_defaults(robot):
     """So that the model opens in MuJoCo's viewer as it is simulated."""
     file, made = mujoco.MjModel.from_xml_path(str(FIELD)), robot.model
     pads = [
@@ -101,7 +101,7 @@ def rigid_inertia(made, angles):
 
 
 @pytest.mark.parametrize("name", ["rescue", "box"])
-def test_a_tracked_robot_on_flat_ground_has_the_mass_matrix_of_its_model(name):
+def test_a_tracked_robot_has_the_mass_matrix_of_its_model(name):
     parameters, _ = load_parameters(name)
     looks = robot_looks(parameters)
     made = build_tracked(load_tracked(name))
@@ -144,7 +144,7 @@ def test_it_turns_as_theory_says_on_flat_ground_and_on_terrain(source):
     assert data.qvel[made.free[1] + 5] == pytest.approx(expected, rel=0.01)
 
 
-def test_robots_that_cannot_stand_have_fields_of_both_kinds_or_no_tracks_are_refused(tmp_path):
+def test_robots_without_stand_or_tracks_are_refused(tmp_path):
     hull = "[[-0.2, 0.2, 0.1], [0.0, 0.1, 0.1], [0.2, 0.2, 0.1]]"
     text = ROBOT.split("[[flippers]]")[0].replace("[[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]", hull)
     with pytest.raises(SettingsFileError, match=r"mine\.urdf: .*contact_length = 0\.0"):

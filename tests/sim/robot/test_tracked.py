@@ -182,7 +182,7 @@ def test_runs_begin_in_a_keyframe(tmp_path):
 
 
 @pytest.mark.parametrize(("torque", "lifts"), [(30, False), (40, True)])
-def test_flippers_lift_a_robot_as_far_as_the_urdf_limits_their_torque(tmp_path, torque, lifts):
+def test_flippers_lift_a_robot_as_far_as_their_torque_allows(tmp_path, torque, lifts):
     """Four flippers of 0.35 m lift 40 kg off its tracks with 34 N m each."""
     links = (
         '<link name="base"><inertial><origin xyz="0 0 0.15"/><mass '

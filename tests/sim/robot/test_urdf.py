@@ -382,7 +382,7 @@ def test_belts_around_wheels_on_bogies_that_swing_are_refused(tmp_path):
         build_tracked(load_tracked(write(tmp_path, carried_rover("0 1 0", LIMITS), text)))
 
 
-def test_a_rover_on_its_own_wheels_turns_as_theory_says_on_flat_ground_and_on_terrain(tmp_path):
+def test_a_rover_on_its_own_wheels_turns_as_theory_says(tmp_path):
     file = write(tmp_path, rover(), 'contact = "wheels"\nwheels = "replace"\npatch_length = 0.05\n')
     parameters, _ = load_parameters(file)
     assert (parameters.axles, parameters.half_gauge, parameters.contact_length) == (

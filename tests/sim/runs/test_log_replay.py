@@ -64,7 +64,7 @@ def test_sensors_and_clocks_are_those_of_the_log(driven):
         assert np.abs(se2.wrap_angle(apart[:, 2])).max() < 0.01
 
 
-def test_a_robot_whose_sprockets_rest_begins_at_rest_whatever_the_first_poses_say(driven):
+def test_resting_sprockets_begin_at_rest_whatever_the_poses_say(driven):
     """Two poses are placeholders, from which the others jump, as in the shipped log
     warthog_grass_2.
     """

@@ -59,7 +59,7 @@ def test_dropouts_and_range_limit(robot):
     assert np.isnan(near[2]).all()
 
 
-def test_quantised_ranges_are_the_nearest_multiples_and_a_bias_is_added_to_all(robot):
+def test_quantised_ranges_are_multiples_and_all_are_biased(robot):
     _, plain = measured(robot)
     _, rounded = measured(robot, quantisation=0.01)
     np.testing.assert_allclose(rounded / 0.01, np.round(rounded / 0.01), atol=1e-9)
@@ -105,9 +105,7 @@ def around_the_scanner(robot, distance, bearing, heading):
     name=st.sampled_from(sorted(SCANNERS)),
     reach=st.sampled_from([0.4, 2.0, 25.0]),
 )
-def test_near_and_far_and_with_the_scanner_inside_the_plates_sphere(
-    robot, leaning, seed, name, reach
-):
+def test_ranges_near_far_and_inside_the_plates_sphere(robot, leaning, seed, name, reach):
     """With the weight off the middle, the plate's middle isn't above the robot's."""
     rng = np.random.default_rng(seed)
     distance, bearing, heading = rng.uniform(

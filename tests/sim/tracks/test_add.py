@@ -169,7 +169,7 @@ def test_bad_arguments_are_named_and_leave_the_spec_as_it_was(options, message):
     tracked(spec, half_gauge=0.3, name="outer")
 
 
-def test_models_without_tracks_or_with_options_that_spoil_the_recipe_are_refused():
+def test_models_without_tracks_or_with_wrong_options_are_refused():
     spec, override = on_plane(), mujoco.mjtEnableBit.mjENBL_OVERRIDE
     with pytest.raises(
         InvalidValueError, match="model = 'no tracks in it': must be one with tracks"

@@ -16,7 +16,7 @@ NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
     st.booleans(),
     st.lists(st.tuples(st.floats(0.05, 1.0), st.floats(0.02, 0.05)), min_size=3, max_size=7),
 )
-def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwards, spokes):
+def test_runs_are_tangents_for_any_first_wheel_and_sense(first, backwards, spokes):
     angles = -np.linspace(0, 2 * np.pi, len(spokes), endpoint=False)
     ring = [
         (np.cos(a) * 1.5, np.sin(a) * 1.5, radius)
@@ -32,7 +32,7 @@ def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwar
 
 
 @given(st.permutations(range(8)))
-def test_the_belt_runs_around_the_convex_hull_of_wheels_in_any_order(order):
+def test_the_belt_runs_around_the_convex_hull_of_its_wheels(order):
     """As a Bunker's are: idlers above, a road wheel that hangs a little above its neighbours, and
     one inside.
     """
@@ -63,7 +63,7 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
     assert hull.ends[-1] == pytest.approx(perimeter, rel=1e-6)
 
 
-def test_belts_move_as_far_as_they_have_run_and_go_with_their_body():
+def test_belts_move_as_far_as_they_run_and_with_their_body():
     spec = plane()
     add_robot(spec)
     model, data, belts = built(spec)

@@ -18,7 +18,7 @@ def touching_cores(data):
 
 
 @pytest.mark.parametrize("preset", BOUNDS)
-def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force(preset):
+def test_a_beam_stops_a_falling_robot_and_bears_the_whole_load(preset):
     spec = mujoco.MjSpec()
     size = [0.02, 1.0, 0.1]
     beam = spec.worldbody.add_geom(

@@ -45,7 +45,7 @@ def test_turns_have_the_centres_of_rotation_of_theory(ground, preset, speeds, co
 
 
 @pytest.mark.parametrize(("preset", "limbs"), [("accurate", 2), ("fast", 1)])
-def test_a_robot_that_stands_on_tracks_of_hinged_limbs_turns_like_one_on_its_own(preset, limbs):
+def test_tracks_on_hinged_limbs_turn_like_those_on_the_chassis(preset, limbs):
     spec = plane()
     body = add_robot(spec)
     half = HALF_LENGTH / limbs
@@ -102,7 +102,7 @@ def test_the_steepest_slope_is_that_of_friction(preset, excess, climbs):
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_a_parked_robot_creeps_down_a_slope_at_the_rate_of_its_soft_grip(preset):
+def test_a_parked_robot_creeps_at_the_rate_of_its_soft_grip(preset):
     spec = plane()
     add_robot(spec).ipos = [0, 0, 0.001]  # low, so that no point is unloaded and slides
     slope = np.radians(30.0)
@@ -114,7 +114,7 @@ def test_a_parked_robot_creeps_down_a_slope_at_the_rate_of_its_soft_grip(preset)
     assert theory < 0.5e-3
 
 
-def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
+def test_a_belt_moves_relative_to_its_moving_flipper():
     """Every contact's sliding velocity is that of the body there, plus the belt's along the
     hull.
     """

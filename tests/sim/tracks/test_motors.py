@@ -94,9 +94,7 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
 
 
 @pytest.mark.parametrize(("limit", "within"), [(None, 0.0), (1e9, 1e-9)])
-def test_without_motors_a_step_is_the_engines_and_with_limits_that_are_never_reached_nearly(
-    limit, within
-):
+def test_without_motors_a_step_is_the_engines(limit, within):
     (model, data, belts), (other, there, same) = robot(), robot()
     belts.set([0.2, 0.3], torque_limit=limit)
     same.set([0.2, 0.3])

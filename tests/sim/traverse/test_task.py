@@ -115,7 +115,7 @@ def test_the_reward_is_the_sum_of_its_terms():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:after 40 attempts")  # random flippers wedge a robot
-def test_a_failed_try_earns_more_than_standing_still_and_less_than_crossing():
+def test_a_failed_try_earns_between_standing_and_crossing():
     rng, limits, returns, outcomes = (
         np.random.default_rng(0),
         Limits(time=20.0, stuck_time=3.0),

@@ -93,7 +93,7 @@ def test_traction_and_load_are_means_of_the_period():
         assert work > 0.5 * mass * 0.4**2  # belts that slide lose some
 
 
-def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behind():
+def test_flippers_touch_from_above_and_reach_down_behind():
     hinges = np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]])
     shape = FlipperGeometry(
         hinge=hinges,

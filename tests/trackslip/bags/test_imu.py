@@ -62,7 +62,7 @@ def test_with_positions_alone_the_sprockets_tell_the_axis(tmp_path):
     require_true(found.runs[0])
 
 
-def test_an_imu_of_its_own_is_preferred_and_another_can_be_chosen(tmp_path):
+def test_its_own_imu_is_preferred_and_another_can_be_chosen(tmp_path):
     ones = imus(), imus(UPSIDE_DOWN, topic="/camera/imu", frame="camera_imu")
     found = read(tmp_path, *ones)
     assert "gyro: /imu/data in imu_link, one of 2 about [0. 0. 1.]" in found.taken[0]
@@ -130,7 +130,7 @@ def without_poses(path, heading=None, **others):
     return read(path, messages, poses=[])
 
 
-def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(
+def test_headings_come_from_an_orientation_or_else_from_the_gyro(
     tmp_path,
 ):
     found = without_poses(tmp_path)

@@ -145,7 +145,7 @@ def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
-def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_path, kind):
+def test_a_chain_of_transforms_is_sampled_at_its_slowest_link(tmp_path, kind):
     found, _ = read(tmp_path, chain_of(LOG), "tf:map:sensor", kind)
     times = np.arange(8) + 0.52
     np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])

@@ -24,10 +24,12 @@ RADII = pytest.mark.parametrize("radius", [1.25, -0.7])
 @given(st.floats(0.02, 0.5), st.floats(-0.5, 0.5), st.floats(0.2, 1.5), st.floats(1.0, 40.0))
 def test_gains_give_the_papers_closed_loop_polynomial(v, w, damping, stiffness):
     """Eq. 25 with the error dynamics of Eq. 20, built by hand."""
-    k1, k2, k3 = LinearTimeVarying(damping=damping, stiffness=stiffness).gains([v, w])
+    controller = LinearTimeVarying(damping=damping, stiffness=stiffness)
+    k1, k2, k3 = controller.gains([v, w])
+    gains = np.array([[k1, 0, 0], [0, k2, k3]])
+    matrix = closed_loop(gains, np.array([v, w]))
     a = np.sqrt(w**2 + stiffness * v**2)
     wanted = np.polymul([1, 2 * damping * a], [1, 2 * damping * a, a**2])
-    matrix = closed_loop(np.array([[k1, 0, 0], [0, k2, k3]]), np.array([v, w]))
     np.testing.assert_allclose(np.poly(matrix), wanted, rtol=1e-9, atol=1e-12)
 
 
@@ -141,18 +143,24 @@ def test_stanley_to_first_order(speed, radius):
 def test_beyond_a_cusp_and_the_end_the_path_goes_on_straight():
     ramps = [Segment(2.0, 0.2, 0.0, 0.5), Segment(2.0, 0.0, -0.2, -0.5)]
     reference = SegmentedReference((0.0, 0.0, 0.0), ramps)
-    path, cusp, end = PathAhead(reference), reference.pose(2.0), reference.pose(4.0)
-    for time, start, way in (
+    path = PathAhead(reference)
+    cusp = reference.pose(2.0)
+    end = reference.pose(4.0)
+    for time, start, distance in (
         (1.0, cusp, 0.3 - 0.05),
         (3.0, end, -(0.3 - 0.15)),
         (4.0, end, -0.3),
         (9.0, end, -0.3),
     ):
-        np.testing.assert_allclose(
-            path.point(time, 0.3)[0], advance(start, [way, 0.0], 1.0), atol=1e-4
-        )
+        point, *_ = path.point(time, 0.3)
+        straight_on = advance(start, [distance, 0.0], 1.0)
+        np.testing.assert_allclose(point, straight_on, atol=1e-4)
+
+
+def test_the_point_ahead_of_a_standing_reference_is_its_pose():
     standing = SegmentedReference((1.0, 2.0, 3.0), [Segment(2.0, 0.0, 0.0)])
-    np.testing.assert_array_equal(PathAhead(standing).point(1.0, 0.3)[0], [1.0, 2.0, 3.0])
+    point, *_ = PathAhead(standing).point(1.0, 0.3)
+    np.testing.assert_array_equal(point, [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize(("speed", "stiffness", "damping"), [(0.15, 1.0, 1.4), (-0.15, 0.5, 2.0)])

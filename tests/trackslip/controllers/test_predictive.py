@@ -64,18 +64,15 @@ def test_the_plan_is_the_optimum_of_its_problem(law, error, speed):
 def test_optima_within_bounds_are_those_of_scipy():
     """Some problems with no bound that matters, most with many."""
     rng = np.random.default_rng(0)
-    roots, sides = (
-        rng.normal(size=(40, 30, 20)),
-        rng.normal(size=(40, 30)) * np.geomspace(0.01, 10, 40)[:, None],
-    )
-    hessians, right = (
-        roots.swapaxes(1, 2) @ roots,
-        (roots.swapaxes(1, 2) @ sides[..., None])[..., 0],
-    )
-    wanted = [
-        lsq_linear(root, side, (-0.3, 0.3), "bvls").x
-        for root, side in zip(roots, sides, strict=True)
-    ]
+    roots = rng.normal(size=(40, 30, 20))
+    sizes = np.geomspace(0.01, 10, 40)
+    sides = rng.normal(size=(40, 30)) * sizes[:, None]
+    transposed = roots.swapaxes(1, 2)
+    hessians = transposed @ roots
+    right = (transposed @ sides[..., None])[..., 0]
+    wanted = []
+    for root, side in zip(roots, sides, strict=True):
+        wanted.append(lsq_linear(root, side, (-0.3, 0.3), "bvls").x)
     np.testing.assert_allclose(bounded_optimum(hessians, right, 0.3), wanted, atol=1e-9)
 
 
@@ -110,19 +107,27 @@ def test_many_samples_tend_to_the_linear_quadratic_optimum():
 @pytest.mark.parametrize("twist", [(0.15, 0.12), (-0.2, 0.1), (0.15, 0.0), (0.0, 0.0)])
 def test_error_dynamics_by_finite_differences(twist):
     """A and B are the derivatives of the true motion of robot and reference over a period."""
-    desired, period, h = np.array([1.0, 2.0, 0.7]), 0.1, 1e-6
+    desired = np.array([1.0, 2.0, 0.7])
+    period = 0.1
     a, b = error_dynamics(twist, period)
 
     def after(error, correction):
-        pose = advance(
-            pose_with_error(desired, np.asarray(error)), np.add(twist, correction), period
-        )
+        """Errors after a period that begins with `error`."""
+        begin = pose_with_error(desired, np.asarray(error))
+        pose = advance(begin, np.add(twist, correction), period)
         return body_errors(pose, advance(desired, twist, period))
 
-    by_error = [(after(h * e, [0, 0]) - after(-h * e, [0, 0])) / (2 * h) for e in np.eye(3)]
-    by_correction = [
-        (after(np.zeros(3), h * u) - after(np.zeros(3), -h * u)) / (2 * h) for u in np.eye(2)
-    ]
+    h = 1e-6
+    no_error = np.zeros(3)
+    no_correction = np.zeros(2)
+    by_error = []
+    for step in h * np.eye(3):
+        change = after(step, no_correction) - after(-step, no_correction)
+        by_error.append(change / (2 * h))
+    by_correction = []
+    for step in h * np.eye(2):
+        change = after(no_error, step) - after(no_error, -step)
+        by_correction.append(change / (2 * h))
     np.testing.assert_allclose(a, np.transpose(by_error), atol=1e-8)
     np.testing.assert_allclose(b, np.transpose(by_correction), atol=1e-8)
 

@@ -44,7 +44,7 @@ def test_the_controller_moves_and_reckons_as_the_law_says(name):
     )
 
 
-def test_where_the_tracks_icrs_differ_a_point_off_the_middle_moves_so():
+def test_tracks_with_different_icrs_move_a_point_off_the_middle():
     """Its place is told; the yaw rate and the path of the robot are those of the law."""
     text = diff_drive_text(STORED, "icr_sides")
     distance = float(re.search(r"([\d.]+) m to the right of the middle", text)[1])
@@ -85,7 +85,7 @@ def test_ros_1_takes_the_same_parameters_in_its_own_form():
     assert read_yaml(one) == {"diff_drive_controller": parameters_in(two)}
 
 
-def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_be_expressed(
+def test_the_named_law_replaces_a_best_law_that_is_inexpressible(
     tmp_path,
 ):
     file = tmp_path / "laws.json"
@@ -96,7 +96,7 @@ def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_
     assert "Slip law turn_loss" in deploy_law(file, "c")
 
 
-def test_the_controller_gets_the_answer_even_if_it_can_express_the_best_law(tmp_path):
+def test_the_answer_is_deployed_even_if_the_best_law_could_be(tmp_path):
     file = tmp_path / "laws.json"
     file.write_text(json.dumps(dict(stored(best="icr_sides", expressible="diff_drive").content)))
     controller = parameters_in(deploy_law(file))

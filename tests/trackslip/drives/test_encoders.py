@@ -115,7 +115,7 @@ def log_of(time, omega):
     return RunLog("a", time, np.column_stack([omega, omega]), pose)
 
 
-def test_values_that_are_held_for_several_rows_become_a_smooth_curve():
+def test_values_held_for_several_rows_become_a_smooth_curve():
     time = 0.05 * np.arange(401)
     held = 3 + np.sin(0.2 * np.ceil(time / 0.2 - 1e-9))
     smooth = encoders_of(log_of(time, held)).smooth()

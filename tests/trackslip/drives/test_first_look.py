@@ -170,7 +170,7 @@ def test_clocks_that_are_nearly_right_give_a_start_value(late, kind):
     assert found.alarms == ()
 
 
-def test_a_run_whose_clocks_are_apart_by_another_time_than_those_of_others_is_told():
+def test_a_run_with_another_clock_offset_is_reported():
     logs = [
         log_of(DRIVE, TIME - late, POSE, run=name)
         for name, late in (("a", 0.0), ("b", 0.4), ("c", 1e-3))

@@ -130,7 +130,7 @@ def test_one_arc_tells_a_separation_and_a_radius():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_turns_in_place_leave_the_separation_as_open_as_the_radius(seed):
+def test_turns_in_place_leave_separation_as_open_as_radius(seed):
     found = answered(by_hand(SPOT, seed=seed))
     separation, left, _ = multipliers(found)
     assert separation.low < 1.26 < separation.high

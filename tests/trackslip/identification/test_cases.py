@@ -143,7 +143,7 @@ def test_start_and_end_poses():
     assert found.alarms == ()
 
 
-def test_whole_turns_between_rare_poses_that_may_be_others_are_an_alarm():
+def test_ambiguous_whole_turns_between_rare_poses_are_an_alarm():
     """A wide robot that turned once looks like a narrow one that turned twice."""
     robot = Robot(half_gauge=0.1, radius=0.042, offset=0.08, radius_error=0.0, unequal=0.0075)
     (alarm,) = answer(*squares(robot), robot=robot).alarms
@@ -235,7 +235,7 @@ def test_all_readings_of_a_long_and_a_short_drive_are_used(monkeypatch):
     require_true(found, offset=0.001, error=0.001)
 
 
-def test_a_sensor_and_a_drift_that_one_speed_does_not_tell_apart_stay_small():
+def test_sensor_and_drift_stay_small_if_one_speed_mixes_them():
     robot = Robot(half_gauge=0.188, radius=0.098, offset=0.11, radius_error=-0.02)
     drive = weaving(robot)
     time, pose = measured(drive, pose_step=0.2, position_noise=0.01)

@@ -91,7 +91,7 @@ def test_unequal_radii_under_a_sensor_off_the_middle():
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.15])
-def test_a_lag_is_estimated_on_request_and_else_taken_up_by_the_clock(lag):
+def test_a_lag_is_estimated_only_on_request(lag):
     log = drive_log(2, 30.0, EXACT, STILL, lag=lag)
     fit = fitted(REFERENCE, log, lag=True)
     assert fit.extras["lag"] == pytest.approx(lag, abs=5e-3)
@@ -130,7 +130,7 @@ def test_values_stop_at_limits_and_say_so(value):
 
 
 @pytest.mark.parametrize("start", [None, {"radius_error": 0.0}])
-def test_positions_alone_end_in_the_right_minimum_without_a_start(start):
+def test_positions_alone_find_the_right_minimum_without_a_start(start):
     """Of 200 drives, fits to shorter windows first, each cut once, took the 84th to D = -271 mm;
     D's error is 7 mm.
     """

@@ -32,22 +32,28 @@ def test_paths_are_exact_arcs(turning):
 
 @pytest.mark.parametrize("turning", [1.0, 1e-4])
 def test_derivatives_and_velocities_are_differences(turning):
-    motion, slope = MOTION * [[1], [1], [turning]], RNG.normal(size=(3, 4, 40))
-    time, h = np.linspace(EDGES[0] + 0.003, EDGES[-1] + 0.1, 25), 1e-6
+    motion = MOTION * [[1], [1], [turning]]
+    slope = RNG.normal(size=(3, 4, 40))
+    time = np.linspace(EDGES[0] + 0.003, EDGES[-1] + 0.1, 25)
     found = path(motion, slope, time)
+    h = 1e-6
+
+    def differences(ahead, behind):
+        """Differences of places and headings over 2 h."""
+        place = (ahead.place - behind.place) / (2 * h)
+        heading = (ahead.heading - behind.heading) / (2 * h)
+        return place, heading
+
     for k in range(4):
-        ahead, behind = (path(motion + s * h * slope[:, k], slope, time) for s in (1, -1))
-        np.testing.assert_allclose(
-            found.place_slope[k], (ahead.place - behind.place) / (2 * h), atol=1e-7
+        step = h * slope[:, k]
+        place, heading = differences(
+            path(motion + step, slope, time), path(motion - step, slope, time)
         )
-        np.testing.assert_allclose(
-            found.heading_slope[k], (ahead.heading - behind.heading) / (2 * h), atol=1e-7
-        )
-    ahead, behind = (path(motion, slope, time + s * h) for s in (1, -1))
-    np.testing.assert_allclose(found.velocity, (ahead.place - behind.place) / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(
-        found.yaw_rate, (ahead.heading - behind.heading) / (2 * h), atol=1e-7
-    )
+        np.testing.assert_allclose(found.place_slope[k], place, atol=1e-7)
+        np.testing.assert_allclose(found.heading_slope[k], heading, atol=1e-7)
+    velocity, yaw_rate = differences(path(motion, slope, time + h), path(motion, slope, time - h))
+    np.testing.assert_allclose(found.velocity, velocity, atol=1e-7)
+    np.testing.assert_allclose(found.yaw_rate, yaw_rate, atol=1e-7)
 
 
 @pytest.mark.parametrize("clock_offset", [0.003, -4.003])

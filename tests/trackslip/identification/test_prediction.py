@@ -110,7 +110,7 @@ def test_of_laws_that_differ_by_chance_the_simpler_is_best():
     assert best_of(turn_loss=rich, icr_radius=simple + 0.03).best == "turn_loss"
 
 
-def test_wrong_poses_and_pairs_that_a_law_can_not_predict_do_not_choose_the_law():
+def test_wrong_poses_and_unpredicted_pairs_choose_no_law():
     errors = {"turn_loss": missed((1.0,) * 4), "icr_radius": missed((1.2,) * 4, 1)}
     errors["turn_loss"][0, :2] += [1000.0, 0.2]  # equal but for what the laws predict
     errors["icr_radius"][0, :2] += [1000.0, 0.0]

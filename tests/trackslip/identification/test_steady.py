@@ -97,7 +97,7 @@ def test_laws_of_robots_that_skid(name, law):
     require_within(found.laws[name], law)
 
 
-def test_left_out_radii_are_predicted_as_well_as_the_law_is_right():
+def test_left_out_radii_are_predicted_as_well_as_the_law_fits():
     samples = grid(ICR)
     found = compare_laws(samples, GEOMETRY).validation
     right, wrong = found["icr_radius"], found["exponential"]
@@ -147,7 +147,7 @@ def test_exact_samples_are_no_trouble(count, told):
     assert found.laws["icr"].values["offset"] == pytest.approx(0.3, abs=1e-6)
 
 
-def test_parameters_that_the_samples_do_not_determine_are_not_reported():
+def test_parameters_without_information_are_not_reported():
     straight = samples_of(ConstantIcr(0.045, 0.168, 0.01), np.zeros(8))
     with pytest.raises(LogError, match="don't determine offset"):
         fit_law("icr", straight, GEOMETRY)
@@ -240,7 +240,7 @@ def sample(omega, twist, geometry=GEOMETRY, yaw_stderr=None):
     return SlipSamples.of(np.array([omega]), np.array([twist]), geometry, ["odd"], covariance)
 
 
-def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
+def test_a_yaw_rate_within_its_error_shows_no_swapped_tracks():
     omega, twist = [2.0, 3.0], [0.15, -0.05]
     with pytest.raises(LogError, match="left and right, and the signs"):
         sample(omega, twist, yaw_stderr=0.001)
@@ -271,7 +271,7 @@ def test_other_sides_signs_and_units_are_noticed(wheels, motion):
         sample(wheels(omega), twist * motion)
 
 
-def test_a_real_robot_turns_at_left_out_radii_as_plain_least_squares_predicts_or_better():
+def test_real_left_out_radii_are_as_good_as_by_least_squares():
     source = read_source(LOG, ReadOptions(half_gauge=0.303, sprocket_radius=0.0856))
     samples, geometry = source.sampling.samples, source.geometry
     found, radii = compare_laws(samples, geometry), folds(samples.by_command(geometry))

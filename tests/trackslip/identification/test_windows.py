@@ -98,7 +98,7 @@ def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
     )
 
 
-def test_a_residual_at_the_scale_of_cauchys_loss_has_half_its_weight_in_alignments():
+def test_a_residual_at_the_scale_of_cauchys_loss_has_half_weight():
     value = LOSS * np.array([[0.0, 0.6, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0, 0.1]])
     found = Residuals(value, np.zeros((3, 0, 3)), np.ones((3, 3))).alignment(
         np.array([1.0, 0.1, 1.0])
@@ -140,7 +140,7 @@ def test_fits_of_a_real_drive_end_at_a_minimum():
         assert (moved < 0.1 * np.sqrt(np.diag(fit.covariance))).all(), name
 
 
-def test_leaving_out_blocks_by_one_step_is_a_refit_to_first_order():
+def test_leaving_out_blocks_by_one_step_is_a_first_order_refit():
     logs = [drive_log(seed, 12.0) for seed in range(10)]
     found = fitted("icr_radius", *logs)
     fit, none = found.fit, np.zeros(len(found.fit.values))

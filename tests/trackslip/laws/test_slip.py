@@ -209,14 +209,12 @@ def test_slopes_of_twists_are_those_of_the_closed_form():
     """Of two laws at once: errors of D change the yaw rate alone, those of epsilon both in
     proportion.
     """
-    values, omega = (
-        np.array([[0.045, 0.01], [-0.02, -0.1]]),
-        np.random.default_rng(0).uniform(-5, 5, (20, 2)),
-    )
+    values = np.array([[0.045, 0.01], [-0.02, -0.1]])
+    omega = np.random.default_rng(0).uniform(-5, 5, (20, 2))
     slopes = FAMILIES["icr_radius"].twist_slopes(values, omega, GEOMETRY)
     for (offset, radius_error), found in zip(values, slopes, strict=True):
         twist = ConstantIcr(offset, 0.168, radius_error).twist(omega, GEOMETRY)
-        np.testing.assert_allclose(
-            found[..., 0], twist * [0.0, -1 / (0.168 + offset)], rtol=1e-6, atol=1e-8
-        )
-        np.testing.assert_allclose(found[..., 1], twist / (1 + radius_error), rtol=1e-6, atol=1e-8)
+        by_offset = twist * [0.0, -1 / (0.168 + offset)]
+        by_radius_error = twist / (1 + radius_error)
+        np.testing.assert_allclose(found[..., 0], by_offset, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found[..., 1], by_radius_error, rtol=1e-6, atol=1e-8)

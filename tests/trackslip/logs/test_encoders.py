@@ -52,35 +52,33 @@ def test_angles_turned_are_conserved_beside_rows_of_poses(seed, rate, shift):
     """Whatever the rates of encoders and poses, each in rows of its own."""
     time, angle = driven(seed)
     posed = np.arange(time[0] + shift, time[-1], 1 / rate)
-    nothing = np.full(len(posed), np.nan)
-    empty = np.full(len(time), np.nan)
-    run = read(
-        {
-            "t": np.concatenate([time, posed]),
-            "angle_l": np.concatenate([angle[:, 0], nothing]),
-            "angle_r": np.concatenate([angle[:, 1], nothing]),
-            "x": np.concatenate([empty, np.sin(posed)]),
-            "y": np.concatenate([empty, np.cos(posed)]),
-        },
-        Layout(),
-    )
+    no_angle = np.full(len(posed), np.nan)
+    no_place = np.full(len(time), np.nan)
+    columns = {
+        "t": np.concatenate([time, posed]),
+        "angle_l": np.concatenate([angle[:, 0], no_angle]),
+        "angle_r": np.concatenate([angle[:, 1], no_angle]),
+        "x": np.concatenate([no_place, np.sin(posed)]),
+        "y": np.concatenate([no_place, np.cos(posed)]),
+    }
+    run = read(columns, Layout())
     np.testing.assert_allclose(turned(run), angle[-1] - angle[0], atol=1e-9)
-    assert (run.time[0], run.time[-1]) == (time[0], time[-1])
+    assert run.time[0] == time[0]
+    assert run.time[-1] == time[-1]
 
 
-def test_sides_that_are_read_at_different_times_keep_their_angles():
+def test_sides_read_at_different_times_keep_their_angles():
+    """Left sides in even rows, right ones in odd rows; between them, angles are interpolated."""
     time, angle = driven()
-    left = np.where(np.arange(len(time)) % 2 == 0, angle[:, 0], np.nan)
-    right = np.where(np.arange(len(time)) % 2 == 1, angle[:, 1], np.nan)
+    is_even = np.arange(len(time)) % 2 == 0
+    left = np.where(is_even, angle[:, 0], np.nan)
+    right = np.where(is_even, np.nan, angle[:, 1])
     run = read(with_poses(time, angle_l=left, angle_r=right), Layout())
-    assert turned(run)[0] == pytest.approx(
-        np.interp(run.time[-1], time[::2], angle[::2, 0])
-        - np.interp(run.time[0], time[::2], angle[::2, 0])
-    )
-    assert turned(run)[1] == pytest.approx(
-        np.interp(run.time[-1], time[1::2], angle[1::2, 1])
-        - np.interp(run.time[0], time[1::2], angle[1::2, 1])
-    )
+    ends = [run.time[0], run.time[-1]]
+    begin_left, end_left = np.interp(ends, time[::2], angle[::2, 0])
+    begin_right, end_right = np.interp(ends, time[1::2], angle[1::2, 1])
+    assert turned(run)[0] == pytest.approx(end_left - begin_left)
+    assert turned(run)[1] == pytest.approx(end_right - begin_right)
 
 
 @pytest.mark.parametrize("low", [0.0, -np.pi])

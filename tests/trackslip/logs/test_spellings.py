@@ -78,16 +78,12 @@ def test_a_table_without_run_is_one_run_named_after_its_file(tmp_path):
 )
 def test_quaternions_of_any_norm_are_headings(tmp_path, names):
     heading = np.linspace(-3.0, 3.0, len(ROWS))
-    parts = {
-        "x": 0.0 * heading,
-        "y": 0.0 * heading,
-        "z": 2 * np.sin(heading / 2),
-        "w": 2 * np.cos(heading / 2),
-    }
-    rows = [
-        [*row[:4], 0.0, 0.0, *(float(parts[name[-1]][k]) for name in names)]
-        for k, row in enumerate(ROWS)
-    ]
+    level = 0.0 * heading
+    parts = {"x": level, "y": level, "z": 2 * np.sin(heading / 2), "w": 2 * np.cos(heading / 2)}
+    rows = []
+    for k, row in enumerate(ROWS):
+        quaternion = [float(parts[name[-1]][k]) for name in names]
+        rows.append([*row[:4], 0.0, 0.0, *quaternion])
     (run,) = read(tmp_path, text(rows, [*NAMES[:6], *names])).runs
     np.testing.assert_allclose(run.pose[:, 2], heading, atol=1e-12)
 
@@ -169,13 +165,14 @@ def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
 def test_poses_far_from_any_encoder_are_kept_apart(tmp_path):
     late = [["a", 100 + 0.1 * k, "", "", k, 0, 0] for k in range(5)]
     early = [["a", -100 + 0.1 * k, "", "", k, 0, ""] for k in range(3)]
-    (run,) = (found := read(tmp_path, text([*early, *ROWS, *late]))).runs
+    found = read(tmp_path, text([*early, *ROWS, *late]))
+    (run,) = found.runs
     assert found.warnings == (
         "run 'a': 3 rows before its first encoder reading left out",
         "run 'a': 5 rows after its last encoder reading left out",
     )
     np.testing.assert_allclose(run.time, 0.1 * np.arange(12))
-    np.testing.assert_allclose(
-        run.beyond[:, 0], [*(-100 + 0.1 * np.arange(3)), *(100 + 0.1 * np.arange(5))]
-    )
+    before = -100 + 0.1 * np.arange(3)
+    after = 100 + 0.1 * np.arange(5)
+    np.testing.assert_allclose(run.beyond[:, 0], [*before, *after])
     assert run.between(0, 5).beyond is None

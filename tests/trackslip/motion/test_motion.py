@@ -137,24 +137,29 @@ def test_bundle_is_at_the_bound_and_its_errors_are_its_scatter(logs):
     found = [bundle(log, SCANNED) for log, _ in logs]
     error = np.array([steady.twist for steady in found]) - TWIST
     rms = np.sqrt(np.mean(error**2, axis=0))
+    spread = 3 / np.sqrt(2 * len(logs))  # three standard errors of an rms, relative to it
+
     # the bound of a pose and a twist with lateral speed, from the bounds of the single scans that
     # have one
     log, pose = logs[0]
     rows = (log.time > SCANNED[0]) & (log.time < SCANNED[1])
     covariance = pose_bound(pose[rows], PLATE, log.scans.scan.bearings, log.scans.scan.noise)
-    held = np.isfinite(covariance).all(axis=(1, 2))
-    _, jacobian = poses_on_arc(
-        np.array([*pose[75], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[75]
-    )
-    information = np.einsum(
-        "tki,tkl,tlj->ij", jacobian[held], np.linalg.inv(covariance[held]), jacobian[held]
-    )
+    is_bounded = np.isfinite(covariance).all(axis=(1, 2))
+    v, w = TWIST
+    since_middle = log.time[rows] - log.time[75]
+    _, jacobian = poses_on_arc(np.array([*pose[75], v, 0.0, w]), since_middle)
+    jacobian = jacobian[is_bounded]
+    weight = np.linalg.inv(covariance[is_bounded])
+    information = np.einsum("tki,tkl,tlj->ij", jacobian, weight, jacobian)
     bound = np.sqrt(np.diag(np.linalg.inv(information)))[[3, 5]]
-    assert np.all(rms < 1.1 * bound * (1 + 3 / np.sqrt(2 * len(logs))))
-    stated = np.sqrt(np.mean([np.diag(steady.covariance) for steady in found], axis=0))
-    assert np.all(np.abs(rms / stated - 1) < 3 / np.sqrt(2 * len(logs)))
+    assert np.all(rms < 1.1 * bound * (1 + spread))
+
+    variances = [np.diag(steady.covariance) for steady in found]
+    stated = np.sqrt(np.mean(variances, axis=0))
+    assert np.all(np.abs(rms / stated - 1) < spread)
     assert np.all(np.abs(error.mean(axis=0)) < 3.5 * rms / np.sqrt(len(logs)))
-    assert np.all(error.std(axis=0) < np.std([arc(log, SCANNED).twist for log, _ in logs], axis=0))
+    by_arc = [arc(log, SCANNED).twist for log, _ in logs]
+    assert np.all(error.std(axis=0) < np.std(by_arc, axis=0))
 
 
 def test_scans_of_something_else_are_left_out(logs):

@@ -72,7 +72,7 @@ def test_a_gap_in_the_clock_parts_a_run():
     )
 
 
-def test_motion_that_changes_though_the_sprockets_do_not_is_refused():
+def test_motion_that_changes_at_constant_sprockets_is_refused():
     log = driven()
     slower = driven(((10.0, 0.8),))
     with pytest.raises(LogError, match="but its motion is not: v changes by -0"):
@@ -103,7 +103,7 @@ def test_standing_still_between_commands_is_no_sample():
     assert part.window[1] < 10.0
 
 
-def test_pieces_follow_the_law_where_the_load_turns_with_the_robot():
+def test_pieces_follow_the_law_as_the_load_turns_with_the_robot():
     """A circle on a slope, which is not steady as a whole."""
     law, omega, step, rows, pose = (
         IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2),

@@ -107,13 +107,16 @@ def test_on_a_straight_line_headings_are_a_random_walk():
 def test_the_covariance_at_the_start_is_carried_along():
     """By the derivative of the end by the start, which differences show."""
     time, omega = driving(2, 10.0)
-    start, spread = np.array([2.0, -1.0, 0.7]), np.diag([0.1, 0.2, 0.05]) ** 2
+    start = np.array([2.0, -1.0, 0.7])
+    spread = np.diag([0.1, 0.2, 0.05]) ** 2
     path = SlipOdometry(ICR, GEOMETRY, start=start, start_covariance=spread).path(time, omega)
 
     def end(pose):
         return SlipOdometry(ICR, GEOMETRY, start=pose).path(time, omega).pose[-1]
 
-    slope = np.stack([(end(start + h) - end(start - h)) / 2e-6 for h in 1e-6 * np.eye(3)], axis=1)
+    h = 1e-6
+    columns = [(end(start + step) - end(start - step)) / (2 * h) for step in h * np.eye(3)]
+    slope = np.stack(columns, axis=1)
     np.testing.assert_allclose(path.covariance[-1], slope @ spread @ slope.T, rtol=1e-7)
 
 

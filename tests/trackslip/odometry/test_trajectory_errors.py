@@ -99,13 +99,14 @@ def test_evo_reads_stamps_of_clocks_and_positions_on_the_earth(tmp_path, start, 
 
 def test_alignment_finds_a_known_motion():
     drive = trajectory(noise=0.0)
-    elsewhere = errors.moved(drive.measured, 1.3, np.array([0.5, 0.5]), np.array([-3.0, 7.0]))
-    for aligned in (
-        errors.best_fit(elsewhere, drive.measured),
-        errors.from_pose(elsewhere, drive.measured, 17),
-    ):
-        np.testing.assert_allclose(aligned[:, :2], drive.measured[:, :2], atol=1e-12)
-        np.testing.assert_allclose(wrap_angle(aligned[:, 2] - drive.measured[:, 2]), 0, atol=1e-12)
+    measured = drive.measured
+    elsewhere = errors.moved(measured, 1.3, np.array([0.5, 0.5]), np.array([-3.0, 7.0]))
+    best = errors.best_fit(elsewhere, measured)
+    from_17 = errors.from_pose(elsewhere, measured, 17)
+    for aligned in (best, from_17):
+        np.testing.assert_allclose(aligned[:, :2], measured[:, :2], atol=1e-12)
+        turn = wrap_angle(aligned[:, 2] - measured[:, 2])
+        np.testing.assert_allclose(turn, 0, atol=1e-12)
 
 
 def test_stretches_cross_a_gap_but_do_not_end_in_it():

@@ -49,13 +49,17 @@ class Drive:
 
 
 def test_motion_and_its_derivatives_by_finite_differences():
-    law, omega, h = np.array([[GAIN, TRUE.radius_error, 0.02]]), np.array([[1.0, 1.7]]), 1e-6
+    law = np.array([[GAIN, TRUE.radius_error, 0.02]])
+    omega = np.array([[1.0, 1.7]])
     velocity, by_law = icr_motion(law, omega, GEOMETRY)
     np.testing.assert_allclose(velocity[:, [0, 2]], TRUE.twist(omega, GEOMETRY), atol=1e-15)
     np.testing.assert_allclose(velocity[:, 1], -0.02 * velocity[:, 2], atol=1e-15)
+
+    h = 1e-6
     for k, step in enumerate(h * np.eye(3)):
-        ends = [icr_motion(law + sign * step, omega, GEOMETRY)[0][0] for sign in (1, -1)]
-        np.testing.assert_allclose(by_law[0, :, k], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
+        (above,), _ = icr_motion(law + step, omega, GEOMETRY)
+        (below,), _ = icr_motion(law - step, omega, GEOMETRY)
+        np.testing.assert_allclose(by_law[0, :, k], (above - below) / (2 * h), atol=1e-8)
 
 
 def test_finds_the_law_and_knows_how_well():
@@ -90,7 +94,7 @@ def test_finds_changed_ground_within_seconds():
     np.testing.assert_allclose(drive.found.offset, 0.1, rtol=0.03)
 
 
-def test_a_turn_about_a_centre_that_is_not_abreast_is_no_changed_ground():
+def test_a_turn_about_a_shifted_centre_is_no_changed_ground():
     """As with a weight ahead of the middle: D is found all the same."""
     speeds, centre = np.array([[2.0, 2.9]]), 0.03
     drive = Drive.begin(20, TRUE)
@@ -119,7 +123,7 @@ def test_stays_put_when_nothing_is_to_be_learnt():
     assert not drive.found.restarts.any()
 
 
-def test_a_wrong_pose_is_left_out_and_a_robot_carried_away_is_found_again():
+def test_wrong_poses_are_left_out_and_carried_robots_found_again():
     drive = Drive.begin(2, TRUE)
     drive.run(10.0)
     before = drive.found.state.copy()

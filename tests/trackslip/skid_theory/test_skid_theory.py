@@ -65,7 +65,7 @@ def test_firm_ground_is_coulomb_ground():
 
 @pytest.mark.parametrize("belt", [0.2, -0.2])
 @pytest.mark.parametrize("twist", [(0.15, 0.02, 0.9), (0.1, -0.01, -0.3), (-0.15, 0.0, 1e-9)])
-def test_displacements_are_those_of_elements_followed_on_their_way(twist, belt):
+def test_displacements_are_those_of_elements_followed(twist, belt):
     contact = line_contact(B, L, 0.7, 0.778, points=4)
     found = displacement(np.array(twist), np.full(8, belt), contact)
     v, u, w = twist

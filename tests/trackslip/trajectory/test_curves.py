@@ -32,9 +32,9 @@ def test_figure_eight_is_bernoullis_lemniscate():
     np.testing.assert_allclose([x[-1], y[-1], phi[-1]], [0, 0, -np.pi / 4], atol=1e-11)
     assert np.ptp(x) == pytest.approx(2 * a, abs=1e-4)
     moving = twist[:, 0] > 1e-3
-    np.testing.assert_allclose(
-        np.abs(twist[moving, 1] / twist[moving, 0]), 3 * np.hypot(x, y)[moving] / a**2, atol=1e-9
-    )
+    v, w = twist[moving].T
+    distance = np.hypot(x, y)[moving]
+    np.testing.assert_allclose(np.abs(w / v), 3 * distance / a**2, atol=1e-9)
     # left round one lobe, right round the other
     assert x[np.argmax(phi)] == pytest.approx(0, abs=2e-2)
 

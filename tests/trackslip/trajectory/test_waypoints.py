@@ -54,26 +54,33 @@ def test_headings_say_where_it_reverses_and_speeds_how_fast():
     """A turn in three moves, as a planner writes it: to the right ahead, to the right in reverse,
     straight on.
     """
+    # an eighth of a circle of 1 m to the right, ahead
     angles = np.linspace(0, np.pi / 4, 6)
     ahead = np.stack([np.sin(angles), np.cos(angles) - 1, -angles], axis=-1)
-    back = ahead[-1] + np.stack(
-        [-np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=-1
-    ) @ _turned(-np.pi / 4)
+    # another in reverse, in the frame of the cusp
+    in_frame = np.stack([-np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=-1)
+    back = ahead[-1] + in_frame @ _turned(-np.pi / 4)
     back[:, 2] = -np.pi / 4 - angles
-    last = back[-1] + 0.3 * np.arange(1, 4)[:, None] * [0.0, -1.0, 0.0]
+    # straight on, along -y
+    way = 0.3 * np.arange(1, 4)
+    last = back[-1] + way[:, None] * [0.0, -1.0, 0.0]
+
     table = np.concatenate([ahead, back[1:], last])
-    reference = waypoints(table[:, :2], yaw=table[:, 2] + 2 * np.pi, speed=np.full(len(table), 0.1))
-    assert nearest(reference, table[:, :2]).max() < 1e-4
+    points = table[:, :2]
+    speed = np.full(len(table), 0.1)
+    reference = waypoints(points, yaw=table[:, 2] + 2 * np.pi, speed=speed)
+    assert nearest(reference, points).max() < 1e-4
     assert integral_miss(reference) < 1e-9
     time = times(reference)
     v, w = reference.twist(time).T
-    assert (v.min(), v.max()) == pytest.approx((-0.1, 0.1))
-    assert (np.sign(v[np.abs(v) > 0.05])[:-1] != np.sign(v[np.abs(v) > 0.05])[1:]).sum() == 2
+    assert v.min() == pytest.approx(-0.1)
+    assert v.max() == pytest.approx(0.1)
+    direction = np.sign(v[np.abs(v) > 0.05])
+    assert np.count_nonzero(np.diff(direction)) == 2
     assert np.abs(w).max() == pytest.approx(0.1, rel=0.05)  # arcs of 1 m
     assert np.ptp(reference.pose(time)[:, 2]) == pytest.approx(np.pi / 2, abs=1e-3)
-    np.testing.assert_allclose(
-        reference.pose([0.0, reference.duration])[:, :2], table[[0, -1], :2], atol=1e-12
-    )
+    ends = reference.pose([0.0, reference.duration])[:, :2]
+    np.testing.assert_allclose(ends, points[[0, -1]], atol=1e-12)
     assert waypoints([(0, 0), (-1, 0), (-2, 0)], yaw=np.zeros(3)).pose(0.0)[2] == pytest.approx(0)
 
 
