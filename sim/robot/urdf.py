@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
+from xml.etree.ElementTree import Element
 
 import mujoco
 
@@ -23,6 +24,7 @@ from sim.robot.model_check import (
     lies_in,
     model_folders,
     model_text,
+    parsed,
 )
 from trackslip.errors import RobotWarning, TrackslipError, counted
 
@@ -103,7 +105,8 @@ def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path
         )
     text = _LIMIT.sub(lambda limit: _LARGE.sub(_clipped, limit[0]), _unstripped(text))
     check_model(text, path, folders)
-    _require_unique(text, path)
+    robot = parsed(path, text)
+    _require_unique(robot, path)
     spec = mujoco.MjSpec.from_string(text)
     stated = any(body.explicitinertial for body in spec.bodies)
     water = []
@@ -131,10 +134,10 @@ def _clipped(number: re.Match[str]) -> str:
     return number[0] if abs(value) <= _HUGE else f"{math.copysign(_HUGE, value):g}"
 
 
-def _require_unique(text: str, path: Path) -> None:
-    """Raise TrackslipError for links or joints of a URDF with the same name."""
+def _require_unique(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for links or joints of a URDF's <robot> with the same name."""
     for tag in ("link", "joint"):
-        names = re.findall(rf"<{tag}\s[^>]*?\bname\s*=\s*[\"']([^\"']*)[\"']", text)
+        names = [element.get("name", "") for element in robot.findall(tag)]
         repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
             times = Counter(names)[repeated[0]]

@@ -530,3 +530,16 @@ def test_a_robot_too_heavy_ahead_is_told_its_way_on(tmp_path):
         match=r"rover\.urdf: com_x = .*: fold its arm by \[joints\] or `key`; ",
     ):
         load_parameters(write(tmp_path, parts))
+
+
+@pytest.mark.parametrize(
+    "repeated",
+    [
+        '<ros2_control name="all" type="system"><joint name="left_rear_joint"/></ros2_control>',
+        '<transmission name="one"><joint name="left_rear_joint"/></transmission>',
+        '<gazebo><plugin name="p"><link name="base"/></plugin></gazebo>',
+    ],
+)
+def test_other_elements_may_repeat_names_of_joints(tmp_path, repeated):
+    robot = load_tracked(write(tmp_path, [*rover(), repeated]))
+    assert robot.half_gauge == pytest.approx(0.25)
