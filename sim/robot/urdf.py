@@ -107,6 +107,9 @@ def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path
     check_model(text, path, folders)
     robot = parsed(path, text)
     _require_unique(robot, path)
+    _require_expanded(robot, path)
+    _require_masses(robot, path)
+    _require_tree(robot, path)
     spec = mujoco.MjSpec.from_string(text)
     stated = any(body.explicitinertial for body in spec.bodies)
     water = []
@@ -145,6 +148,67 @@ def _require_unique(robot: Element, path: Path) -> None:
                 f"{path}: <{tag}> name = {some(repeated)}: {times} of {repeated[0]!r}, must be "
                 "unique"
             )
+
+
+def _require_expanded(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for a link or joint with an expression that xacro would replace."""
+    for part in (*robot.findall("link"), *robot.findall("joint")):
+        for element in part.iter():
+            for name, value in element.items():
+                if "${" in value or "$(" in value:
+                    raise TrackslipError(
+                        f"{path}: {part.tag} {part.get('name', '')!r}: <{element.tag}> {name} = "
+                        f"{value[:80]!r}: is xacro; run `xacro` on the file that it comes from, "
+                        "and name its result as `model`"
+                    )
+
+
+def _require_masses(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for a link with a negative mass, for which MuJoCo takes 0."""
+    for link in robot.findall("link"):
+        mass = link.find("inertial/mass")
+        value = "" if mass is None else mass.get("value", "")
+        try:
+            is_negative = float(value) < 0
+        except ValueError:
+            continue  # MuJoCo names what isn't a number
+        if is_negative:
+            raise TrackslipError(
+                f"{path}: link {link.get('name', '')!r}: mass = {value}: must be at least 0 kg"
+            )
+
+
+def _require_tree(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for a joint without links of the model, and for one by which the robot
+    moves over the ground.
+
+    MuJoCo lets the first link move freely if it is called anything but "world".
+    """
+    links = [link.get("name", "") for link in robot.findall("link")]
+    joints = robot.findall("joint")
+    children = {_end(joint, "child") for joint in joints}
+    for joint in joints:
+        where = f"{path}: joint {joint.get('name', '')!r}"
+        for end in ("parent", "child"):
+            name = _end(joint, end)
+            if name not in links:
+                raise TrackslipError(
+                    f"{where}: {end} = {name!r}: must be a link of the model, such as {some(links)}"
+                )
+        kind = joint.get("type", "")
+        parent = _end(joint, "parent")
+        is_root = parent not in children
+        if parent != "world" and (kind == "floating" or (kind == "planar" and is_root)):
+            raise TrackslipError(
+                f'{where}: type = {kind!r}: must be "fixed", as the robot moves freely without it; '
+                f"or leave out the joint and {parent!r}"
+            )
+
+
+def _end(joint: Element, end: str) -> str:
+    """The name of the link at the "parent" or "child" end of a URDF's joint."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
 
 
 def _head(path: Path) -> str:

@@ -506,6 +506,22 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
             [base(), link("a", 1), link("b", 1), *[joint("base", "a", "0 0 0.4", **LIMITS)] * 2],
             r"<joint> name = a_joint: 2 of 'a_joint', must be unique$",
         ),
+        ([link("base", -50)], r"link 'base': mass = -50: must be at least 0 kg$"),
+        (
+            ['<link name="base"><inertial><mass value="${m}"/></inertial></link>'],
+            r"link 'base': <mass> value = '\$\{m\}': is xacro; run `xacro` on",
+        ),
+        (
+            [base(), link("a", 1), joint("bas", "a", "0 0 0.4")],
+            r"joint 'a_joint': parent = 'bas': must be a link of the model, such as base, a$",
+        ),
+        *[
+            (
+                ['<link name="odom"/>', joint("odom", "base", "0 0 0", kind), base()],
+                rf"joint 'base_joint': type = '{kind}': must be \"fixed\", .* leave out the joint",
+            )
+            for kind in ("floating", "planar")
+        ],
     ],
 )
 def test_faults_of_a_model_are_said_in_one_short_line(tmp_path, parts, said):
