@@ -404,11 +404,26 @@ def test_drive_warns_of_a_weak_motor_as_grid_does(tmp_path, trackslip):
 def test_a_motor_in_the_middle_is_named_too():
     share = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 1.0]])
     torque = np.array([[1.0, 1.0, 2.0], [1.0, 1.0, -2.0]])
-    needed = np.array([[1.0, 1.0, 2.5], [1.0, 1.0, -4.0]])
+    needed = np.array([[1.0, 1.0, 4.0], [1.0, 1.0, -4.0]])
     found = str(Saturation.of(share, torque, needed))
     assert found == (
         "the middle motor is at its limit for 75.0% of the time: 2 N m at hand, 4 N m needed"
     )
+
+
+def test_a_peak_at_the_start_is_not_the_torque_needed():
+    share = np.array([[1.0], [1.0], [1.0], [0.2], [0.0]])
+    torque = np.array([[3.0], [2.0], [2.0], [1.0], [1.0]])
+    needed = np.array([[9.0], [2.5], [-2.5], [1.0], [1.0]])
+    found = Saturation.of(share, torque, needed)
+    assert found == Saturation("left", pytest.approx(0.64), 2.0, 2.5)
+
+
+@pytest.mark.parametrize(("share", "is_said"), [(0.0, False), (4e-4, False), (6e-4, True)])
+def test_no_motor_is_at_its_limit_for_0_percent(share, is_said):
+    saturated = np.array([[share, 0.0]])
+    torque = np.array([[2.0, 0.0]])
+    assert (Saturation.of(saturated, torque, 2 * torque) is not None) == is_said
 
 
 def test_motors_without_a_limit_are_named_and_others_not():
