@@ -7,6 +7,7 @@ import pytest
 
 from sim import Fleet, Ground, build_tracked, check, load_robot
 from sim.motors.motor import tireless
+from sim.robot import flat
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from trackslip.errors import TrackslipError
@@ -559,3 +560,45 @@ def test_a_robot_too_heavy_ahead_is_told_its_way_on(tmp_path):
 def test_other_elements_may_repeat_names_of_joints(tmp_path, repeated):
     robot = load_tracked(write(tmp_path, [*rover(), repeated]))
     assert robot.half_gauge == pytest.approx(0.25)
+
+
+ONE_AXLE = '[[tracks]]\nwheels = ["left_front", "right_front"]\ncontact = "wheels"\n'
+LEFT_ONLY = '[[tracks]]\nsides = "left"\nwheels = ["left_front", "left_rear"]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ONE_AXLE, "but its wheels from left_front, right_front stand on one axle only; `track"),
+        (LEFT_ONLY, "but its only running gear is on the side 'left'; `trackslip drive` and"),
+    ],
+)
+def test_what_flat_ground_lacks_is_said_in_plain_words(tmp_path, text, said):
+    with pytest.raises(TrackslipError, match=said):
+        load_parameters(write(tmp_path, rover(), text))
+
+
+@pytest.mark.parametrize(("gravity", "is_said"), [("0 0 -1.62", True), ("0 0 -9.83", False)])
+def test_flat_ground_warns_of_gravity_that_it_leaves_out(tmp_path, gravity, is_said):
+    place = f'<mujoco><option gravity="{gravity}"/></mujoco>'
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        load_parameters(write(tmp_path, [*rover(), place]))
+    lines = [str(each.message) for each in said]
+    expected = "its gravity, (0, 0, -1.62) m/s^2, counts on terrain; flat ground has (0, 0, -9.81)"
+    assert any(expected in line for line in lines) == is_said
+
+
+def test_rounding_puts_no_centre_of_mass_off_the_middle(tmp_path):
+    """As of wheels whose places aren't binary fractions."""
+    parameters, _ = load_parameters(write(tmp_path, rover()))
+    assert parameters.com_y == 0.0
+    assert flat.without_rounding(-2e-19) == 0.0
+    assert flat.without_rounding(-2e-6) == -2e-6
+
+
+def test_motors_without_limits_have_no_numbers_in_the_robot_file(tmp_path):
+    checked = check(write(tmp_path, rover(), 'wheels = "replace"\n[drive]\n'))
+    assert "top_speed = 0.6" in checked.file
+    assert "torque_limit" not in checked.file
+    assert "[drive.motor]" not in checked.file
