@@ -14,6 +14,7 @@ from typing import Any, Final
 from xml.etree.ElementTree import Element
 
 import mujoco
+import numpy as np
 
 from sim.robot.model_check import (
     PLACES,
@@ -33,6 +34,7 @@ _COMPILER = '<compiler strippath="false" discardvisual="false" '
 _MAX_FACES = 200_000  # MuJoCo's limit for an .stl file
 _STL_HEAD, _STL_FACE = 84, 50  # size of a binary .stl's header, and of each face [bytes]
 _HEAD = 1_000_000  # of a package.xml or a .dae, whose unit is at the top [bytes]
+_MAX_LENGTH: Final = 20.0  # of a mesh; robots reach up to 10 m to either side [m]
 _SHOWN = 3  # most names listed in a message
 _POINTER = b"version https://git-lfs"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
@@ -265,6 +267,14 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
         if file:
             sizes.add(file)
             mesh.file = os.path.abspath(file)
+            solid = [geom.parent.name for geom in geoms if not weightless(spec, geom)]
+            length = _largest_extent(file, mesh.scale) if solid else 0.0
+            if length > _MAX_LENGTH:
+                refuse(
+                    f"{model}: mesh {file.name[-100:]} of link {solid[0]!r} is {length:.4g} m "
+                    f"long, must be at most {_MAX_LENGTH:g} m; if its numbers are in mm, state "
+                    'scale="0.001 0.001 0.001"'
+                )
             continue
         for geom in geoms:
             if weightless(spec, geom):
@@ -342,6 +352,19 @@ def _mesh_file(
                 "beside it",
             )
     return None, wrong
+
+
+def _largest_extent(path: Path, scale: Sequence[float]) -> float:
+    """Largest side of the box around a binary .stl [m]; 0 for other files, whose points only MuJoCo
+    reads.
+    """
+    if path.suffix.lower() != ".stl":
+        return 0.0
+    # each face has a normal, three points and two bytes more
+    face = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("rest", "<u2")])
+    points = np.fromfile(path, face, offset=_STL_HEAD)["points"].reshape(-1, 3)
+    extents = np.ptp(points.astype(float), axis=0) * np.abs(scale)
+    return float(extents.max())
 
 
 def _is_pointer(path: Path) -> bool:

@@ -602,3 +602,39 @@ def test_motors_without_limits_have_no_numbers_in_the_robot_file(tmp_path):
     assert "top_speed = 0.6" in checked.file
     assert "torque_limit" not in checked.file
     assert "[drive.motor]" not in checked.file
+
+
+def stl_of_a_wheel(radius, width, corners=64):
+    """A binary .stl of a disc about y."""
+    angle = np.linspace(0.0, 2 * np.pi, corners + 1)
+    rim = radius * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    half = np.array([0.0, width / 2, 0.0])
+    left, right = rim + half, rim - half
+    faces = np.concatenate(
+        [
+            np.stack([left[:-1], left[1:], right[:-1]], axis=1),
+            np.stack([right[:-1], left[1:], right[1:]], axis=1),
+            np.stack([np.broadcast_to(half, rim[1:].shape), left[1:], left[:-1]], axis=1),
+            np.stack([np.broadcast_to(-half, rim[1:].shape), right[:-1], right[1:]], axis=1),
+        ]
+    )
+    face = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("rest", "<u2")])
+    stored = np.zeros(len(faces), face)
+    stored["points"] = faces
+    return bytes(80) + len(faces).to_bytes(4, "little") + stored.tobytes()
+
+
+@pytest.mark.parametrize(("scale", "is_refused"), [("1 1 1", True), ("0.001 0.001 0.001", False)])
+def test_a_mesh_in_mm_is_named_with_its_scale(tmp_path, scale, is_refused):
+    """A wheel of a radius of 100."""
+    content = stl_of_a_wheel(radius=100.0, width=60.0)
+    shape = f'<mesh filename="wheel.stl" scale="{scale}"/>'
+    file = write(tmp_path, rover(shape))
+    (tmp_path / "rover_description" / "urdf" / "wheel.stl").write_bytes(content)
+    errors = check(file).errors
+    said = (
+        "mesh wheel.stl of link 'left_front' is 200 m long, must be at most 20 m; if its numbers "
+        'are in mm, state scale="0.001 0.001 0.001"'
+    )
+    assert any(said in line for line in errors) == is_refused
+    assert bool(errors) == is_refused
