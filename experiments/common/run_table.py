@@ -37,8 +37,8 @@ COLUMNS: Final = {
         Column("valid_fraction", PURE, "share of the scans that gave a pose"),
         Column("saturated", PURE, "share of the time with a motor at its limit, the worse track"),
         Column("saturated_motor", NO_UNIT, "the motor at its limit, left or right; null if none"),
-        Column("torque_at_hand", "N m", "torque of that motor when most was needed"),
-        Column("torque_needed", "N m", "largest torque that its set points took"),
+        Column("torque_at_hand", "N m", "median torque of that motor while it was too weak"),
+        Column("torque_needed", "N m", "median torque that its set points took meanwhile"),
     )
 }
 """Columns other than the sweep's axes, which follow `id`."""

@@ -41,7 +41,7 @@ def run(config: Config) -> None:
     from experiments.drive.results import drive_summary, write_course_run
     from experiments.drive.world import about_world, driver, make_world
     from experiments.simulate.motors import without_motors
-    from sim.motors.motor import or_tireless
+    from sim.motors.motor import TOP_SPEED, or_tireless
     from sim.robot.tracked_model import build_tracked
 
     world = make_world(config)
@@ -53,6 +53,11 @@ def run(config: Config) -> None:
     )
     motors = replace(or_tireless(robot.drive), top_speed=world.top_speed)
     notes = without_motors(config.robot, motors)
+    if robot.drive is None and world.top_speed > TOP_SPEED:
+        notes.append(
+            f"a robot without motors is as fast as `drive` is told, {world.top_speed:g} m/s here; "
+            f"in all other commands, its top speed is {TOP_SPEED:g} m/s"
+        )
     with Run(config) as run:
         with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:
             drive = drive_course(world, driver(config, world), advance)

@@ -17,5 +17,5 @@ def without_motors(robot: str, drive: Drive) -> list[str]:
         return []
     return [
         f"{robot} has no motors: its torque is unlimited, and its top speed {drive.top_speed:g} "
-        "m/s; a table [drive] in its file describes them"
+        "m/s; `torque_limit` or [drive.motor] in the table [drive] of its file limits it"
     ]

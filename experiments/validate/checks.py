@@ -23,6 +23,7 @@ from experiments.validate.measurements import (
     speed_scale,
 )
 from sim.runs.run_recorder import read_contacts
+from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
@@ -131,7 +132,15 @@ def check_turns(checks: Checks) -> Turns:
     # straight uphill
     belts = scale * np.array([[0.12, 0.12]])
     uphill = Load(checks.gentle_slope)
-    climb = drive_steadily(setup, belts / setup.sprocket_radius, uphill)
+    try:
+        climb = drive_steadily(setup, belts / setup.sprocket_radius, uphill)
+    except InvalidValueError as error:
+        # the balance is for a robot whose tracks bear load over their whole length
+        raise TrackslipError(
+            f"{checks.robot}: can't be checked, as a part of a track lifts uphill on "
+            f"{math.degrees(uphill.slope):.0f}°: its centre of mass must be lower or further "
+            "ahead, for example with its arm folded by [joints] or `key`"
+        ) from error
     checks.add("slip uphill", climb.slip, 0.001, "1", _BALANCE)
     return turns
 

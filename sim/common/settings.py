@@ -37,6 +37,7 @@ _KINDS: Final[dict[Any, tuple[Any, str]]] = {
     int: (Integral, "a whole number"),
     tuple: (tuple, "a list"),
     dict: (dict, "a dictionary"),
+    Path: (Path, "a text"),
     NoneType: (NoneType, "None"),
 }
 _type_hints = functools.cache(typing.get_type_hints)
@@ -87,7 +88,9 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
     known = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     for name in table:
         if name not in known:
-            raise SettingsFileError(f"{where}: {name} is unknown; known are {', '.join(known)}")
+            # what isn't compared is no setting, but says where one comes from
+            names = [field.name for field in known.values() if field.compare]
+            raise SettingsFileError(f"{where}: {name} is unknown; known are {', '.join(names)}")
     try:
         values = {}
         for name, value in table.items():
@@ -186,12 +189,19 @@ def _require_kind(name: str, value: Any, classes: Iterable[Any]) -> None:
     """Raise InvalidValueError unless a value is of one of these classes, and not a whole number
     that no float can hold.
     """
-    kinds = [_KINDS.get(each, (each, f"a {each.__name__}")) for each in classes]
+    kinds = [_KINDS.get(each, (each, _word_for(each))) for each in classes]
     is_of_kind = any(isinstance(value, kind) for kind, _ in kinds)
     is_wrong_bool = isinstance(value, bool) and bool not in classes
     is_too_large = isinstance(value, Integral) and abs(int(value)) > sys.float_info.max
     valid = is_of_kind and not is_wrong_bool and not is_too_large
-    require(valid, name, value, " or ".join(words for _, words in kinds))
+    # a file can't state None, only leave out its field
+    words = [word for kind, word in kinds if kind is not NoneType or len(kinds) == 1]
+    require(valid, name, value, " or ".join(dict.fromkeys(words)))
+
+
+def _word_for(kind: Any) -> str:
+    """What a file has for a value of a class: a table for a dataclass."""
+    return "a table" if dataclasses.is_dataclass(kind) else f"a {kind.__name__}"
 
 
 def _dataclass_of(table: Mapping[str, Any], types: Iterable[Any]) -> Any:

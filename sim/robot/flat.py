@@ -7,6 +7,7 @@ rows of wheels. Others are refused by the name of what it can't have.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from typing import Any, Final
 
 import mujoco
@@ -32,6 +33,10 @@ _PLATE_HALF_HEIGHT: Final = 0.1  # from models/tracked_robot.xml [m]
 # height of a flipper above the ground up to which it may bear weight, as tracks sink in by
 # 0.34 mm (`accurate`) to 1.25 mm (`fast`) [m]
 _TOUCHING: Final = 1e-3
+_ROUNDING: Final = 1e-12  # of coordinates, which are sums over some tens of links [m]
+_GRAVITY: Final = (0.0, 0.0, -9.81)  # of the plane engine, from models/field.xml [m/s^2]
+# difference from it of values that models have for the Earth, from 9.78 to 9.83 [m/s^2]
+_SAME_GRAVITY: Final = 0.05
 _SETTLED: Final = 1.0  # time after which a robot that is put down stands [s]
 _TERRAIN: Final = "`trackslip drive` and Traverse-v0 simulate the whole robot"
 
@@ -74,8 +79,8 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
             sprocket_radius=robot.sprocket_radius,
             radius_error=0.0,
             mass=mass,
-            com_x=float(x),
-            com_y=float(y),
+            com_x=without_rounding(x),
+            com_y=without_rounding(y),
             com_height=float(z),
             inertia=tuple(total[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
             plate_height=max(RobotParameters.plate_height, top + _PLATE_ABOVE + _PLATE_HALF_HEIGHT),
@@ -100,12 +105,28 @@ def beyond_the_plane(robot: TrackedRobot) -> str:
     (gear,) = bearing
     if gear.body not in ("", robot.body):
         return f"its running gear is on {gear.body}"
-    if gear.contact == SKID or gear.sides != BOTH or gear.drive:
-        return f"it has a {gear.contact} on {gear.sides} with the drive {gear.drive or 'none'!r}"
+    if gear.sides != BOTH:
+        return f"its only running gear is on the side {gear.sides!r}"
+    if gear.contact == SKID:
+        return "it stands on skids only"
+    if gear.drive:
+        return f"its running gear has drive = {gear.drive!r}"
     if gear.aside:
         halves = [f"{gear.places[0] - robot.offset + aside:g}" for aside in gear.aside]
         return f"its axles have different half gauges, {', '.join(halves)} m"
+    if gear.contact == WHEELS and len(set(robot.standing)) < 2:
+        return f"its wheels {gear.origin} stand on one axle only".replace("  ", " ")
     return ""
+
+
+def _vector(values: Iterable[float]) -> str:
+    """A vector's numbers, for messages."""
+    return f"({', '.join(f'{value:g}' for value in values)})"
+
+
+def without_rounding(coordinate: float) -> float:
+    """A coordinate of the centre of mass [m], 0 for what is only the error of rounding."""
+    return 0.0 if abs(coordinate) < _ROUNDING else float(coordinate)
 
 
 def standing(built: TrackedModel) -> mujoco.MjData:
@@ -120,8 +141,17 @@ def standing(built: TrackedModel) -> mujoco.MjData:
 
 
 def _warn_of_what_differs(built: TrackedModel, data: mujoco.MjData) -> None:
-    """Issue a RobotWarning for flippers that bear weight and for joints that swing on terrain."""
+    """Issue a RobotWarning for gravity that isn't the Earth's, for flippers that bear weight and
+    for joints that swing on terrain.
+    """
     robot = built.robot
+    gravity = built.model.opt.gravity
+    if np.linalg.norm(gravity - _GRAVITY) > _SAME_GRAVITY:
+        what = (
+            f"its gravity, {_vector(gravity)} m/s^2, counts on terrain; flat ground has "
+            f"{_vector(_GRAVITY)} m/s^2"
+        )
+        warnings.warn(f"{robot.model}: {what}", RobotWarning, stacklevel=3)
     if swinging := built.joints.named(FREE):
         what = f"{some(swinging)} swing freely on terrain, but keep their start on flat ground"
         warnings.warn(f"{robot.model}: {what}", RobotWarning, stacklevel=3)

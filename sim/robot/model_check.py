@@ -176,9 +176,14 @@ def check_model(text: str, path: Path, folders: Sequence[Path]) -> None:
     _Model(path, tuple(folders)).check(text)
 
 
-def parsed(path: Path) -> Element:
-    """The elements of an MJCF or URDF file; raises TrackslipError for what isn't XML."""
-    return _Model(path, ()).parse(model_text(path), path)
+def parsed(path: Path, text: str | None = None) -> Element:
+    """The elements of an MJCF or URDF file, or of its `text` if that was changed; raises
+    TrackslipError for what isn't XML.
+
+    Only the children of a URDF's <robot> are its links and joints: <transmission>, <ros2_control>
+    and <gazebo> repeat the names of joints in elements of their own.
+    """
+    return _Model(path, ()).parse(model_text(path) if text is None else text, path)
 
 
 @dataclass

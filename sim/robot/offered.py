@@ -34,7 +34,7 @@ def offered_motors(built: TrackedModel) -> str:
     # a flipper's hinge turns about its axis, too, but not endlessly
     limits = [
         _limit(joint)
-        for joint in root.iter("joint")
+        for joint in root.findall("joint")
         if _child(joint) in robot.wheels and _is_endless(joint)
     ]
     stated = [(effort, velocity) for effort, velocity in limits if _is_stated(effort, velocity)]

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import mujoco
 
-from sim.motors.motor import Drive
+from sim.motors.motor import UNLIMITED, Drive, tireless
 from sim.robot.gear import FlipperMotor, RunningGear
 from sim.robot.joint_rules import FREE, HOLD
 from sim.robot.tracked import TrackedRobot
@@ -87,11 +87,16 @@ def _joints(robot: TrackedRobot, built: TrackedModel) -> str:
 
 
 def drive_text(drive: Drive) -> str:
-    """The tables of a robot's motors."""
+    """The tables of a robot's motors, without the numbers that stand for no limit: see
+    `Drive.from_table`.
+    """
     values = dataclasses.asdict(drive)
     motor = values.pop("motor")
+    if drive.torque_limit >= UNLIMITED:
+        del values["torque_limit"]
     lines = ["[drive]", *(f"{name} = {value!r}" for name, value in values.items())]
-    lines += ["", "[drive.motor]", *(f"{name} = {value!r}" for name, value in motor.items())]
+    if drive.motor != tireless().motor:
+        lines += ["", "[drive.motor]", *(f"{name} = {value!r}" for name, value in motor.items())]
     return "\n".join(lines)
 
 

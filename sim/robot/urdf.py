@@ -11,8 +11,10 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
+from xml.etree.ElementTree import Element
 
 import mujoco
+import numpy as np
 
 from sim.robot.model_check import (
     PLACES,
@@ -23,6 +25,7 @@ from sim.robot.model_check import (
     lies_in,
     model_folders,
     model_text,
+    parsed,
 )
 from trackslip.errors import RobotWarning, TrackslipError, counted
 
@@ -31,6 +34,7 @@ _COMPILER = '<compiler strippath="false" discardvisual="false" '
 _MAX_FACES = 200_000  # MuJoCo's limit for an .stl file
 _STL_HEAD, _STL_FACE = 84, 50  # size of a binary .stl's header, and of each face [bytes]
 _HEAD = 1_000_000  # of a package.xml or a .dae, whose unit is at the top [bytes]
+_MAX_LENGTH: Final = 20.0  # of a mesh; robots reach up to 10 m to either side [m]
 _SHOWN = 3  # most names listed in a message
 _POINTER = b"version https://git-lfs"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
@@ -103,7 +107,11 @@ def read_model(path: Path, locked: Collection[str] = (), packages: Sequence[Path
         )
     text = _LIMIT.sub(lambda limit: _LARGE.sub(_clipped, limit[0]), _unstripped(text))
     check_model(text, path, folders)
-    _require_unique(text, path)
+    robot = parsed(path, text)
+    _require_unique(robot, path)
+    _require_expanded(robot, path)
+    _require_masses(robot, path)
+    _require_tree(robot, path)
     spec = mujoco.MjSpec.from_string(text)
     stated = any(body.explicitinertial for body in spec.bodies)
     water = []
@@ -131,10 +139,10 @@ def _clipped(number: re.Match[str]) -> str:
     return number[0] if abs(value) <= _HUGE else f"{math.copysign(_HUGE, value):g}"
 
 
-def _require_unique(text: str, path: Path) -> None:
-    """Raise TrackslipError for links or joints of a URDF with the same name."""
+def _require_unique(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for links or joints of a URDF's <robot> with the same name."""
     for tag in ("link", "joint"):
-        names = re.findall(rf"<{tag}\s[^>]*?\bname\s*=\s*[\"']([^\"']*)[\"']", text)
+        names = [element.get("name", "") for element in robot.findall(tag)]
         repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
             times = Counter(names)[repeated[0]]
@@ -142,6 +150,67 @@ def _require_unique(text: str, path: Path) -> None:
                 f"{path}: <{tag}> name = {some(repeated)}: {times} of {repeated[0]!r}, must be "
                 "unique"
             )
+
+
+def _require_expanded(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for a link or joint with an expression that xacro would replace."""
+    for part in (*robot.findall("link"), *robot.findall("joint")):
+        for element in part.iter():
+            for name, value in element.items():
+                if "${" in value or "$(" in value:
+                    raise TrackslipError(
+                        f"{path}: {part.tag} {part.get('name', '')!r}: <{element.tag}> {name} = "
+                        f"{value[:80]!r}: is xacro; run `xacro` on the file that it comes from, "
+                        "and name its result as `model`"
+                    )
+
+
+def _require_masses(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for a link with a negative mass, for which MuJoCo takes 0."""
+    for link in robot.findall("link"):
+        mass = link.find("inertial/mass")
+        value = "" if mass is None else mass.get("value", "")
+        try:
+            is_negative = float(value) < 0
+        except ValueError:
+            continue  # MuJoCo names what isn't a number
+        if is_negative:
+            raise TrackslipError(
+                f"{path}: link {link.get('name', '')!r}: mass = {value}: must be at least 0 kg"
+            )
+
+
+def _require_tree(robot: Element, path: Path) -> None:
+    """Raise TrackslipError for a joint without links of the model, and for one by which the robot
+    moves over the ground.
+
+    MuJoCo lets the first link move freely if it is called anything but "world".
+    """
+    links = [link.get("name", "") for link in robot.findall("link")]
+    joints = robot.findall("joint")
+    children = {_end(joint, "child") for joint in joints}
+    for joint in joints:
+        where = f"{path}: joint {joint.get('name', '')!r}"
+        for end in ("parent", "child"):
+            name = _end(joint, end)
+            if name not in links:
+                raise TrackslipError(
+                    f"{where}: {end} = {name!r}: must be a link of the model, such as {some(links)}"
+                )
+        kind = joint.get("type", "")
+        parent = _end(joint, "parent")
+        is_root = parent not in children
+        if parent != "world" and (kind == "floating" or (kind == "planar" and is_root)):
+            raise TrackslipError(
+                f'{where}: type = {kind!r}: must be "fixed", as the robot moves freely without it; '
+                f"or leave out the joint and {parent!r}"
+            )
+
+
+def _end(joint: Element, end: str) -> str:
+    """The name of the link at the "parent" or "child" end of a URDF's joint."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
 
 
 def _head(path: Path) -> str:
@@ -198,6 +267,14 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
         if file:
             sizes.add(file)
             mesh.file = os.path.abspath(file)
+            solid = [geom.parent.name for geom in geoms if not weightless(spec, geom)]
+            length = _largest_extent(file, mesh.scale) if solid else 0.0
+            if length > _MAX_LENGTH:
+                refuse(
+                    f"{model}: mesh {file.name[-100:]} of link {solid[0]!r} is {length:.4g} m "
+                    f"long, must be at most {_MAX_LENGTH:g} m; if its numbers are in mm, state "
+                    'scale="0.001 0.001 0.001"'
+                )
             continue
         for geom in geoms:
             if weightless(spec, geom):
@@ -275,6 +352,19 @@ def _mesh_file(
                 "beside it",
             )
     return None, wrong
+
+
+def _largest_extent(path: Path, scale: Sequence[float]) -> float:
+    """Largest side of the box around a binary .stl [m]; 0 for other files, whose points only MuJoCo
+    reads.
+    """
+    if path.suffix.lower() != ".stl":
+        return 0.0
+    # each face has a normal, three points and two bytes more
+    face = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("rest", "<u2")])
+    points = np.fromfile(path, face, offset=_STL_HEAD)["points"].reshape(-1, 3)
+    extents = np.ptp(points.astype(float), axis=0) * np.abs(scale)
+    return float(extents.max())
 
 
 def _is_pointer(path: Path) -> bool:

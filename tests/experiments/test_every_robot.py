@@ -377,6 +377,14 @@ def test_every_command_says_that_a_robot_has_no_motors(command, files, trackslip
     assert "has no motors" not in trackslip(*command.split()).printed
 
 
+def test_drive_says_that_it_exceeds_the_usual_top_speed(files, trackslip):
+    robot = source("plain", files)
+    drive = ("drive", "--course", "flat", "--duration", "0.2", "--robot", robot, "--speed")
+    said = "a robot without motors is as fast as `drive` is told"
+    assert f"{said}, 0.7 m/s here; in all other commands" in trackslip(*drive, "0.7").printed
+    assert said not in trackslip(*drive, "0.6").printed
+
+
 def test_commands_to_a_robot_without_motors_are_replayed_in_full(files):
     """Up to 1 m/s, although its usual top speed is 0.6 m/s."""
     time = np.arange(0.0, 4.0, 0.05)
@@ -404,17 +412,32 @@ def test_drive_warns_of_a_weak_motor_as_grid_does(tmp_path, trackslip):
 def test_a_motor_in_the_middle_is_named_too():
     share = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 1.0]])
     torque = np.array([[1.0, 1.0, 2.0], [1.0, 1.0, -2.0]])
-    needed = np.array([[1.0, 1.0, 2.5], [1.0, 1.0, -4.0]])
+    needed = np.array([[1.0, 1.0, 4.0], [1.0, 1.0, -4.0]])
     found = str(Saturation.of(share, torque, needed))
     assert found == (
         "the middle motor is at its limit for 75.0% of the time: 2 N m at hand, 4 N m needed"
     )
 
 
+def test_a_peak_at_the_start_is_not_the_torque_needed():
+    share = np.array([[1.0], [1.0], [1.0], [0.2], [0.0]])
+    torque = np.array([[3.0], [2.0], [2.0], [1.0], [1.0]])
+    needed = np.array([[9.0], [2.5], [-2.5], [1.0], [1.0]])
+    found = Saturation.of(share, torque, needed)
+    assert found == Saturation("left", pytest.approx(0.64), 2.0, 2.5)
+
+
+@pytest.mark.parametrize(("share", "is_said"), [(0.0, False), (4e-4, False), (6e-4, True)])
+def test_no_motor_is_at_its_limit_for_0_percent(share, is_said):
+    saturated = np.array([[share, 0.0]])
+    torque = np.array([[2.0, 0.0]])
+    assert (Saturation.of(saturated, torque, 2 * torque) is not None) == is_said
+
+
 def test_motors_without_a_limit_are_named_and_others_not():
     assert without_motors("mine", tireless(1.5)) == [
-        "mine has no motors: its torque is unlimited, and its top speed 1.5 m/s; a table [drive] "
-        "in its file describes them"
+        "mine has no motors: its torque is unlimited, and its top speed 1.5 m/s; `torque_limit` or "
+        "[drive.motor] in the table [drive] of its file limits it"
     ]
     assert without_motors("mine", replace(tireless(), torque_limit=100.0)) == []
     assert without_motors("mine", Drive()) == []

@@ -89,6 +89,9 @@ MISTAKES = [
     # robots
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
     (load_robot, "[drive.motor]\ngear = 9.0", "drive: motor: no_load_speed is missing"),
+    (load_tracked, 'model = "a.xml"\nhalf_guage = 1', "drive, offset, tracks, joints"),
+    (load_tracked, "model = 3", "model = 3: must be a text"),
+    (load_tracked, 'model = "a.xml"\ndrive = "strong"', "drive = 'strong': must be a table"),
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
     (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
     *(  # a decimal comma makes two numbers of one
@@ -121,6 +124,7 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
     line = str(error.value)
     assert line.startswith(str(tmp_path))
     assert message in line
+    assert "origin" not in line  # of numbers, which no file states
     assert len(line) < len(str(path)) + 200
 
 

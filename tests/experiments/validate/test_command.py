@@ -4,10 +4,12 @@ from command_runs import ran
 
 from experiments.cli import main
 from experiments.validate import checks, command
-from experiments.validate.checks import Checks, check_sliding
+from experiments.validate.checks import Checks, check_sliding, check_turns
 from experiments.validate.measurements import Setup
 from sim.ground.ground import Ground
 from sim.robot.named import load_parameters
+from sim.robot.parameters import RobotParameters
+from trackslip.errors import TrackslipError
 
 
 @pytest.fixture(scope="module")
@@ -102,3 +104,10 @@ def test_robots_and_grounds_within_bounds(tmp_path, robot, ground, not_applicabl
     result = ran(tmp_path / "out", "validate", "--robot", robot, "--ground", ground)
     assert [line.partition(":")[0] for line in result.summary["not_applicable"]] == not_applicable
     assert all(check["holds"] for check in result.summary["checks"])
+
+
+def test_a_robot_too_high_to_climb_is_told_its_way_on():
+    """Its centre of mass is over the middle sixth of the tracks on level ground only."""
+    high = RobotParameters(com_x=-0.04, com_height=0.2)
+    with pytest.raises(TrackslipError, match=r"^high: .* lifts uphill on 10°: .*fold.* `key`$"):
+        check_turns(Checks("high", Setup(high, Ground(), 1)))

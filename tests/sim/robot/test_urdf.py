@@ -7,6 +7,7 @@ import pytest
 
 from sim import Fleet, Ground, build_tracked, check, load_robot
 from sim.motors.motor import tireless
+from sim.robot import flat
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from trackslip.errors import TrackslipError
@@ -506,6 +507,22 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
             [base(), link("a", 1), link("b", 1), *[joint("base", "a", "0 0 0.4", **LIMITS)] * 2],
             r"<joint> name = a_joint: 2 of 'a_joint', must be unique$",
         ),
+        ([link("base", -50)], r"link 'base': mass = -50: must be at least 0 kg$"),
+        (
+            ['<link name="base"><inertial><mass value="${m}"/></inertial></link>'],
+            r"link 'base': <mass> value = '\$\{m\}': is xacro; run `xacro` on",
+        ),
+        (
+            [base(), link("a", 1), joint("bas", "a", "0 0 0.4")],
+            r"joint 'a_joint': parent = 'bas': must be a link of the model, such as base, a$",
+        ),
+        *[
+            (
+                ['<link name="odom"/>', joint("odom", "base", "0 0 0", kind), base()],
+                rf"joint 'base_joint': type = '{kind}': must be \"fixed\", .* leave out the joint",
+            )
+            for kind in ("floating", "planar")
+        ],
     ],
 )
 def test_faults_of_a_model_are_said_in_one_short_line(tmp_path, parts, said):
@@ -530,3 +547,94 @@ def test_a_robot_too_heavy_ahead_is_told_its_way_on(tmp_path):
         match=r"rover\.urdf: com_x = .*: fold its arm by \[joints\] or `key`; ",
     ):
         load_parameters(write(tmp_path, parts))
+
+
+@pytest.mark.parametrize(
+    "repeated",
+    [
+        '<ros2_control name="all" type="system"><joint name="left_rear_joint"/></ros2_control>',
+        '<transmission name="one"><joint name="left_rear_joint"/></transmission>',
+        '<gazebo><plugin name="p"><link name="base"/></plugin></gazebo>',
+    ],
+)
+def test_other_elements_may_repeat_names_of_joints(tmp_path, repeated):
+    robot = load_tracked(write(tmp_path, [*rover(), repeated]))
+    assert robot.half_gauge == pytest.approx(0.25)
+
+
+ONE_AXLE = '[[tracks]]\nwheels = ["left_front", "right_front"]\ncontact = "wheels"\n'
+LEFT_ONLY = '[[tracks]]\nsides = "left"\nwheels = ["left_front", "left_rear"]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ONE_AXLE, "but its wheels from left_front, right_front stand on one axle only; `track"),
+        (LEFT_ONLY, "but its only running gear is on the side 'left'; `trackslip drive` and"),
+    ],
+)
+def test_what_flat_ground_lacks_is_said_in_plain_words(tmp_path, text, said):
+    with pytest.raises(TrackslipError, match=said):
+        load_parameters(write(tmp_path, rover(), text))
+
+
+@pytest.mark.parametrize(("gravity", "is_said"), [("0 0 -1.62", True), ("0 0 -9.83", False)])
+def test_flat_ground_warns_of_gravity_that_it_leaves_out(tmp_path, gravity, is_said):
+    place = f'<mujoco><option gravity="{gravity}"/></mujoco>'
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        load_parameters(write(tmp_path, [*rover(), place]))
+    lines = [str(each.message) for each in said]
+    expected = "its gravity, (0, 0, -1.62) m/s^2, counts on terrain; flat ground has (0, 0, -9.81)"
+    assert any(expected in line for line in lines) == is_said
+
+
+def test_rounding_puts_no_centre_of_mass_off_the_middle(tmp_path):
+    """As of wheels whose places aren't binary fractions."""
+    parameters, _ = load_parameters(write(tmp_path, rover()))
+    assert parameters.com_y == 0.0
+    assert flat.without_rounding(-2e-19) == 0.0
+    assert flat.without_rounding(-2e-6) == -2e-6
+
+
+def test_motors_without_limits_have_no_numbers_in_the_robot_file(tmp_path):
+    checked = check(write(tmp_path, rover(), 'wheels = "replace"\n[drive]\n'))
+    assert "top_speed = 0.6" in checked.file
+    assert "torque_limit" not in checked.file
+    assert "[drive.motor]" not in checked.file
+
+
+def stl_of_a_wheel(radius, width, corners=64):
+    """A binary .stl of a disc about y."""
+    angle = np.linspace(0.0, 2 * np.pi, corners + 1)
+    rim = radius * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    half = np.array([0.0, width / 2, 0.0])
+    left, right = rim + half, rim - half
+    faces = np.concatenate(
+        [
+            np.stack([left[:-1], left[1:], right[:-1]], axis=1),
+            np.stack([right[:-1], left[1:], right[1:]], axis=1),
+            np.stack([np.broadcast_to(half, rim[1:].shape), left[1:], left[:-1]], axis=1),
+            np.stack([np.broadcast_to(-half, rim[1:].shape), right[:-1], right[1:]], axis=1),
+        ]
+    )
+    face = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("rest", "<u2")])
+    stored = np.zeros(len(faces), face)
+    stored["points"] = faces
+    return bytes(80) + len(faces).to_bytes(4, "little") + stored.tobytes()
+
+
+@pytest.mark.parametrize(("scale", "is_refused"), [("1 1 1", True), ("0.001 0.001 0.001", False)])
+def test_a_mesh_in_mm_is_named_with_its_scale(tmp_path, scale, is_refused):
+    """A wheel of a radius of 100."""
+    content = stl_of_a_wheel(radius=100.0, width=60.0)
+    shape = f'<mesh filename="wheel.stl" scale="{scale}"/>'
+    file = write(tmp_path, rover(shape))
+    (tmp_path / "rover_description" / "urdf" / "wheel.stl").write_bytes(content)
+    errors = check(file).errors
+    said = (
+        "mesh wheel.stl of link 'left_front' is 200 m long, must be at most 20 m; if its numbers "
+        'are in mm, state scale="0.001 0.001 0.001"'
+    )
+    assert any(said in line for line in errors) == is_refused
+    assert bool(errors) == is_refused
