@@ -46,6 +46,7 @@ _CLEAR: Final = 1e-3  # least height of the rest of the chassis above the tracks
 _ACROSS: Final = 0.99  # least cosine between the chassis' y axis and a flipper's hinge [-]
 _ROUNDING: Final = 1e-9  # largest rounding error of a height [m]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+_SLIDE: Final = mujoco.mjtJoint.mjJNT_SLIDE
 _Bit = mujoco.mjtDisableBit
 _NEEDED: Final = _Bit.mjDSBL_GRAVITY | _Bit.mjDSBL_CONTACT | _Bit.mjDSBL_CONSTRAINT
 # largest pressure over the mean at which contacts don't reach their hard cores, at 2.4 times the
@@ -483,6 +484,11 @@ def _read(
     # runs place the chassis themselves, at rest
     model.key_qpos[:, place] = model.qpos0[place]
     model.key_qvel[:] = 0.0
+    # rules and couplings of joints go before the keyframe
+    for name, angle in states.starts.items():
+        joint = model.joint(name)
+        if mujoco.mjtJoint(int(joint.type[0])) in (_HINGE, _SLIDE):
+            model.key_qpos[:, joint.qposadr[0]] = angle
     joints = np.array([model.joint(hinge).id for hinge, _ in hinges], int)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[joints]] = 0.0

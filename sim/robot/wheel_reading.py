@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sim.robot.gear import BOTH, SAME_HEIGHT, RunningGear
 from sim.robot.parameters import WHEELS
+from sim.robot.start_pose import start_pose
 from sim.robot.tracked import TrackedRobot
 from sim.robot.urdf import some
 from sim.robot.wheels import carriers, endless, extent
@@ -67,7 +68,7 @@ class Reading:
 
 
 class Model:
-    """A robot's model as it is before its joints are held, in a pose."""
+    """A robot's model as it is before its joints are held, in the pose in which it starts."""
 
     def __init__(self, spec: Any, chassis: str, robot: TrackedRobot) -> None:
         """Compile a copy of the spec, in which links may weigh nothing."""
@@ -79,10 +80,7 @@ class Model:
         self.robot = robot
         self.chassis = chassis
         self.data = mujoco.MjData(self.model)
-        if self.model.nkey:
-            mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
-        else:
-            self.data.qpos[:] = nearest_start(self.model)
+        self.data.qpos[:] = start_pose(self.model, robot)
         mujoco.mj_kinematics(self.model, self.data)
 
     def body(self, name: str) -> int:
@@ -113,18 +111,6 @@ class Model:
         low, high = self.size(body)
         across, up = (high - low)[[_X if axis == _Y else _Y, _Z]]
         return bool(abs(across - up) < _ROUND * (across + up) / 2)
-
-
-def nearest_start(model: mujoco.MjModel) -> Array:
-    """Positions (nq,) of all joints at their reference, or as near to it as their limits allow."""
-    qpos = model.qpos0.copy()
-    for joint in range(model.njnt):
-        kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
-        if not model.jnt_limited[joint] or kind not in (_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-            continue
-        place = model.jnt_qposadr[joint]
-        qpos[place] = np.clip(qpos[place], *model.jnt_range[joint])
-    return np.asarray(qpos)
 
 
 def turning_links(model: Model, listed: Sequence[str]) -> list[str]:

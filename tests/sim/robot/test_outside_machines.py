@@ -1,0 +1,134 @@
+"""Machines of others: what their files say is driven, or refused in one line."""
+
+import mujoco
+import numpy as np
+import pytest
+from machines import LIMITS, box, drive, joint, wheel, write
+
+from sim import check
+from sim.robot.flat import standing
+from sim.robot.named import load_tracked
+from sim.robot.tracked_model import build_tracked
+from trackslip.errors import TrackslipError
+
+TRACKS = "half_gauge = 0.25\nhull = [[-0.3, 0, 0.1], [0.3, 0, 0.1]]\n"
+CORNERS = (("fl", 0.25, 0.3), ("fr", 0.25, -0.3), ("rl", -0.25, 0.3), ("rr", -0.25, -0.3))
+"""Names and places x, y of four wheels [m]."""
+
+ARM = """<mujoco><worldbody><body name="base" pos="0 0 0.1"><freejoint/>
+<geom type="box" size="0.3 0.2 0.1" pos="0 0 0.2" mass="40"/>{bodies}
+</body></worldbody>{more}</mujoco>"""
+TWO_LINKS = """<body name="upper" pos="0.2 0 0.4"><joint name="j1" axis="0 1 0"{first}/>
+<geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.03" mass="4"/>
+<body name="fore" pos="0.5 0 0"><joint name="j2" axis="0 1 0"{second}/>
+<geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="2"/></body></body>"""
+FREE_LINKS = TWO_LINKS.format(first="", second="")
+COUPLED = '<equality><joint joint1="j2" joint2="j1" polycoef="0 -1 0.5 0 0"/></equality>'
+KEY = '<keyframe><key name="home" qpos="0 0 0 1 0 0 0 -1.2 2.4"/></keyframe>'
+UNIVERSAL = """<body name="arm" pos="0.2 0 0.4">
+<joint name="yaw" axis="0 0 1" range="20 60"/><joint name="pitch" axis="0 1 0" range="-80 -30"/>
+<geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.03" mass="4"/></body>"""
+
+
+def on_arm(folder, text="", bodies=FREE_LINKS, more=""):
+    """A robot file of a box on tracks that carries an arm."""
+    (folder / "arm.xml").write_text(ARM.format(bodies=bodies, more=more))
+    (folder / "arm.toml").write_text(f'model = "arm.xml"\n{TRACKS}{text}')
+    return folder / "arm.toml"
+
+
+def start_of(file, *joints):
+    """Angles of joints at their start, after which nothing may move much or gain energy."""
+    built = build_tracked(load_tracked(file))
+    model, data = built.model, standing(built)
+    start = [data.joint(name).qpos[0] for name in joints]
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data.qpos[built.free[0] + 2] += 0.001
+    mujoco.mj_forward(model, data)
+    energy = data.energy.sum()
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+        assert data.energy.sum() < energy + 1e-3
+        assert np.abs(data.qvel[6:]).max() < 0.1
+    return start
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "start"),
+    [
+        ("[joints]\nj1 = -1.0\n", COUPLED, (-1.0, 1.5)),
+        ('[joints]\nj1 = -1.0\nj2 = "free"\n', COUPLED, (-1.0, 1.5)),
+        ("[joints]\nj2 = 1.5\n", COUPLED, (-1.0, 1.5)),
+        ('key = "home"\n', KEY, (-1.2, 2.4)),
+        ('key = "home"\n[joints]\nj1 = -0.5\n', KEY, (-0.5, 2.4)),
+        ('key = "home"\n', KEY + COUPLED, (-1.2, 1.92)),
+    ],
+)
+def test_rules_couplings_and_keyframes_agree_at_the_start(tmp_path, text, more, start):
+    file = on_arm(tmp_path, text, more=more)
+    assert start_of(file, "j1", "j2") == pytest.approx(start, abs=1e-9)
+
+
+def test_joints_that_share_a_body_start_within_their_limits(tmp_path):
+    file = on_arm(tmp_path, bodies=UNIVERSAL)
+    assert np.degrees(start_of(file, "yaw", "pitch")) == pytest.approx([20, -30])
+    data = standing(build_tracked(load_tracked(file)))
+    ahead = data.body("arm").xmat.reshape(3, 3)[:, 0]
+    yaw, pitch = np.radians([20, -30])
+    expected = [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
+    np.testing.assert_allclose(ahead, expected, atol=1e-9)
+
+
+def test_a_coupling_holds_after_its_references_moved(tmp_path):
+    file = on_arm(tmp_path, '[joints]\nj1 = "free"\nj2 = "free"\n', more=COUPLED + KEY)
+    file.write_text(file.read_text().replace("[joints]", 'key = "home"\n[joints]'))
+    built = build_tracked(load_tracked(file))
+    data = standing(built)
+    mujoco.mj_step(built.model, data, nstep=60)
+    leading = data.joint("j1").qpos[0]
+    assert abs(leading + 1.2) > 0.01  # it fell
+    assert data.joint("j2").qpos[0] == pytest.approx(0.5 * leading**2 - leading, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "rules", "said"),
+    [
+        ("", "", "j1 = -1.0\nj2 = 0.3\n", r"j2 = 0\.3: must be 1\.5, as 'j1', which leads it, is"),
+        ("", ' range="-30 30"', "j1 = -1.0\n", r"j1 = -1: puts 'j2', .* limits, -0\.5236 to"),
+        (' range="0 60"', "", "j2 = 1.5\n", r"j2 = 1\.5: must be an angle to which 'j1', which"),
+    ],
+)
+def test_rules_that_contradict_a_coupling_are_refused(tmp_path, first, second, rules, said):
+    bodies = TWO_LINKS.format(first=first, second=second)
+    file = on_arm(tmp_path, f"[joints]\n{rules}", bodies, COUPLED)
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(file))
+
+
+def test_a_check_says_the_angles_of_coupled_joints(tmp_path):
+    facts = dict(check(on_arm(tmp_path, "[joints]\nj1 = -1.0\n", more=COUPLED)).facts)
+    assert facts["joints that hold"] == "j1 at -1, j2 at 1.5"
+    low = float(facts["mass"].split("left, ")[1].split(" m")[0])
+    level = dict(check(on_arm(tmp_path)).facts)
+    assert low > float(level["mass"].split("left, ")[1].split(" m")[0]) + 0.02
+
+
+def on_struts(rule=""):
+    """A box on wheels whose struts slide up and down, and its robot file."""
+    parts = [box("base", 40, (0.8, 0.3, 0.2), (0, 0, 0.3))]
+    for name, x, y in CORNERS:
+        parts.append(box(f"strut_{name}", 1, (0.04, 0.04, 0.1), (0, 0, 0.1)))
+        slide = (f"{name}_slide", "prismatic", "base", f"strut_{name}", (x, y, 0), "0 0 1")
+        parts.append(joint(*slide, more=LIMITS.format(-0.2, 0.2)))
+        parts.append(wheel(name, (0, 0, 0), f"strut_{name}"))
+    text = 'wheels = "replace"\ncontact = "wheels"\n'
+    return parts, f"{text}[joints]\n{rule}"
+
+
+@pytest.mark.parametrize("lift", [-0.08, 0.0, 0.08])
+def test_wheels_are_read_where_rules_hold_them(tmp_path, lift):
+    file = write(tmp_path, *on_struts(f'"*_slide" = {lift}\n'))
+    assert load_tracked(file).lowest == pytest.approx(lift - 0.1)
+    stood = drive(file, duration=2.0)
+    assert stood.height == pytest.approx(0.1 - lift, abs=2e-3)
+    assert stood.load.sum() == pytest.approx(9.81 * 50, rel=0.01)
