@@ -136,6 +136,25 @@ def require_known(spec: Any, robot: TrackedRobot) -> None:
         raise TrackslipError(f"{robot.model}: joints = {rule.names!r}: must be {known}")
 
 
+def _require_no_wheels(spec: Any, robot: TrackedRobot) -> None:
+    """Raise TrackslipError for a rule that frees joints, or holds them at an angle, of which all
+    are those of links that tracks replace: these are locked.
+    """
+    locked = {*robot.wheels} - {*robot.gear_bodies}
+    for rule in robot.joints:
+        if rule.state == HOLD and rule.angle is None:
+            continue
+        about = [joint for joint in spec.joints if rule_for(robot.joints, joint.name) is rule]
+        wheels = [joint for joint in about if joint.parent.name in locked]
+        if wheels and len(wheels) == len(about):
+            link = wheels[0].parent.name
+            raise TrackslipError(
+                f"{robot.model}: joints: {rule.names!r}: must be about joints that stay, but "
+                f"{wheels[0].name!r} is locked, as tracks replace its link {link!r}; list the "
+                f"links of the wheels in `wheels`, without {link!r}, to let it move"
+            )
+
+
 @dataclass(frozen=True)
 class Joints:
     """What holds or moves the joints of a robot, without those of the links that tracks replace."""
@@ -159,6 +178,7 @@ def hold(spec: Any, robot: TrackedRobot, chassis: str) -> Joints:
     Raises TrackslipError for rules without joints, and for angles outside of a joint's limits.
     """
     require_known(spec, robot)
+    _require_no_wheels(spec, robot)
     states = joint_states(spec, robot, None, robot.wheels)
     if not {HOLD, FREE, MOTOR} & set(states.values()):
         return Joints(states, {}, {})

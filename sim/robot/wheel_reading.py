@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Final
 
 import mujoco
@@ -26,8 +27,10 @@ from trackslip.errors import InvalidValueError, RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
 _AXIS: Final = 0.95  # least cosine between a wheel's axis and the chassis' y axis [-]
-# largest difference between a wheel's extents along x and z, relative to their mean [-]
+# largest difference between two widths of a wheel at right angles, relative to their mean [-]
 _ROUND: Final = 0.1
+# turns about a wheel's axis at which these widths are compared [rad]
+_DIRECTIONS: Final = np.radians([0, 15, 30, 45, 60, 75])
 # largest difference between wheels on the left and right, relative to the radius [-]
 _MIRRORED: Final = 0.1
 # smallest |y| of a wheel, relative to the largest of all; those nearer to the middle are casters
@@ -107,10 +110,28 @@ class Model:
         return extent(self.model, self.data, self.data.body(self.chassis), body)
 
     def is_round(self, body: int, axis: int = _Y) -> bool:
-        """Whether a link is round about an axis of the chassis."""
-        low, high = self.size(body)
-        across, up = (high - low)[[_X if axis == _Y else _Y, _Z]]
-        return bool(abs(across - up) < _ROUND * (across + up) / 2)
+        """Whether a link is round about its own hinge, or about an axis of the chassis if it has no
+        hinge: its widths in any two directions at right angles across the axis are alike.
+        """
+        base = self.data.body(self.chassis)
+        about = base.xmat.reshape(3, 3)[:, axis]
+        if self.model.body_jntnum[body] == 1:
+            hinge = int(self.model.body_jntadr[body])
+            if self.model.jnt_type[hinge] == _HINGE:
+                about = self.data.xaxis[hinge]
+        ahead = np.cross(about, [0.0, 0.0, 1.0])
+        ahead = ahead / np.linalg.norm(ahead)
+        up = np.cross(ahead, about)
+        for angle in _DIRECTIONS:
+            one = np.cos(angle) * ahead + np.sin(angle) * up
+            other = np.cos(angle) * up - np.sin(angle) * ahead
+            turned = np.column_stack([one, about, other])
+            frame = SimpleNamespace(xmat=turned.ravel(), xpos=base.xpos)
+            low, high = extent(self.model, self.data, frame, body)
+            width, height = (high - low)[[_X, _Z]]
+            if not abs(width - height) < _ROUND * (width + height) / 2:
+                return False
+        return True
 
 
 def turning_links(model: Model, listed: Sequence[str]) -> list[str]:

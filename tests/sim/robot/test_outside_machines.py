@@ -132,3 +132,34 @@ def test_wheels_are_read_where_rules_hold_them(tmp_path, lift):
     stood = drive(file, duration=2.0)
     assert stood.height == pytest.approx(0.1 - lift, abs=2e-3)
     assert stood.load.sum() == pytest.approx(9.81 * 50, rel=0.01)
+
+
+def on_wheels(*more):
+    """Parts of a box on four wheels."""
+    parts = [box("base", 50, (0.6, 0.4, 0.2), (0, 0, 0.2)), *more]
+    for name, x, y in CORNERS:
+        parts.append(wheel(name, (x, y, 0)))
+    return parts
+
+
+def rod(angle):
+    """An arm on an endless hinge, lifted by an angle [rad]."""
+    hinge = ("shoulder", "continuous", "base", "rod", (0.1, 0.15, 0.4), "0 1 0", f"0 {-angle} 0")
+    return [box("rod", 3, (0.4, 0.04, 0.04), (0.2, 0, 0)), joint(*hinge)]
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 8, np.pi / 4])
+def test_a_rod_is_no_wheel_at_any_angle(tmp_path, angle):
+    robot = load_tracked(write(tmp_path, on_wheels(*rod(angle)), 'wheels = "replace"\n'))
+    assert set(robot.wheels) == {"fl", "fr", "rl", "rr"}
+    assert build_tracked(robot).joints.held == {"shoulder": 0.0}
+
+
+@pytest.mark.parametrize("rule", ['fl_joint = "free"\n', "fl_joint = 0.3\n", '"f*" = "free"\n'])
+def test_rules_about_replaced_wheels_are_refused(tmp_path, rule):
+    file = write(tmp_path, on_wheels(), f'wheels = "replace"\n[joints]\n{rule}')
+    said = "must be about joints that stay, but 'fl_joint' is locked, .* without 'fl', to let"
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(file))
+    file = write(tmp_path, on_wheels(*rod(0.5)), 'wheels = "replace"\n[joints]\n"*" = "free"\n')
+    assert build_tracked(load_tracked(file)).joints.named("free") == ["shoulder"]
