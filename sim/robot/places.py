@@ -1,7 +1,8 @@
 """Places of a robot's running gear in its model, and the robot whose list of tracks is complete.
 
 Tracks lie in frames that are parallel to the chassis while the hinges of flippers are at 0, however
-the frames of their bodies are turned. The wheels of a hull are given in the body's own frame: by
+the frames of their bodies are turned. Where joints turn a body about the chassis' z axis, the frame
+of its tracks turns with it. The wheels of a hull are given in the body's own frame: by
 their coordinates along the two of its axes that aren't lateral. In a frame without a lateral axis,
 they are given along the chassis' x and z axes.
 """
@@ -28,6 +29,7 @@ from sim.robot.wheel_reading import (
     read_entry,
     read_wheels,
     require_ahead,
+    require_straight,
     turning_links,
 )
 from sim.robot.wheels import colliding, link_of
@@ -130,9 +132,9 @@ class Frame:
 
 def _lateral(model: Model, body: str) -> Array:
     """Direction (3,) to the left of the tracks on a body, in the world: along its hinge if that is
-    lateral, otherwise the chassis' y axis.
+    lateral, otherwise the chassis' y axis, turned with the body about the chassis' z axis.
     """
-    left = model.data.body(model.chassis).xmat.reshape(3, 3)[:, _Y]
+    left = model.left_of(body)
     link = hinge_body(model.spec, body)
     joints = model.model.body(link.name)
     if joints.jntnum[0] == 1:
@@ -251,6 +253,7 @@ def _complete(gear: RunningGear, model: Model) -> RunningGear:
     for name in gear.wheels:
         link_of(model.spec, model.robot, name, "tracks: wheels")
     if gear.is_complete:
+        require_straight(model, gear.wheels, gear.body)
         return gear
     frame = Frame.of_body(model, gear.body or model.chassis)
     read = frame.from_chassis(read_entry(model, gear))
@@ -279,6 +282,7 @@ def _with_own_wheels(
             raise
         return robot
     require_ahead(model, turning, listed)
+    require_straight(model, turning)
     if replaces_all:
         links = (*turning, *robot.flipper_bodies)
         robot = replace(robot, wheels=tuple(dict.fromkeys(links)))

@@ -40,6 +40,9 @@ _MIDDLE: Final = 0.25
 _ALIKE: Final = 0.005
 # offset of the sides below which a model's frame counts as being in its middle [m]
 _CENTRED: Final = 1e-4
+# largest angle about z between a wheel's axis and the lateral axis of its running gear [rad]
+_STEERED: Final = 0.01
+_EXACT: Final = 1e-9  # largest rounding error of an angle [rad]
 _LIGHT: Final = 1e-9  # least mass and inertia of links, as locked links may weigh nothing
 _HINGE: Final = mujoco.mjtJoint.mjJNT_HINGE
 _X, _Y, _Z = 0, 1, 2
@@ -85,6 +88,34 @@ class Model:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = start_pose(self.model, robot)
         mujoco.mj_kinematics(self.model, self.data)
+        self.reference = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, self.reference)
+        self.yaws = {name: self._yaw(name) for name in robot.gear_bodies if self._has(name)}
+        """Angles by which joints turn the bodies that carry running gear about the chassis' z axis,
+        from the model's reference to its start [rad].
+        """
+
+    def _has(self, name: str) -> bool:
+        """Whether the model has a body of this name."""
+        return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name) >= 0
+
+    def _yaw(self, name: str) -> float:
+        """Angle by which joints turn a body about the chassis' z axis, at its start [rad]."""
+        turns = []
+        for data in (self.reference, self.data):
+            base = data.body(self.chassis).xmat.reshape(3, 3)
+            turns.append(base.T @ data.body(name).xmat.reshape(3, 3))
+        left = turns[1] @ turns[0].T[:, _Y]  # where the joints turn the chassis' y axis
+        yaw = float(np.arctan2(-left[_X], left[_Y]))
+        return yaw if abs(yaw) > _EXACT else 0.0
+
+    def left_of(self, body: str) -> Array:
+        """Direction (3,) to the left of tracks on a body, in the world."""
+        base = self.data.body(self.chassis).xmat.reshape(3, 3)
+        yaw = self.yaws.get(body, 0.0)
+        if yaw == 0.0:
+            return np.asarray(base[:, _Y])
+        return np.asarray(np.cos(yaw) * base[:, _Y] - np.sin(yaw) * base[:, _X])
 
     def body(self, name: str) -> int:
         """Index of a body."""
@@ -95,9 +126,13 @@ class Model:
         return str(self.model.body(body).name)
 
     def turning(self, axis: int) -> set[int]:
-        """Bodies that a hinge turns about an axis of the chassis."""
-        base = self.data.body(self.chassis).xmat.reshape(3, 3)
-        along = np.abs(self.data.xaxis @ base[:, axis]) > _AXIS
+        """Bodies that a hinge turns about an axis of the chassis, at the start or, for steered
+        wheels, in the model's reference.
+        """
+        along = np.zeros(self.model.njnt, bool)
+        for data in (self.data, self.reference):
+            base = data.body(self.chassis).xmat.reshape(3, 3)
+            along |= np.abs(data.xaxis @ base[:, axis]) > _AXIS
         return set(self.model.jnt_bodyid[along & (self.model.jnt_type == _HINGE)].tolist())
 
     def spinning(self, axis: int) -> set[int]:
@@ -195,6 +230,7 @@ def read_wheels(
     robot = model.robot
     links = turning_links(model, listed)
     require_ahead(model, links, listed)
+    require_straight(model, links)
     found = [_wheel(model, name, moving) for name in links]
     wheels = [wheel for wheel in found if wheel.unit not in robot.flipper_bodies]
     units = dict.fromkeys(wheel.unit for wheel in wheels)
@@ -220,6 +256,7 @@ def read_entry(model: Model, entry: RunningGear) -> RunningGear:
     """
     links = turning_links(model, entry.wheels)
     require_ahead(model, links, entry.wheels)
+    require_straight(model, links)
     if not links:
         raise TrackslipError(_none_found(model, entry.wheels))
     unit = entry.body or model.chassis
@@ -254,6 +291,30 @@ def require_ahead(model: Model, links: Sequence[str], listed: Sequence[str]) -> 
         "y, must turn about y, as tracks run along x: turn the model by -90 degrees about z, for "
         'example below a new root link by a fixed joint with rpy="0 0 -1.5708"'
     )
+
+
+def require_straight(model: Model, links: Sequence[str], body: str = "") -> None:
+    """Raise TrackslipError for a wheel that a joint steers: its axis is turned about z against the
+    lateral axis of the body that carries its running gear, by default the chassis.
+    """
+    base = model.data.body(model.chassis).xmat.reshape(3, 3)
+    left = base.T @ model.left_of(body)
+    for name in links:
+        link = model.model.body(name)
+        if link.jntnum[0] != 1 or link.id not in model.turning(_Y):
+            continue
+        axis = base.T @ model.data.xaxis[link.jntadr[0]]
+        axis = axis * np.sign(axis @ left)  # an axis may point to the right
+        yaw = float(np.arctan2(axis[_Y], axis[_X]) - np.arctan2(left[_Y], left[_X]))
+        if abs(yaw) <= _STEERED:
+            continue
+        carrier = model.spec.body(name).parent.name
+        raise TrackslipError(
+            f"{model.robot.model}: wheels = {name!r}: its axis is turned by {yaw:.3g} rad about z, "
+            f"must be parallel to the y axis of {body or model.chassis!r}: hold {carrier!r} "
+            f'straight, or give [[tracks]] with body = "{carrier}" its `y` and `hull`, to drive '
+            "along that body's heading"
+        )
 
 
 def _none_found(model: Model, listed: Sequence[str]) -> str:

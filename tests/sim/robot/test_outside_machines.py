@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from machines import LIMITS, box, drive, joint, wheel, write
+import scipy
+from machines import LIMITS, box, drive, joint, patches, wheel, write
 
 from sim import check
 from sim.robot.flat import standing
@@ -163,3 +164,60 @@ def test_rules_about_replaced_wheels_are_refused(tmp_path, rule):
         build_tracked(load_tracked(file))
     file = write(tmp_path, on_wheels(*rod(0.5)), 'wheels = "replace"\n[joints]\n"*" = "free"\n')
     assert build_tracked(load_tracked(file)).joints.named("free") == ["shoulder"]
+
+
+REAR = """[[tracks]]
+wheels = ["rl", "rr"]
+contact = "wheels"
+"""
+FRONT = """[[tracks]]
+body = "front"
+wheels = ["fl", "fr"]
+contact = "wheels"
+"""
+GIVEN = "y = 0.3\nhull = [[0, 0, 0.1]]\n"
+
+
+def steered(text, yaw):
+    """A box with a rear axle, and a front axle that a joint steers."""
+    parts = [box("base", 40, (0.8, 0.3, 0.2), (0, 0, 0.3)), box("front", 1, (0.1, 0.1, 0.1))]
+    pivot = ("pivot", "revolute", "base", "front", (0.5, 0, 0), "0 0 1")
+    parts.append(joint(*pivot, more=LIMITS.format(-1, 1)))
+    for name, y in (("l", 0.3), ("r", -0.3)):
+        parts.append(wheel(f"f{name}", (0, y, 0), "front"))
+        parts.append(wheel(f"r{name}", (-0.5, y, 0)))
+    return parts, f"{text}[joints]\npivot = {yaw}\n"
+
+
+def steered_yaw_rate(yaw, speed):
+    """Yaw rate of least friction power of such a machine, whose wheels bear alike [rad/s]."""
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    rear = np.array(patches([(-0.5, 0.3), (-0.5, -0.3)]))
+    front = np.array(patches([(0, 0.3), (0, -0.3)])) @ turn.T + [0.5, 0]
+    points = np.concatenate([rear, front])
+    ahead = np.concatenate([np.tile([1.0, 0.0], (len(rear), 1)), np.tile(turn[:, 0], (20, 1))])
+    arms = np.column_stack([-points[:, 1], points[:, 0]])
+
+    def power(twist):
+        slip = twist[:2] + twist[2] * arms - speed * ahead
+        return np.hypot(slip[:, 0], slip[:, 1]).sum()
+
+    options = {"xatol": 1e-7, "fatol": 1e-9, "maxiter": 4000}
+    first = [speed, 0.0, speed * yaw]
+    return scipy.optimize.minimize(power, first, method="Nelder-Mead", options=options).x[2]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, -0.6])
+def test_tracks_on_a_steered_body_push_along_its_heading(tmp_path, yaw):
+    turned = drive(write(tmp_path, *steered(REAR + FRONT + GIVEN, yaw)), (0.1, 0.1))
+    expected = steered_yaw_rate(yaw, 0.1)
+    assert turned.yaw_rate == pytest.approx(expected, rel=0.02, abs=1e-4)
+
+
+@pytest.mark.parametrize("text", [REAR + FRONT, 'wheels = "replace"\ncontact = "wheels"\n'])
+@pytest.mark.parametrize("yaw", [0.3, -0.6])
+def test_wheels_that_a_joint_steers_are_not_read_as_straight(tmp_path, text, yaw):
+    file = write(tmp_path, *steered(text, yaw))
+    said = rf"'fl': its axis is turned by {yaw} rad about z, .*\[\[tracks\]\] with body = \"front\""
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(file))
