@@ -54,7 +54,7 @@ def joint_states(
     spec: Any, robot: TrackedRobot, model: Model | None, replaced: Iterable[str]
 ) -> dict[str, str]:
     """State of each joint by name: hold, free, flipper, motor or rolls. Joints of the `replaced`
-    links, which are locked anyway, and the chassis' own don't count.
+    links, which are locked anyway, the chassis' own, and those of other machines don't count.
 
     Without a `model`, joints of wheels that roll count as held.
     """
@@ -70,7 +70,8 @@ def joint_states(
     rolls = rolling(model, [*replaced]) if model is not None else set()
     states = {}
     for joint in spec.joints:
-        if joint.type == _FREE_JOINT or joint.parent.name in locked:
+        is_own = not robot.body or _root(joint.parent).name == robot.body
+        if joint.type == _FREE_JOINT or joint.parent.name in locked or not is_own:
             continue
         rule = rule_for(robot.joints, joint.name)
         if joint.name in hinges:
@@ -82,6 +83,11 @@ def joint_states(
         else:
             states[joint.name] = ROLLS if joint.parent.name in rolls else HOLD
     return states
+
+
+def _root(link: Any) -> Any:
+    """The body in the world that carries a link, or the link itself."""
+    return [link, *carriers(link)][-1]
 
 
 def _require_fitting_rules(robot: TrackedRobot, spec: Any, hinges: set[str]) -> None:

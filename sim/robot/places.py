@@ -209,6 +209,11 @@ def with_gear(
         link_of(spec, robot, name, "tracks: body" if robot.tracks else "flippers: body")
     robot = _with_flippers_by_rule(robot, spec)
     model = model_at_rest(spec, chassis, robot)
+    if robot.tracks and replaces_all:
+        raise TrackslipError(
+            f'{robot.model}: wheels = "replace": must be left out, or a list of links, beside '
+            "[[tracks]]: each of these lists its own `wheels`"
+        )
     if robot.tracks:
         robot = _with_entries(robot, model)
     elif replaces_all or robot.wheels:
@@ -235,7 +240,14 @@ def _with_flippers_by_rule(robot: TrackedRobot, spec: Any) -> TrackedRobot:
 def _with_entries(robot: TrackedRobot, model: Model) -> TrackedRobot:
     """The robot with complete entries in its list of tracks."""
     entries = []
+    taken: dict[str, int] = {}  # index of the entry that has a wheel
     for k, gear in enumerate(robot.tracks):
+        for name in gear.wheels:
+            if taken.setdefault(name, k) != k:
+                raise TrackslipError(
+                    f"{robot.model}: tracks[{k}]: wheels = {name!r}: must be in one entry only, "
+                    f"but is in tracks[{taken[name]}] too"
+                )
         if not gear.wheels and not gear.is_complete:
             missing = "y" if gear.hull else "hull"
             raise TrackslipError(

@@ -126,14 +126,16 @@ class Model:
         return str(self.model.body(body).name)
 
     def turning(self, axis: int) -> set[int]:
-        """Bodies that a hinge turns about an axis of the chassis, at the start or, for steered
-        wheels, in the model's reference.
+        """Bodies on the chassis that a hinge turns about an axis of it, at the start or, for
+        steered wheels, in the model's reference.
         """
+        own = self.model.body_rootid == self.body(self.chassis)
         along = np.zeros(self.model.njnt, bool)
         for data in (self.data, self.reference):
             base = data.body(self.chassis).xmat.reshape(3, 3)
             along |= np.abs(data.xaxis @ base[:, axis]) > _AXIS
-        return set(self.model.jnt_bodyid[along & (self.model.jnt_type == _HINGE)].tolist())
+        along &= (self.model.jnt_type == _HINGE) & own[self.model.jnt_bodyid]
+        return set(self.model.jnt_bodyid[along].tolist())
 
     def spinning(self, axis: int) -> set[int]:
         """Bodies that turn endlessly about an axis of the chassis."""

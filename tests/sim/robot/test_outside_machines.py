@@ -221,3 +221,44 @@ def test_wheels_that_a_joint_steers_are_not_read_as_straight(tmp_path, text, yaw
     said = rf"'fl': its axis is turned by {yaw} rad about z, .*\[\[tracks\]\] with body = \"front\""
     with pytest.raises(TrackslipError, match=said):
         build_tracked(load_tracked(file))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            REAR + 'drive = "none"\n',
+            "drive = 'none': must be left, right or .* leaves out roll",
+        ),
+        (REAR + REAR, r"tracks\[1\]: wheels = 'rl': must be in one entry only, .* in tracks\[0\]"),
+        ('wheels = "replace"\n' + REAR, r'wheels = "replace": must be left out, .*\[\[tracks\]\]'),
+    ],
+)
+def test_entries_that_contradict_each_other_are_refused(tmp_path, text, said):
+    with pytest.raises(TrackslipError, match=said):
+        load_tracked(write(tmp_path, on_wheels(), text))
+
+
+CART = """<body name="{name}" pos="{x} 0 0.1"><freejoint/>
+<geom type="box" size="0.3 0.2 0.1" pos="0 0 0.2" mass="40"/>{wheels}</body>"""
+CART_WHEEL = """<body name="{name}" pos="{x} {y} 0"><joint name="{name}_j" axis="0 1 0"/>
+<geom type="cylinder" size="0.1 0.03" zaxis="0 1 0" mass="1.5"/></body>"""
+
+
+def test_the_wheels_of_another_machine_stay_its_own(tmp_path):
+    carts = ""
+    for machine, place in (("near", 0), ("far", 2)):
+        wheels = ""
+        for name, x, y in CORNERS:
+            wheels += CART_WHEEL.format(name=f"{machine}_{name}", x=x, y=y)
+        carts += CART.format(name=machine, x=place, wheels=wheels)
+    (tmp_path / "carts.xml").write_text(f"<mujoco><worldbody>{carts}</worldbody></mujoco>")
+    file = tmp_path / "carts.toml"
+    file.write_text('model = "carts.xml"\nbody = "near"\nwheels = "replace"\n')
+    built = build_tracked(load_tracked(file))
+    assert built.robot.wheels == ("near_fl", "near_fr", "near_rl", "near_rr")
+    assert built.robot.hull == ((-0.25, 0.0, 0.1), (0.25, 0.0, 0.1))
+    assert built.joints.states == {}
+    data = standing(built)
+    mujoco.mj_step(built.model, data, nstep=200)
+    assert data.body("far").xpos[2] == pytest.approx(0.1, abs=0.005)
