@@ -54,16 +54,20 @@ def start_pose(model: mujoco.MjModel, robot: TrackedRobot) -> Array:
                 qpos[_place(model, each.follower)] = _led(model, each, qpos)
                 decided.add(each.follower)
             elif each.follower in decided and each.leader not in decided:
-                qpos[_place(model, each.leader)] = _leading(model, robot, each, qpos)
+                leading = _leading(model, each, qpos)
+                if leading is None:
+                    raise TrackslipError(_out_of_reach(model, robot, each, qpos))
+                qpos[_place(model, each.leader)] = leading
                 decided.add(each.leader)
+    for each in couplings:
+        if each.follower in decided and each.leader in decided:
+            _require_fit(model, robot, each, qpos)
 
     # all others follow their leaders
     for _ in couplings:
         for each in couplings:
             if each.follower not in decided:
-                qpos[_place(model, each.follower)] = _led(model, each, qpos)
-    for each in couplings:
-        _require_fit(model, robot, each, qpos)
+                _follow(model, each, qpos)
     return qpos
 
 
@@ -120,9 +124,23 @@ def _led(model: mujoco.MjModel, coupling: _Coupling, qpos: Array) -> float:
     return float(model.qpos0[_place(model, coupling.follower)] + shift)
 
 
-def _leading(model: mujoco.MjModel, robot: TrackedRobot, coupling: _Coupling, qpos: Array) -> float:
+def _follow(model: mujoco.MjModel, coupling: _Coupling, qpos: Array) -> None:
+    """Set a follower to where its leader puts it. If that is outside of its limits, it stays within
+    them, and the leader goes there if it can.
+    """
+    place = _place(model, coupling.follower)
+    qpos[place] = _led(model, coupling, qpos)
+    if coupling.leader is None or _within(model, coupling.follower, qpos[place]):
+        return
+    qpos[place] = np.clip(qpos[place], *model.jnt_range[coupling.follower])
+    leading = _leading(model, coupling, qpos)
+    if leading is not None:
+        qpos[_place(model, coupling.leader)] = leading
+
+
+def _leading(model: mujoco.MjModel, coupling: _Coupling, qpos: Array) -> float | None:
     """Where a leader puts its follower where it is: of all such places within the leader's limits,
-    the nearest [rad or m].
+    the nearest; None without any [rad or m].
     """
     assert coupling.leader is not None
     place = _place(model, coupling.follower)
@@ -137,22 +155,29 @@ def _leading(model: mujoco.MjModel, robot: TrackedRobot, coupling: _Coupling, qp
         if _within(model, coupling.leader, float(reference + root))
     ]
     if not possible:
-        follower = model.joint(coupling.follower).name
-        leader = model.joint(coupling.leader).name
-        raise TrackslipError(
-            f"{robot.model}: joints: {follower} = {qpos[place]:.4g}: must be an angle to which "
-            f"{leader!r}, which leads it, can bring it within its limits"
-        )
+        return None
     now = qpos[_place(model, coupling.leader)]
     return min(possible, key=lambda each: abs(each - now))
+
+
+def _out_of_reach(
+    model: mujoco.MjModel, robot: TrackedRobot, coupling: _Coupling, qpos: Array
+) -> str:
+    """Why a follower can't be where a rule puts it."""
+    follower = model.joint(coupling.follower).name
+    leader = model.joint(coupling.leader).name
+    angle = qpos[_place(model, coupling.follower)]
+    return (
+        f"{robot.model}: joints: {follower} = {angle:.4g}: must be an angle to which {leader!r}, "
+        "which leads it, can bring it within its limits"
+    )
 
 
 def _require_fit(
     model: mujoco.MjModel, robot: TrackedRobot, coupling: _Coupling, qpos: Array
 ) -> None:
     """Raise TrackslipError unless a follower is where its leader puts it, within its limits."""
-    if coupling.leader is None:
-        return
+    assert coupling.leader is not None
     follower = model.joint(coupling.follower).name
     leader = model.joint(coupling.leader).name
     angle = float(qpos[_place(model, coupling.follower)])

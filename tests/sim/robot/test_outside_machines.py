@@ -106,6 +106,16 @@ def test_rules_that_contradict_a_coupling_are_refused(tmp_path, first, second, r
         build_tracked(load_tracked(file))
 
 
+@pytest.mark.parametrize(
+    ("first", "start"), [("", (-0.3204, 0.3717)), (' range="0 60"', (0.0, 0.3717))]
+)
+def test_a_follower_that_no_rule_moves_stays_in_its_limits(tmp_path, first, start):
+    bodies = TWO_LINKS.format(first=first, second=' range="21.3 60"')
+    assert start_of(on_arm(tmp_path, "", bodies, COUPLED), "j1", "j2") == pytest.approx(
+        start, abs=1e-3
+    )
+
+
 def test_a_check_says_the_angles_of_coupled_joints(tmp_path):
     facts = dict(check(on_arm(tmp_path, "[joints]\nj1 = -1.0\n", more=COUPLED)).facts)
     assert facts["joints that hold"] == "j1 at -1, j2 at 1.5"
