@@ -92,7 +92,7 @@ class RunningGear(Checked):
     contact: str = TRACKS
     """What touches the ground: tracks, wheels or skid."""
     drive: str = ""
-    """Motor that turns it: left, right, own or none; by default that of its side."""
+    """Motor that turns it: left, right or own; by default that of its side. A skid has none."""
     patch_length: float = checked(PATCH_LENGTH, require_positive)
     """Length of a wheel's contact with level ground [m]."""
     width: float = checked(0.08, require_positive)
@@ -116,6 +116,10 @@ class RunningGear(Checked):
         if self.contact == SKID:
             allowed = "none for a skid, or left out"
             require(self.drive in ("", NONE), "drive", self.drive, allowed)
+        else:
+            allowed = "left, right or own, as without a motor wheels stand still and drag: "
+            allowed += 'contact = "skid" drags, and wheels that the list leaves out roll'
+            require(self.drive != NONE, "drive", self.drive, allowed)
         require(self.lines in (1, 3), "lines", self.lines, "1 or 3")
         self._check_y()
         if self.hull:

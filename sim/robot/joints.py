@@ -54,7 +54,7 @@ def joint_states(
     spec: Any, robot: TrackedRobot, model: Model | None, replaced: Iterable[str]
 ) -> dict[str, str]:
     """State of each joint by name: hold, free, flipper, motor or rolls. Joints of the `replaced`
-    links, which are locked anyway, and the chassis' own don't count.
+    links, which are locked anyway, the chassis' own, and those of other machines don't count.
 
     Without a `model`, joints of wheels that roll count as held.
     """
@@ -70,7 +70,8 @@ def joint_states(
     rolls = rolling(model, [*replaced]) if model is not None else set()
     states = {}
     for joint in spec.joints:
-        if joint.type == _FREE_JOINT or joint.parent.name in locked:
+        is_own = not robot.body or _root(joint.parent).name == robot.body
+        if joint.type == _FREE_JOINT or joint.parent.name in locked or not is_own:
             continue
         rule = rule_for(robot.joints, joint.name)
         if joint.name in hinges:
@@ -82,6 +83,11 @@ def joint_states(
         else:
             states[joint.name] = ROLLS if joint.parent.name in rolls else HOLD
     return states
+
+
+def _root(link: Any) -> Any:
+    """The body in the world that carries a link, or the link itself."""
+    return [link, *carriers(link)][-1]
 
 
 def _require_fitting_rules(robot: TrackedRobot, spec: Any, hinges: set[str]) -> None:
@@ -136,6 +142,25 @@ def require_known(spec: Any, robot: TrackedRobot) -> None:
         raise TrackslipError(f"{robot.model}: joints = {rule.names!r}: must be {known}")
 
 
+def _require_no_wheels(spec: Any, robot: TrackedRobot) -> None:
+    """Raise TrackslipError for a rule that frees joints, or holds them at an angle, of which all
+    are those of links that tracks replace: these are locked.
+    """
+    locked = {*robot.wheels} - {*robot.gear_bodies}
+    for rule in robot.joints:
+        if rule.state == HOLD and rule.angle is None:
+            continue
+        about = [joint for joint in spec.joints if rule_for(robot.joints, joint.name) is rule]
+        wheels = [joint for joint in about if joint.parent.name in locked]
+        if wheels and len(wheels) == len(about):
+            link = wheels[0].parent.name
+            raise TrackslipError(
+                f"{robot.model}: joints: {rule.names!r}: must be about joints that stay, but "
+                f"{wheels[0].name!r} is locked, as tracks replace its link {link!r}; list the "
+                f"links of the wheels in `wheels`, without {link!r}, to let it move"
+            )
+
+
 @dataclass(frozen=True)
 class Joints:
     """What holds or moves the joints of a robot, without those of the links that tracks replace."""
@@ -144,6 +169,8 @@ class Joints:
     """State by name: hold, free, flipper, motor or rolls."""
     held: dict[str, float]
     """Angles of the joints that hold theirs [rad or m]."""
+    starts: dict[str, float]
+    """Angles at which joints that hold, swing or have motors start [rad or m]."""
 
     def named(self, state: str) -> list[str]:
         """Names of the joints in a state."""
@@ -157,36 +184,30 @@ def hold(spec: Any, robot: TrackedRobot, chassis: str) -> Joints:
     Raises TrackslipError for rules without joints, and for angles outside of a joint's limits.
     """
     require_known(spec, robot)
+    _require_no_wheels(spec, robot)
     states = joint_states(spec, robot, None, robot.wheels)
     if not {HOLD, FREE, MOTOR} & set(states.values()):
-        return Joints(states, {})
+        return Joints(states, {}, {})
     model = Model(spec, chassis, robot)
     states = joint_states(spec, robot, model, robot.wheels)
-    held = {name: _start_of(model, robot, name) for name, state in states.items() if state == HOLD}
-    starts = dict(held)
+    starts = {}
     for name, state in states.items():
-        if state in (FREE, MOTOR):
-            starts[name] = _start_of(model, robot, name)
+        if state in (HOLD, FREE, MOTOR):
+            starts[name] = _start_of(model, name)
+    held = {name: angle for name, angle in starts.items() if states[name] == HOLD}
     _begin(spec, model, starts)
+    _uncouple(spec, held)
     for name, angle in held.items():
         _fix(spec, name, angle)
     _keep_apart(spec, held)
-    return Joints(states, held)
+    return Joints(states, held, starts)
 
 
-def _start_of(model: Model, robot: TrackedRobot, name: str) -> float:
-    """Angle at which a joint starts: the rule's, or that of the model's pose [rad or m]."""
+def _start_of(model: Model, name: str) -> float:
+    """Angle at which a joint starts in the model's pose; 0 for ball joints [rad or m]."""
     joint = model.model.joint(name)
-    rule = rule_for(robot.joints, name)
-    if rule is None or rule.angle is None:
-        start = float(model.data.qpos[joint.qposadr[0]])
-        return start if _kind(joint) in _SIMPLE else 0.0  # a ball joint's isn't an angle
-    low, high = joint.range
-    fits = _kind(joint) in _SIMPLE and (not joint.limited[0] or low <= rule.angle <= high)
-    if not fits:
-        allowed = f"within its limits, {low:.4g} to {high:.4g}"
-        raise TrackslipError(f"{robot.model}: joints: {name} = {rule.angle:g}: must be {allowed}")
-    return rule.angle
+    start = float(model.data.qpos[joint.qposadr[0]])
+    return start if _kind(joint) in _SIMPLE else 0.0
 
 
 def _kind(joint: Any) -> mujoco.mjtJoint:
@@ -197,26 +218,20 @@ def _kind(joint: Any) -> mujoco.mjtJoint:
 def _begin(spec: Any, model: Model, starts: dict[str, float]) -> None:
     """Let joints start at these angles: their bodies are moved there, and their reference is set to
     the angle.
-
-    Joints that share a body, and those that equality constraints couple by the distance from their
-    reference, keep theirs.
     """
     compiled = model.model
     data = mujoco.MjData(compiled)
-    coupled = {name for each in spec.equalities for name in (each.name1, each.name2)}
     moved = {}
     for name, angle in starts.items():
         joint = compiled.joint(name)
         place = int(joint.qposadr[0])
-        body = int(joint.bodyid[0])
-        is_alone = compiled.body_jntnum[body] == 1 and name not in coupled
-        if _kind(joint) in _SIMPLE and is_alone and angle != compiled.qpos0[place]:
+        if _kind(joint) in _SIMPLE and angle != compiled.qpos0[place]:
             data.qpos[place] = angle
-            moved[name] = body
+            moved[name] = int(joint.bodyid[0])
     if not moved:
         return
     mujoco.mj_kinematics(compiled, data)
-    for name, body in moved.items():
+    for body in dict.fromkeys(moved.values()):
         parent = int(compiled.body_parentid[body])
         inverse = np.zeros(4)
         turn = np.zeros(4)
@@ -226,8 +241,45 @@ def _begin(spec: Any, model: Model, starts: dict[str, float]) -> None:
         link.pos = data.xmat[parent].reshape(3, 3).T @ (data.xpos[body] - data.xpos[parent])
         link.quat = turn
         link.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        if len(link.joints) > 1:
+            _keep_axes(link, compiled, data, body)
+    for each in spec.equalities:
+        if each.type == mujoco.mjtEq.mjEQ_JOINT:
+            _shift(each, model, {name: starts[name] for name in moved})
+    for name in moved:
         joint = spec.joint(name)
         joint.ref = starts[name] / angle_unit(spec, joint)
+
+
+def _keep_axes(link: Any, model: mujoco.MjModel, data: mujoco.MjData, body: int) -> None:
+    """Leave the axes of a moved link's joints where they are in the world, as each joint turns the
+    link together with the axes of those after it.
+    """
+    to_link = data.xmat[body].reshape(3, 3).T
+    for joint in link.joints:
+        k = model.joint(joint.name).id
+        joint.axis = to_link @ data.xaxis[k]
+        joint.pos = to_link @ (data.xanchor[k] - data.xpos[body])
+
+
+def _shift(constraint: Any, model: Model, moved: dict[str, float]) -> None:
+    """Couple two joints as before, after their references were `moved` to these angles.
+
+    A constraint is y = p(x), where x and y are distances of the joints from their references. If
+    these move by a and b, it is y = p(x + a) - b.
+    """
+
+    def shift_of(name: str) -> float:
+        if name not in moved:
+            return 0.0
+        return moved[name] - float(model.model.joint(name).qpos0[0])
+
+    terms = np.polynomial.Polynomial(constraint.data[:5])
+    shifted = terms(np.polynomial.Polynomial([shift_of(constraint.name2), 1.0]))
+    coefficients = np.zeros(5)
+    coefficients[: len(shifted.coef)] = shifted.coef
+    coefficients[0] -= shift_of(constraint.name1)
+    constraint.data[:5] = coefficients
 
 
 def angle_unit(spec: Any, joint: Any) -> float:
@@ -236,12 +288,19 @@ def angle_unit(spec: Any, joint: Any) -> float:
     return math.radians(1.0) if in_degrees else 1.0
 
 
-def _fix(spec: Any, name: str, angle: float) -> None:
-    """Hold a joint at an angle by a constraint, instead of those that couple it to others."""
-    joint = spec.joint(name)
+def _uncouple(spec: Any, held: dict[str, float]) -> None:
+    """Delete the constraints that couple held joints to each other; those to joints that aren't
+    held stay, and hold these.
+    """
     for each in list(spec.equalities):
-        if name in (each.name1, each.name2):
+        names = {each.name1, each.name2} - {""}
+        if each.type == mujoco.mjtEq.mjEQ_JOINT and names <= held.keys():
             spec.delete(each)
+
+
+def _fix(spec: Any, name: str, angle: float) -> None:
+    """Hold a joint at an angle by a constraint."""
+    joint = spec.joint(name)
     away = angle - joint.ref * angle_unit(spec, joint)
     constraint = spec.add_equality(name=f"{name}_held", solref=_HOLDING, solimp=_STRONG)
     if joint.type in _SIMPLE:

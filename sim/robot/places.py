@@ -1,7 +1,8 @@
 """Places of a robot's running gear in its model, and the robot whose list of tracks is complete.
 
 Tracks lie in frames that are parallel to the chassis while the hinges of flippers are at 0, however
-the frames of their bodies are turned. The wheels of a hull are given in the body's own frame: by
+the frames of their bodies are turned. Where joints turn a body about the chassis' z axis, the frame
+of its tracks turns with it. The wheels of a hull are given in the body's own frame: by
 their coordinates along the two of its axes that aren't lateral. In a frame without a lateral axis,
 they are given along the chassis' x and z axes.
 """
@@ -28,6 +29,7 @@ from sim.robot.wheel_reading import (
     read_entry,
     read_wheels,
     require_ahead,
+    require_straight,
     turning_links,
 )
 from sim.robot.wheels import colliding, link_of
@@ -130,9 +132,9 @@ class Frame:
 
 def _lateral(model: Model, body: str) -> Array:
     """Direction (3,) to the left of the tracks on a body, in the world: along its hinge if that is
-    lateral, otherwise the chassis' y axis.
+    lateral, otherwise the chassis' y axis, turned with the body about the chassis' z axis.
     """
-    left = model.data.body(model.chassis).xmat.reshape(3, 3)[:, _Y]
+    left = model.left_of(body)
     link = hinge_body(model.spec, body)
     joints = model.model.body(link.name)
     if joints.jntnum[0] == 1:
@@ -207,6 +209,11 @@ def with_gear(
         link_of(spec, robot, name, "tracks: body" if robot.tracks else "flippers: body")
     robot = _with_flippers_by_rule(robot, spec)
     model = model_at_rest(spec, chassis, robot)
+    if robot.tracks and replaces_all:
+        raise TrackslipError(
+            f'{robot.model}: wheels = "replace": must be left out, or a list of links, beside '
+            "[[tracks]]: each of these lists its own `wheels`"
+        )
     if robot.tracks:
         robot = _with_entries(robot, model)
     elif replaces_all or robot.wheels:
@@ -233,7 +240,14 @@ def _with_flippers_by_rule(robot: TrackedRobot, spec: Any) -> TrackedRobot:
 def _with_entries(robot: TrackedRobot, model: Model) -> TrackedRobot:
     """The robot with complete entries in its list of tracks."""
     entries = []
+    taken: dict[str, int] = {}  # index of the entry that has a wheel
     for k, gear in enumerate(robot.tracks):
+        for name in gear.wheels:
+            if taken.setdefault(name, k) != k:
+                raise TrackslipError(
+                    f"{robot.model}: tracks[{k}]: wheels = {name!r}: must be in one entry only, "
+                    f"but is in tracks[{taken[name]}] too"
+                )
         if not gear.wheels and not gear.is_complete:
             missing = "y" if gear.hull else "hull"
             raise TrackslipError(
@@ -251,6 +265,7 @@ def _complete(gear: RunningGear, model: Model) -> RunningGear:
     for name in gear.wheels:
         link_of(model.spec, model.robot, name, "tracks: wheels")
     if gear.is_complete:
+        require_straight(model, gear.wheels, gear.body)
         return gear
     frame = Frame.of_body(model, gear.body or model.chassis)
     read = frame.from_chassis(read_entry(model, gear))
@@ -279,6 +294,7 @@ def _with_own_wheels(
             raise
         return robot
     require_ahead(model, turning, listed)
+    require_straight(model, turning)
     if replaces_all:
         links = (*turning, *robot.flipper_bodies)
         robot = replace(robot, wheels=tuple(dict.fromkeys(links)))

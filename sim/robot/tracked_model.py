@@ -22,6 +22,7 @@ from sim.robot.places import PlacedGear, model_at_rest, placed, with_gear
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import TrackedRobot
 from sim.robot.urdf import Refuse, engine_errors, find_meshes, refuse, some, weightless
+from sim.robot.wheel_reading import Model
 from sim.robot.wheels import (
     choose_start,
     colliding,
@@ -46,6 +47,7 @@ _CLEAR: Final = 1e-3  # least height of the rest of the chassis above the tracks
 _ACROSS: Final = 0.99  # least cosine between the chassis' y axis and a flipper's hinge [-]
 _ROUNDING: Final = 1e-9  # largest rounding error of a height [m]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+_SLIDE: Final = mujoco.mjtJoint.mjJNT_SLIDE
 _Bit = mujoco.mjtDisableBit
 _NEEDED: Final = _Bit.mjDSBL_GRAVITY | _Bit.mjDSBL_CONTACT | _Bit.mjDSBL_CONSTRAINT
 # largest pressure over the mean at which contacts don't reach their hard cores, at 2.4 times the
@@ -173,7 +175,7 @@ def build_tracked(
     if not robot.hull:
         robot = complete(robot)
     with engine_errors(robot.model):
-        spec, joints = _load(robot, looks, refuse)
+        spec, joints, yaws = _load(robot, looks, refuse)
         chassis = chassis_of(spec, robot)
         if looks:
             _light(spec)
@@ -186,7 +188,7 @@ def build_tracked(
         names = [_PLANE] if terrain is None else terrain.add_to(spec)
         friction = friction or (_FRICTION if terrain is None else terrain.friction,) * 2
 
-        gear = gear_of(spec, robot, chassis.name)
+        gear = gear_of(spec, robot, chassis.name, yaws)
         hinges = [_motor_of(spec, robot, each) for each in gear if each.gear.flipper is not None]
         for each, track in zip(gear, _tracks(spec, robot, gear, preset, friction), strict=True):
             axes = None if each.frame.is_bodys else each.frame.axes
@@ -221,9 +223,16 @@ def complete(
         return with_gear(robot, spec, chassis_of(spec, robot).name, given, replaces_all)
 
 
-def gear_of(spec: Any, robot: TrackedRobot, chassis: str) -> list[PlacedGear]:
-    """The robot's running gear with its places in a spec from `load_spec`."""
-    model = model_at_rest(spec, chassis, robot) if robot.gear_bodies else None
+def gear_of(
+    spec: Any, robot: TrackedRobot, chassis: str, yaws: dict[str, float]
+) -> list[PlacedGear]:
+    """The robot's running gear with its places in a spec from `load_spec`; `yaws` are those of the
+    model as it was before its reference was moved to its start.
+    """
+    model = None
+    if robot.gear_bodies:
+        model = model_at_rest(spec, chassis, robot)
+        model.yaws = yaws
     return placed(robot, chassis, model)
 
 
@@ -295,10 +304,10 @@ def _contact_points(each: PlacedGear) -> Array:
             count = max(1, round(gear.patch_length / _SPACING))
             rows.append(np.repeat(wheels[:, :2], count, axis=0))
             continue
-        ends = wheels[:, 0].min(), wheels[:, 0].max()
+        middle = (wheels[:, :2].min(axis=0) + wheels[:, :2].max(axis=0)) / 2
         count = max(2, round(gear.contact_length / _SPACING))
-        x = (ends[0] + ends[1]) / 2 + gear.contact_length * (np.linspace(-0.5, 0.5, count))
-        rows.append(np.column_stack([x, np.full(count, wheels[:, 1].mean())]))
+        along = gear.contact_length * np.linspace(-0.5, 0.5, count)
+        rows.append(middle + np.outer(along, each.frame.turn[:2, 0]))
     return np.concatenate(rows)
 
 
@@ -324,17 +333,20 @@ def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse)
     return _load(robot, looks, refuse)[0]
 
 
-def _load(robot: TrackedRobot, looks: bool, refuse: Refuse) -> tuple[Any, Joints]:
-    """The spec of `load_spec`, and what holds its joints."""
+def _load(robot: TrackedRobot, looks: bool, refuse: Refuse) -> tuple[Any, Joints, dict[str, float]]:
+    """The spec of `load_spec`, what holds its joints, and the angles about z by which joints turn
+    the bodies that carry running gear [rad].
+    """
     spec = open_spec(robot, looks, refuse)
     if spec.keys:
         spec.compile()  # from here on, keyframes follow changes in the joints
     chassis = chassis_of(spec, robot).name
     for body in robot.gear_bodies:
         link_of(spec, robot, body, "tracks: body" if robot.tracks else "flippers: body")
+    yaws = Model(spec, chassis, robot).yaws if robot.gear_bodies else {}
     joints = hold(spec, robot, chassis)
     lock(spec, robot, joints.held)
-    return spec, joints
+    return spec, joints, yaws
 
 
 def open_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
@@ -483,6 +495,11 @@ def _read(
     # runs place the chassis themselves, at rest
     model.key_qpos[:, place] = model.qpos0[place]
     model.key_qvel[:] = 0.0
+    # rules and couplings of joints go before the keyframe
+    for name, angle in states.starts.items():
+        joint = model.joint(name)
+        if mujoco.mjtJoint(int(joint.type[0])) in (_HINGE, _SLIDE):
+            model.key_qpos[:, joint.qposadr[0]] = angle
     joints = np.array([model.joint(hinge).id for hinge, _ in hinges], int)
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[joints]] = 0.0

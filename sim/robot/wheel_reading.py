@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Final
 
 import mujoco
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from sim.robot.gear import BOTH, SAME_HEIGHT, RunningGear
 from sim.robot.parameters import WHEELS
+from sim.robot.start_pose import start_pose
 from sim.robot.tracked import TrackedRobot
 from sim.robot.urdf import some
 from sim.robot.wheels import carriers, endless, extent
@@ -25,8 +27,10 @@ from trackslip.errors import InvalidValueError, RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
 _AXIS: Final = 0.95  # least cosine between a wheel's axis and the chassis' y axis [-]
-# largest difference between a wheel's extents along x and z, relative to their mean [-]
+# largest difference between two widths of a wheel at right angles, relative to their mean [-]
 _ROUND: Final = 0.1
+# turns about a wheel's axis at which these widths are compared [rad]
+_DIRECTIONS: Final = np.radians([0, 15, 30, 45, 60, 75])
 # largest difference between wheels on the left and right, relative to the radius [-]
 _MIRRORED: Final = 0.1
 # smallest |y| of a wheel, relative to the largest of all; those nearer to the middle are casters
@@ -36,6 +40,9 @@ _MIDDLE: Final = 0.25
 _ALIKE: Final = 0.005
 # offset of the sides below which a model's frame counts as being in its middle [m]
 _CENTRED: Final = 1e-4
+# largest angle about z between a wheel's axis and the lateral axis of its running gear [rad]
+_STEERED: Final = 0.01
+_EXACT: Final = 1e-9  # largest rounding error of an angle [rad]
 _LIGHT: Final = 1e-9  # least mass and inertia of links, as locked links may weigh nothing
 _HINGE: Final = mujoco.mjtJoint.mjJNT_HINGE
 _X, _Y, _Z = 0, 1, 2
@@ -67,7 +74,7 @@ class Reading:
 
 
 class Model:
-    """A robot's model as it is before its joints are held, in a pose."""
+    """A robot's model as it is before its joints are held, in the pose in which it starts."""
 
     def __init__(self, spec: Any, chassis: str, robot: TrackedRobot) -> None:
         """Compile a copy of the spec, in which links may weigh nothing."""
@@ -79,11 +86,36 @@ class Model:
         self.robot = robot
         self.chassis = chassis
         self.data = mujoco.MjData(self.model)
-        if self.model.nkey:
-            mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
-        else:
-            self.data.qpos[:] = nearest_start(self.model)
+        self.data.qpos[:] = start_pose(self.model, robot)
         mujoco.mj_kinematics(self.model, self.data)
+        self.reference = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, self.reference)
+        self.yaws = {name: self._yaw(name) for name in robot.gear_bodies if self._has(name)}
+        """Angles by which joints turn the bodies that carry running gear about the chassis' z axis,
+        from the model's reference to its start [rad].
+        """
+
+    def _has(self, name: str) -> bool:
+        """Whether the model has a body of this name."""
+        return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name) >= 0
+
+    def _yaw(self, name: str) -> float:
+        """Angle by which joints turn a body about the chassis' z axis, at its start [rad]."""
+        turns = []
+        for data in (self.reference, self.data):
+            base = data.body(self.chassis).xmat.reshape(3, 3)
+            turns.append(base.T @ data.body(name).xmat.reshape(3, 3))
+        left = turns[1] @ turns[0].T[:, _Y]  # where the joints turn the chassis' y axis
+        yaw = float(np.arctan2(-left[_X], left[_Y]))
+        return yaw if abs(yaw) > _EXACT else 0.0
+
+    def left_of(self, body: str) -> Array:
+        """Direction (3,) to the left of tracks on a body, in the world."""
+        base = self.data.body(self.chassis).xmat.reshape(3, 3)
+        yaw = self.yaws.get(body, 0.0)
+        if yaw == 0.0:
+            return np.asarray(base[:, _Y])
+        return np.asarray(np.cos(yaw) * base[:, _Y] - np.sin(yaw) * base[:, _X])
 
     def body(self, name: str) -> int:
         """Index of a body."""
@@ -94,10 +126,16 @@ class Model:
         return str(self.model.body(body).name)
 
     def turning(self, axis: int) -> set[int]:
-        """Bodies that a hinge turns about an axis of the chassis."""
-        base = self.data.body(self.chassis).xmat.reshape(3, 3)
-        along = np.abs(self.data.xaxis @ base[:, axis]) > _AXIS
-        return set(self.model.jnt_bodyid[along & (self.model.jnt_type == _HINGE)].tolist())
+        """Bodies on the chassis that a hinge turns about an axis of it, at the start or, for
+        steered wheels, in the model's reference.
+        """
+        own = self.model.body_rootid == self.body(self.chassis)
+        along = np.zeros(self.model.njnt, bool)
+        for data in (self.data, self.reference):
+            base = data.body(self.chassis).xmat.reshape(3, 3)
+            along |= np.abs(data.xaxis @ base[:, axis]) > _AXIS
+        along &= (self.model.jnt_type == _HINGE) & own[self.model.jnt_bodyid]
+        return set(self.model.jnt_bodyid[along].tolist())
 
     def spinning(self, axis: int) -> set[int]:
         """Bodies that turn endlessly about an axis of the chassis."""
@@ -109,22 +147,28 @@ class Model:
         return extent(self.model, self.data, self.data.body(self.chassis), body)
 
     def is_round(self, body: int, axis: int = _Y) -> bool:
-        """Whether a link is round about an axis of the chassis."""
-        low, high = self.size(body)
-        across, up = (high - low)[[_X if axis == _Y else _Y, _Z]]
-        return bool(abs(across - up) < _ROUND * (across + up) / 2)
-
-
-def nearest_start(model: mujoco.MjModel) -> Array:
-    """Positions (nq,) of all joints at their reference, or as near to it as their limits allow."""
-    qpos = model.qpos0.copy()
-    for joint in range(model.njnt):
-        kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
-        if not model.jnt_limited[joint] or kind not in (_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-            continue
-        place = model.jnt_qposadr[joint]
-        qpos[place] = np.clip(qpos[place], *model.jnt_range[joint])
-    return np.asarray(qpos)
+        """Whether a link is round about its own hinge, or about an axis of the chassis if it has no
+        hinge: its widths in any two directions at right angles across the axis are alike.
+        """
+        base = self.data.body(self.chassis)
+        about = base.xmat.reshape(3, 3)[:, axis]
+        if self.model.body_jntnum[body] == 1:
+            hinge = int(self.model.body_jntadr[body])
+            if self.model.jnt_type[hinge] == _HINGE:
+                about = self.data.xaxis[hinge]
+        ahead = np.cross(about, [0.0, 0.0, 1.0])
+        ahead = ahead / np.linalg.norm(ahead)
+        up = np.cross(ahead, about)
+        for angle in _DIRECTIONS:
+            one = np.cos(angle) * ahead + np.sin(angle) * up
+            other = np.cos(angle) * up - np.sin(angle) * ahead
+            turned = np.column_stack([one, about, other])
+            frame = SimpleNamespace(xmat=turned.ravel(), xpos=base.xpos)
+            low, high = extent(self.model, self.data, frame, body)
+            width, height = (high - low)[[_X, _Z]]
+            if not abs(width - height) < _ROUND * (width + height) / 2:
+                return False
+        return True
 
 
 def turning_links(model: Model, listed: Sequence[str]) -> list[str]:
@@ -188,6 +232,7 @@ def read_wheels(
     robot = model.robot
     links = turning_links(model, listed)
     require_ahead(model, links, listed)
+    require_straight(model, links)
     found = [_wheel(model, name, moving) for name in links]
     wheels = [wheel for wheel in found if wheel.unit not in robot.flipper_bodies]
     units = dict.fromkeys(wheel.unit for wheel in wheels)
@@ -213,6 +258,7 @@ def read_entry(model: Model, entry: RunningGear) -> RunningGear:
     """
     links = turning_links(model, entry.wheels)
     require_ahead(model, links, entry.wheels)
+    require_straight(model, links)
     if not links:
         raise TrackslipError(_none_found(model, entry.wheels))
     unit = entry.body or model.chassis
@@ -247,6 +293,30 @@ def require_ahead(model: Model, links: Sequence[str], listed: Sequence[str]) -> 
         "y, must turn about y, as tracks run along x: turn the model by -90 degrees about z, for "
         'example below a new root link by a fixed joint with rpy="0 0 -1.5708"'
     )
+
+
+def require_straight(model: Model, links: Sequence[str], body: str = "") -> None:
+    """Raise TrackslipError for a wheel that a joint steers: its axis is turned about z against the
+    lateral axis of the body that carries its running gear, by default the chassis.
+    """
+    base = model.data.body(model.chassis).xmat.reshape(3, 3)
+    left = base.T @ model.left_of(body)
+    for name in links:
+        link = model.model.body(name)
+        if link.jntnum[0] != 1 or link.id not in model.turning(_Y):
+            continue
+        axis = base.T @ model.data.xaxis[link.jntadr[0]]
+        axis = axis * np.sign(axis @ left)  # an axis may point to the right
+        yaw = float(np.arctan2(axis[_Y], axis[_X]) - np.arctan2(left[_Y], left[_X]))
+        if abs(yaw) <= _STEERED:
+            continue
+        carrier = model.spec.body(name).parent.name
+        raise TrackslipError(
+            f"{model.robot.model}: wheels = {name!r}: its axis is turned by {yaw:.3g} rad about z, "
+            f"must be parallel to the y axis of {body or model.chassis!r}: hold {carrier!r} "
+            f'straight, or give [[tracks]] with body = "{carrier}" its `y` and `hull`, to drive '
+            "along that body's heading"
+        )
 
 
 def _none_found(model: Model, listed: Sequence[str]) -> str:
