@@ -367,13 +367,17 @@ def _with_pair(robot: TrackedRobot, read: RunningGear, given: Sequence[str]) -> 
         values["offset"] = round((left + right) / 2, 6)
         values["half_gauge"] = round((left - right) / 2, 6)
     open_values = {name: value for name, value in values.items() if name not in given}
-    origin = read.origin
+    names = ("half_gauge", "offset", "hull")
+    stated = " and ".join(name.replace("_", " ") for name in names if name in given)
+    origin = f"({stated} given, the rest {read.origin})" if stated else read.origin
     if not {"half_gauge", "hull"} & open_values.keys():
         origin = f"given, middle {read.origin}" if "offset" in open_values else "given"
     try:
         found = replace(robot, **open_values, origin=origin)
     except InvalidValueError as error:
-        hint = "; give `hull`" if error.field == "hull" else ""
+        hint = ""
+        if error.field == "hull":
+            hint = "; give `hull`, or [[tracks]], in which a side may have one wheel"
         raise TrackslipError(f"{robot.model}: of its wheels, {error}{hint}") from error
     for line in contradictions(found.gear[0], read):
         warnings.warn(f"{robot.model}: {line}", RobotWarning, stacklevel=2)

@@ -488,6 +488,10 @@ def contradictions(given: RunningGear, read: RunningGear) -> list[str]:
     half_read = (read.places[0] - read.places[-1]) / 2
     if abs(half - half_read) > _MIRRORED * max(radius for _, _, radius in read.hull):
         found.append(f"half_gauge = {half:g}, but its wheels have {half_read:g} m ({read.origin})")
+    middle = (given.places[0] + given.places[-1]) / 2
+    middle_read = (read.places[0] + read.places[-1]) / 2
+    if abs(middle - middle_read) > _MIRRORED * max(radius for _, _, radius in read.hull):
+        found.append(f"offset = {middle:g}, but its wheels have {middle_read:g} m ({read.origin})")
     low = min(z - radius for _, z, radius in given.hull)
     low_read = min(z - radius for _, z, radius in read.hull)
     if abs(low - low_read) > SAME_HEIGHT:

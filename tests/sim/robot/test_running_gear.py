@@ -588,3 +588,20 @@ def test_hinges_of_flippers_offer_no_motors_of_belts(tmp_path):
     hull = "[[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]"
     text = f'wheels = ["flipper"]\nhalf_gauge = 0.18\nhull = {hull}\n'
     assert "[drive]" not in check(write(tmp_path, parts, text)).file
+
+
+@pytest.mark.parametrize(
+    ("text", "label", "said"),
+    [
+        (
+            "half_gauge = 0.5\n",
+            "half gauge 0.5 (half gauge given, the rest from",
+            "half_gauge = 0.5",
+        ),
+        ("offset = 0.2\n", "(offset given, the rest from", "offset = 0.2, but its wheels have 0 m"),
+    ],
+)
+def test_given_values_are_told_from_read_ones(tmp_path, text, label, said):
+    checked = check(write(tmp_path, rover([(0.3, 0.3), (-0.3, 0.3)]), REPLACED + text))
+    assert label in dict(checked.facts)["tracks on the chassis"]
+    assert any(said in warning for warning in checked.warnings)
