@@ -453,6 +453,7 @@ CASES = {
         | {
             "path": "~ the log",
             "run": "~ tests of recordings check it",
+            "robot": "~ tests of recordings check it",
             "web": SCREEN,
             "save": PLACE,
             "max_memory": MEMORY,
