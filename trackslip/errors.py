@@ -4,8 +4,9 @@ raise them.
 
 from __future__ import annotations
 
+import difflib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import field, fields
 from numbers import Integral, Real
 from pathlib import PurePath
@@ -95,6 +96,29 @@ def require(allowed: object, field: str, value: object, what: str) -> None:
     """
     if not allowed:
         raise InvalidValueError(field, value, what)
+
+
+def one_of(names: Iterable[str], given: object, others: str = "") -> str:
+    """Description of the allowed `names`, and of `others` beside them, for an error: with the name
+    that is most similar to what was `given`, if any is.
+    """
+    known = [str(name) for name in names]
+    return f"one of {', '.join(known)}{others}{did_you_mean(given, known)}"
+
+
+def did_you_mean(given: object, names: Iterable[str]) -> str:
+    """The most similar of the names, as the end of a message; empty if none is similar."""
+    known = {name.lower(): name for name in names}
+    similar = difflib.get_close_matches(str(given).lower()[:_MAX_SHOWN], known, 1)
+    return f" (did you mean {known[similar[0]]}?)" if similar else ""
+
+
+def require_one_of(field: str, value: object, names: Collection[Any], others: str = "") -> None:
+    """Raise InvalidValueError for a value that isn't one of `names`; `others` describes what else
+    is allowed, and was checked before.
+    """
+    if value not in names:
+        raise InvalidValueError(field, value, one_of(names, value, others))
 
 
 def require_positive(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:

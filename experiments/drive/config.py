@@ -33,6 +33,20 @@ EXAMPLES: Final = (
     ),
     ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
 )
+ESSENTIAL: Final = (
+    "robot",
+    "course",
+    "speed",
+    "turn",
+    "path",
+    "flippers",
+    "duration",
+    "policy",
+    "pictures",
+    "check",
+    "out",
+    "overwrite",
+)
 
 FLIPPERS: Final = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
 """Front and rear flipper angles by name: up, along the tracks, or None for reflex [rad]."""
@@ -106,6 +120,11 @@ class Config(ResultsOptions):
         if self.path is not None and self.speed is not None:
             require_positive("speed", self.speed)
         self.flipper_angles()
+
+    @property
+    def stores_results(self) -> bool:
+        """Whether the robot drives, and isn't only checked."""
+        return not self.check
 
     def flipper_angles(self) -> tuple[float, float] | None:
         """Front and rear flipper angles, positive with the tips up [rad]; None for reflex."""

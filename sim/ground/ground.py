@@ -13,6 +13,7 @@ from trackslip.errors import (
     Checked,
     SettingsFileError,
     checked,
+    one_of,
     require,
     require_at_most,
     require_non_negative,
@@ -197,7 +198,5 @@ def load_ground(source: str) -> Ground:
     table = read_named("ground", source, NAMED_GROUNDS)
     base = table.pop("base", "stone")
     if not isinstance(base, str) or base not in NAMED_GROUNDS:
-        raise SettingsFileError(
-            f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}"
-        )
+        raise SettingsFileError(f"{source}: base = {base!r}: must be {one_of(NAMED_GROUNDS, base)}")
     return build(Ground, table, source, NAMED_GROUNDS[base])

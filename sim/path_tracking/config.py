@@ -22,6 +22,7 @@ from trackslip.errors import (
     require,
     require_at_most,
     require_non_negative,
+    require_one_of,
     require_positive,
     require_whole,
     require_within,
@@ -249,7 +250,7 @@ class EnvConfig(OwnTerms):
 
 
 def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require(value in choices, name, value, f"one of {', '.join(choices)}")
+    require_one_of(name, value, choices)
 
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:

@@ -23,7 +23,14 @@ from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM
 from sim.traverse.outcome import Limits, Outcome, Outcomes
 from sim.traverse.world import Traverse
 from trackslip import se2
-from trackslip.errors import Checked, checked, require, require_non_negative, require_range
+from trackslip.errors import (
+    Checked,
+    checked,
+    require,
+    require_non_negative,
+    require_one_of,
+    require_range,
+)
 from trackslip.kinematics import Array
 
 AHEAD: Final = np.linspace(-0.5, 0.9, 15)
@@ -263,4 +270,4 @@ class TraverseConfig(OwnTerms):
 
 
 def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require(value in choices, name, value, f"one of {', '.join(choices)}")
+    require_one_of(name, value, choices)

@@ -103,7 +103,7 @@ def runs_of(
 def holds_bags(path: Path) -> bool:
     """True for a bag, and for a folder of bags that is not a results folder."""
     try:
-        return bool(bags_in(path)) and not (path / RUNS).is_file()
+        return not (path / RUNS).is_file() and bool(bags_in(path))
     except OSError:
         return False
 

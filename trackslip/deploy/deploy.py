@@ -23,7 +23,7 @@ from trackslip.deploy.differential_drive import (
     nearest,
 )
 from trackslip.deploy.facts import alarms_of, comment, fact_lines, json_text
-from trackslip.errors import TrackslipError, require
+from trackslip.errors import TrackslipError, require_one_of
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import StoredLaws, read_stored, stored_laws
 
@@ -152,7 +152,7 @@ def deployed(
     accept: bool = False,
 ) -> Deployed:
     """Write a law for another program. The arguments are those of `deploy_law`."""
-    require(to in TARGETS, "to", to, f"one of {', '.join(TARGETS)}")
+    require_one_of("to", to, TARGETS)
 
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, OutputError, require
+from trackslip.errors import InvalidValueError, LogError, OutputError, require_one_of
 from trackslip.files import FORMAT, known_manifest, read_json, reason, require_known_format
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
@@ -42,8 +42,7 @@ class StoredLaws:
         its laws is best.
         """
         if name is not None:
-            allowed = f"one of {', '.join(self.laws)} (in {self.name})"
-            require(name in self.laws, "law", name, allowed)
+            require_one_of("law", name, self.laws, f" (in {self.name})")
             return name
         best = self.content.get("best")
         if isinstance(best, str) and best in self.laws:

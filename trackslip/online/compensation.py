@@ -10,7 +10,7 @@ from typing import ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError, one_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
@@ -217,5 +217,5 @@ def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPP
     if name not in stored:
         learning = [online for online, law in _PRIORS.items() if law in stored]
         names = [*KNOWN_LAWS, *stored, *learning, "online_cold"]
-        raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
+        raise InvalidValueError("compensation", name, one_of(names, name))
     return known_law(stored[name])
