@@ -89,7 +89,7 @@ def _answer(
     before = 1e3 * final["none"]
     after = 1e3 * final["icr_radius"]
     heading = (
-        f"Compensated slip takes feedforward from {before:.0f} mm off the path to {after:.0f} mm"
+        f"Slip compensation reduces the open-loop final error from {before:.0f} to {after:.0f} mm"
     )
     commands = [f"trackslip view {manifest['config']['out']}", "trackslip benchmark"]
     return Answer(heading, facts, (), warnings, alarms, commands)
