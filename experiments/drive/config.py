@@ -92,7 +92,9 @@ class Config(ResultsOptions):
     """Policy from train --env traverse that drives the robot: its .npz file, or the folder with
     that file.
     """
-    pictures: Annotated[int, Whole(0, 1000)] = 0
+    pictures: Annotated[int | None, Whole(0, 1000), default_is("3 where OpenGL works", "INT")] = (
+        None
+    )
     """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False
     """Print the robot's properties and all errors in its description, instead of driving."""

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import scipy
 
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
@@ -99,6 +100,29 @@ def yaw_rate_by_theory(points, speeds, centre_of_mass, friction=0.7):
     off = ahead - middle[0], left - middle[1], height
     contact = Contact(x - middle[0], y - middle[1], friction, friction, off)
     return float(steady_twist(np.array(speeds), contact)[2])
+
+
+def loads_of_equal_springs(points, centre_of_mass, weight):
+    """Loads on points (x, y) with equal springs below a rigid robot of this weight [N]."""
+    terms = np.column_stack([np.ones(len(points)), np.array(points, float)])
+    moments = weight * np.array([1.0, centre_of_mass[0], centre_of_mass[1]])
+    return terms @ np.linalg.solve(terms.T @ terms, moments)
+
+
+def twist_of_least_power(points, loads, speeds, friction=0.7):
+    """The twist (v, lateral u, w) at which friction at points (x, y) that bear these loads [N] and
+    whose surfaces run at these speeds takes the least power.
+    """
+    x, y = np.array(points, float).T
+
+    def power(twist):
+        ahead = twist[0] - twist[2] * y - speeds
+        left = twist[1] + twist[2] * x
+        return friction * float(np.sum(loads * np.hypot(ahead, left)))
+
+    start = [np.mean(speeds), 0.0, np.ptp(speeds) / np.ptp(y)]
+    exact = {"xatol": 1e-8, "fatol": 1e-12, "maxiter": 10_000, "maxfev": 10_000}
+    return scipy.optimize.minimize(power, start, method="Nelder-Mead", options=exact).x
 
 
 def centre_of_mass(built):

@@ -26,7 +26,11 @@ class Reference(Protocol):
 
 
 class PiecewiseReference(ABC):
-    """Base class of references with constant acceleration between knots."""
+    """Base class of references with constant acceleration between knots.
+
+    In turns on the spot, distances, speeds and accelerations are angles [rad], yaw rates and yaw
+    accelerations.
+    """
 
     def __init__(
         self, durations: ArrayLike, start_speeds: ArrayLike, end_speeds: ArrayLike
@@ -55,8 +59,7 @@ class PiecewiseReference(ABC):
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
-        k, distance, speed = self._driven(time)
-        return np.stack([speed, speed * self.curvature_in(k, distance)], axis=-1)
+        return self.twist_in(*self._driven(time))
 
     def _driven(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
         """Cells, distances driven in them [m] and speeds [m/s], each (...), at times (...) [s]."""
@@ -76,8 +79,10 @@ class PiecewiseReference(ABC):
         """Poses (..., 3) in cells k (...), at distances (...) [m] from their starts."""
 
     @abstractmethod
-    def curvature_in(self, k: NDArray[np.intp], distance: Array) -> Array:
-        """Curvatures (...) [1/m] in cells k (...), at distances (...) [m] from their starts."""
+    def twist_in(self, k: NDArray[np.intp], distance: Array, speed: Array) -> Array:
+        """Twists (..., 2) in cells k (...), at distances [m] from their starts and speeds [m/s],
+        each (...).
+        """
 
 
 def cell(knots: Array, places: Array) -> NDArray[np.intp]:

@@ -15,7 +15,9 @@ from machines import (
     drive,
     joint,
     lines,
+    loads_of_equal_springs,
     patches,
+    twist_of_least_power,
     wheel,
     write,
     yaw_rate_by_theory,
@@ -375,6 +377,25 @@ def test_a_centre_belt_drives_a_machine_on_skids(tmp_path):
     assert driven.load.sum() == pytest.approx(9.81 * 200, rel=0.01)
     with pytest.raises(TrackslipError, match="it has 2 entries of running gear"):
         load_parameters(str(file))
+
+
+AXLE = '[[tracks]]\ny = 0.3\nhull = [[0.2, 0.1, 0.1]]\ncontact = "wheels"\n'
+BALL = '[[tracks]]\nsides = "centre"\ny = 0\nhull = [[-0.3, 0.05, 0.05]]\ncontact = "skid"\n'
+BALL += "patch_length = 0.05\n"
+
+
+def test_one_axle_and_a_ball_turn_as_theory_says(tmp_path):
+    file = write(tmp_path, [box("base", 20, (0.6, 0.4, 0.1), (0, 0, 0.2))], AXLE + BALL)
+    driven = drive(file, TURN)
+    # the centre of mass is 0.3 m ahead of the ball and 0.2 m behind the axle
+    loads = 9.81 * 20 * np.array([0.3, 0.3, 0.4])
+    np.testing.assert_allclose(driven.load, loads, rtol=0.01)
+    points = patches([(0.2, 0.3), (0.2, -0.3)]) + patches([(-0.3, 0.0)], 0.05, 5)
+    speeds = np.repeat([*TURN, 0.0], [10, 10, 5])
+    each = loads_of_equal_springs(points, centre_of_mass(driven.built), 9.81 * 20)
+    expected = twist_of_least_power(points, each, speeds)
+    assert driven.yaw_rate == pytest.approx(expected[2], rel=0.005)
+    assert driven.forwards == pytest.approx(expected[0], abs=0.0005)
 
 
 HALF_TRACK = "[[tracks]]\ny = 0.5\nhull = [[-1, 0.2, 0.2], [0, 0.2, 0.2]]\n"

@@ -213,7 +213,11 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         ),
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
-        (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels.*; give `hull`"),
+        (
+            rover(),
+            ["left_front", "right_front"],
+            "left_front, right_front are on one axle: must be on two or more: give the `hull`",
+        ),
         (
             rover(heights=(0.0, 0.02, 0.0, 0.0)),
             '"replace"',
@@ -229,6 +233,23 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
 def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
     with pytest.raises(TrackslipError, match=said):
         load_tracked(write(tmp_path, parts, f"wheels = {wheels}\n"))
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        (rover(wheel=""), "left_front, left_rear, .* turn endlessly, but have no shape"),
+        (
+            rover(wheel='<box size="0.2 0.1 0.05"/>'),
+            "left_front, left_rear, .* turn endlessly, but aren't round",
+        ),
+        (rover(**LIMITS), "left_front, left_rear, .* are round, but their hinges have limits"),
+        (rover(kind="fixed"), "left_front, left_rear, .* are round, but have no hinge about y"),
+    ],
+)
+def test_links_like_wheels_say_what_they_lack(tmp_path, parts, said):
+    with pytest.raises(TrackslipError, match=said):
+        load_tracked(write(tmp_path, parts))
 
 
 @pytest.mark.parametrize(

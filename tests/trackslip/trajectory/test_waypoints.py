@@ -7,7 +7,7 @@ from quadrature import integral_miss, times
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.trajectory.named import load_reference, named_reference
 from trackslip.trajectory.path import KNOT_SPACING, LIMITS
-from trackslip.trajectory.waypoints import read_waypoints, waypoints
+from trackslip.trajectory.waypoints import TOLERANCE, read_waypoints, waypoints
 
 POINTS = np.array([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)])
 
@@ -117,7 +117,7 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
     assert (v + LIMITS.half_gauge * np.abs(w)).max() <= LIMITS.track_speed * (1 + 1e-3)
     time, xy = times(reference), np.array(points)
     ways = reference.pose(time)[:, :2]
-    assert max(np.hypot(*(ways - point).T).min() for point in xy) < 0.01
+    assert max(np.hypot(*(ways - point).T).min() for point in xy) < TOLERANCE + 0.01
 
 
 @pytest.mark.parametrize(
