@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, LogError, ReferenceFileError, require
 from trackslip.kinematics import Array
 from trackslip.logs.columns import Columns
@@ -79,6 +80,7 @@ class Stretches(PiecewiseReference):
             yield reference, mask, first, self._turns[index]
 
 
+@checks_arguments
 def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
     """Build the reference through the points in a CSV file: see `waypoints`.
 
@@ -105,6 +107,7 @@ def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
         raise ReferenceFileError(f"{path}: {error}") from error
 
 
+@checks_arguments
 def waypoints(
     points: ArrayLike,
     limits: MotionLimits = LIMITS,
