@@ -16,6 +16,7 @@ from sim.path_tracking.randomization import Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
@@ -101,6 +102,7 @@ def _bounded_square(z: Array) -> Array:
     return square / (1 + square)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class EnvConfig(OwnTerms):
     """Options of a path-tracking task."""

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import require_one_of
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference, cell
@@ -208,6 +209,7 @@ REFERENCES: Final[dict[str, Callable[..., Reference]]] = {
 """Functions that build references, by name. Each accepts another `start` (3,) as a keyword."""
 
 
+@checks_arguments
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
     """Build the reference called `name` in REFERENCES, by default from its own start.
 
