@@ -22,6 +22,7 @@ from trackslip.kinematics import (
     sprocket_speeds,
     twist_of_tracks,
 )
+from trackslip.viewable import Viewable
 
 # distance outside a jump that counts as rounding [half the jump's height]
 _JUMP_ROUNDING: Final = 1e-9
@@ -32,7 +33,7 @@ _SLOPES: Final = (0.2, 5.0)
 
 
 @checks_arguments
-class SlipLaw(ABC):
+class SlipLaw(Viewable, ABC):
     """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and
     right track [-].
     """
