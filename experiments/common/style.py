@@ -45,6 +45,7 @@ DESIRED: Final[dict[str, Any]] = {
     "solid_capstyle": "round",
     "path_effects": _EDGES,
 }
+MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 THEORY: Final[dict[str, Any]] = {"color": BLACK, "lw": 1.0}
 
 # parts of a figure, drawn separately so that they stack on a narrow page
