@@ -15,7 +15,7 @@ from experiments.benchmark.gains import ROUGHNESS_LIMIT
 from experiments.benchmark.rows import SETTING
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
-from experiments.common.style import key, law_line, log_ticks, styled
+from experiments.common.style import MARKERS, key, law_line, log_ticks, styled
 from experiments.common.sweep import Row
 from experiments.common.table import MISSING, Table, number
 
@@ -23,7 +23,6 @@ _CAPTION: Final = (
     "Means over references, grounds and seeds, with 95 % intervals; runs that lose the path count "
     "500 mm."
 )
-_MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 _MOST_EQUAL: Final = 3  # largest number of entries named as indistinguishable from the best entry
 _NUMBERS: Final = {  # column header: key in a row, factor from SI, decimals
     "kept [%]": ("success", 100.0, 0),
@@ -216,7 +215,7 @@ def board_figure(entries: Sequence[Row]) -> Figure:
     compensations = sorted({entry["compensation"] for entry in entries})
     looks = {
         name: law_line(name, marker=marker)
-        for name, marker in zip(compensations, cycle(_MARKERS), strict=False)
+        for name, marker in zip(compensations, cycle(MARKERS), strict=False)
     }
     figure = Figure(figsize=(8.0, 1.6 + 0.4 * len(lines)), layout="constrained")
     axes = figure.subplots()

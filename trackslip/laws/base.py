@@ -22,6 +22,7 @@ from trackslip.kinematics import (
     sprocket_speeds,
     twist_of_tracks,
 )
+from trackslip.viewable import Viewable
 
 TURNING_LAWS: Final = "none, online, or a law that isn't exponential, such as icr_radius"
 """Compensations whose laws hold in turns on the spot."""
@@ -34,7 +35,7 @@ _SLOPES: Final = (0.2, 5.0)
 
 
 @checks_arguments
-class SlipLaw(ABC):
+class SlipLaw(Viewable, ABC):
     """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and
     right track [-].
     """
