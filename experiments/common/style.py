@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
+from experiments.common.colours import BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
 # colours of the tracks
@@ -37,7 +37,6 @@ STYLE: Final[dict[Any, Any]] = {
 RADII_SHADES: Final = ("viridis", 0.6)
 SPEED_SHADES: Final = ("plasma", 0.6)
 MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
-THEORY: Final[dict[str, Any]] = {"color": BLACK, "lw": 1.0}
 
 # parts of a figure, drawn separately so that they stack on a narrow page
 Panels = tuple[Figure, ...]

@@ -133,6 +133,7 @@ CASES = {
             "jobs": SPEED,
             "wait": WAIT,
             "bag": "--bag",
+            "pdf": FIGURES,
         },
     ),
     "reproduce": Case(
@@ -158,6 +159,7 @@ CASES = {
             "start": "--start 0 0.1 0",
             "laws": "--laws {laws}",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "speed": "--speed 0.1",
@@ -196,6 +198,7 @@ CASES = {
             "source.left": "--source.left 0.2",
             "source.mounting": "--source.mounting 0.3",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "source.heading_noise": "--source gnss --source.heading-noise 0.1",
@@ -410,6 +413,7 @@ CASES = {
         RESULTS
         | {
             "env": "~ tests of train check it",
+            "pdf": FIGURES,
             "steps": "--steps 384",
             "robots": "--robots 8",
             "references": "--references circle",
