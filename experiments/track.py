@@ -45,9 +45,12 @@ EXAMPLES: Final = (
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     (
         "with online identification",
-        "trackslip track --controller lqr --compensation online --reference slalom",
+        "trackslip track --controller lqr --compensation online --out out/track-online",
     ),
-    ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+    (
+        "with your own laws",
+        "trackslip track --laws out/identify --compensation icr --out out/track-icr",
+    ),
 )
 ESSENTIAL: Final = (
     "controller",

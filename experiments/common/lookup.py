@@ -54,8 +54,20 @@ def reference(name: str, limits: MotionLimits = LIMITS, tolerance: float = TOLER
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
     """A new compensation by name, using the laws in a file, by default those shipped with
     trackslip.
+
+    MODULE:LAW is a law of the user, whose module adds it to FAMILIES. Raises InvalidValueError for
+    an unknown name, and for a module that can't be imported.
     """
-    return named_compensation(name, robot, laws or SHIPPED)
+    module, _, law = name.rpartition(":")
+    if module:
+        find_own_modules()
+        try:
+            import_own(module)
+        except (Exception, SystemExit) as error:  # anything from a user's module
+            why = f"{type(error).__name__}: {error}"
+            allowed = f"MODULE:LAW with a module that can be imported ({why})"
+            raise InvalidValueError("compensation", name, allowed) from error
+    return named_compensation(law, robot, laws or SHIPPED)
 
 
 def controller(

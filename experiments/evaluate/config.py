@@ -35,17 +35,20 @@ EXAMPLES: Final = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     (
         "two laws on a ROS bag",
-        "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss",
+        "trackslip evaluate run.mcap --law out/mine --law out/mine:icr --out out/two",
     ),
     (
         "laws and a robot, fitted to the other half",
-        "trackslip evaluate log.csv --robot r.toml --folds 2 --free friction_ratio",
+        "trackslip evaluate log.csv --robot husky --folds 2 --free lag --out out/folds",
+    ),
+    (
+        "a data set with its bounds",
+        "trackslip evaluate examples/logs/ice.toml --out out/reality_ice",
     ),
     (
         "laws from two grounds on two logs",
         "trackslip evaluate stone.csv ice.csv --law out/stone --law out/ice",
     ),
-    ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
 )
 ESSENTIAL: Final = (
     "path",

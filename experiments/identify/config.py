@@ -34,13 +34,19 @@ EXAMPLES: Final = (
     ("from a stored grid", "trackslip identify out/grid"),
     (
         "from a real robot's log",
-        "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06",
+        "trackslip identify a.csv --half-gauge 0.2 --sprocket-radius 0.1 --out out/a",
     ),
-    ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
-    ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice"),
+    (
+        "from a ROS bag",
+        "trackslip identify b.mcap --half-gauge 0.2 --sprocket-radius 0.1 --out out/b",
+    ),
+    (
+        "from some runs of a sweep",
+        "trackslip identify out/500 --where ground=ice --out out/ice-law",
+    ),
     (
         "from a drive, with a sensor 0.3 m ahead",
-        "trackslip identify out/wander --method drive --sensor 0.3 0 0",
+        "trackslip identify out/wander --sensor 0.3 0 0 --out out/drive-law",
     ),
     (
         "two grounds, and whether one law serves both",
