@@ -55,6 +55,19 @@ EXAMPLES: Final = (
         "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2",
     ),
 )
+ESSENTIAL: Final = (
+    "robot",
+    "half_gauge",
+    "contact_length",
+    "friction_ratio",
+    "shear",
+    "slope",
+    "turns",
+    "drove",
+    "measured",
+    "out",
+    "overwrite",
+)
 _HEADER: Final = (
     "radius driven [m]",
     "outer slip",
@@ -184,6 +197,11 @@ class Config(ResultsOptions):
             )
         if self.measured is not None:
             _check_by_hand(self)
+
+    @property
+    def stores_results(self) -> bool:
+        """Whether slip is computed from theory, not only a number from what was counted by hand."""
+        return self.measured is None
 
 
 def run(config: Config) -> None:

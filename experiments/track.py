@@ -40,6 +40,18 @@ EXAMPLES: Final = (
     ),
     ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
 )
+ESSENTIAL: Final = (
+    "controller",
+    "compensation",
+    "reference",
+    "laws",
+    "localization",
+    "robot",
+    "ground.source",
+    "rrd",
+    "out",
+    "overwrite",
+)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -71,6 +72,7 @@ class Expense:
     """Time during which a motor is at its limit or a sprocket's set point at its top speed [s]."""
 
 
+@checks_arguments
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
     """Compute the errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
     time = np.asarray(time, float)
@@ -99,6 +101,7 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
     )
 
 
+@checks_arguments
 def expense(log: RunLog, top_speed: float) -> Expense:
     """Compute the motor effort in a simulated run with sprocket speeds limited to `top_speed`
     [rad/s].

@@ -20,6 +20,17 @@ EXAMPLES: Final = (
         "trackslip benchmark --controllers my:Controller linear --gains out/tune",
     ),
 )
+ESSENTIAL: Final = (
+    "suite",
+    "controllers",
+    "compensations",
+    "references",
+    "grounds",
+    "seeds",
+    "robot",
+    "out",
+    "overwrite",
+)
 Start = Literal["zero", "paper", "random"]
 _GROUNDS: Final = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 

@@ -67,6 +67,16 @@ EXAMPLES: Final = (
         "trackslip calibrate --target log.csv --free friction_ratio lag clock",
     ),
 )
+ESSENTIAL: Final = (
+    "target",
+    "free",
+    "robot",
+    "ground.source",
+    "folds",
+    "out",
+    "overwrite",
+    "gear",
+)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ localization methods.
 
 import contextlib
 import functools
-import importlib
 import inspect
 import json
 import math
@@ -18,7 +17,15 @@ from sim.policy import PolicyController, TrackingPolicy, policy_file
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.errors import InvalidValueError, TrackslipError, require, require_finite
+from trackslip.errors import (
+    InvalidValueError,
+    TrackslipError,
+    did_you_mean,
+    one_of,
+    require,
+    require_finite,
+)
+from trackslip.inputs import import_own
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.file import SHIPPED
 from trackslip.localization.line import LineLocator
@@ -126,11 +133,10 @@ def _constructor(
     else:
         attribute, colon, given = given.partition(":")
         if not base or not attribute:
-            raise InvalidValueError(
-                "controller", name, f"one of {', '.join(CONTROLLERS)}, ppo:FOLDER or MODULE:CLASS"
-            )
+            others = ", ppo:FOLDER or MODULE:CLASS"
+            raise InvalidValueError("controller", name, one_of(CONTROLLERS, name, others))
         find_own_modules()
-        make = getattr(importlib.import_module(base), attribute)
+        make = getattr(import_own(base), attribute)
     return make, inspect.signature(make).parameters, given if colon else None
 
 
@@ -143,8 +149,9 @@ def _errors_of(name: str) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         why = f"{type(error).__name__}: {error}"
+        meant = did_you_mean(name.partition(":")[0], CONTROLLERS)
         raise InvalidValueError(
-            "controller", name, f"MODULE:CLASS that can be imported and called ({why})"
+            "controller", name, f"MODULE:CLASS that can be imported and called ({why}){meant}"
         ) from error
 
 

@@ -23,7 +23,8 @@ def number(value: float | None, digits: int, unit: str = "") -> str:
     """
     if value is None or not math.isfinite(value):
         return MISSING
-    return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
+    rounded = round(value, digits) + 0.0  # without the sign of a zero
+    return f"{rounded:.{digits}f} {unit}".rstrip().replace("-", "−")
 
 
 def significant(value: float | None, unit: str = "", digits: int = 2) -> str:

@@ -33,6 +33,20 @@ EXAMPLES: Final = (
     ),
     ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
 )
+ESSENTIAL: Final = (
+    "robot",
+    "course",
+    "speed",
+    "turn",
+    "path",
+    "flippers",
+    "duration",
+    "policy",
+    "pictures",
+    "check",
+    "out",
+    "overwrite",
+)
 
 FLIPPERS: Final = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
 """Front and rear flipper angles by name: up, along the tracks, or None for reflex [rad]."""
@@ -78,7 +92,9 @@ class Config(ResultsOptions):
     """Policy from train --env traverse that drives the robot: its .npz file, or the folder with
     that file.
     """
-    pictures: Annotated[int, Whole(0, 1000)] = 0
+    pictures: Annotated[int | None, Whole(0, 1000), default_is("3 where OpenGL works", "INT")] = (
+        None
+    )
     """Number of pictures to write to OUT/pictures, spread evenly over the run."""
     check: bool = False
     """Print the robot's properties and all errors in its description, instead of driving."""
@@ -106,6 +122,11 @@ class Config(ResultsOptions):
         if self.path is not None and self.speed is not None:
             require_positive("speed", self.speed)
         self.flipper_angles()
+
+    @property
+    def stores_results(self) -> bool:
+        """Whether the robot drives, and isn't only checked."""
+        return not self.check
 
     def flipper_angles(self) -> tuple[float, float] | None:
         """Front and rear flipper angles, positive with the tips up [rad]; None for reflex."""

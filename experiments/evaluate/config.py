@@ -42,6 +42,19 @@ EXAMPLES: Final = (
     ),
     ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
 )
+ESSENTIAL: Final = (
+    "path",
+    "law",
+    "robot",
+    "ground.source",
+    "folds",
+    "free",
+    "half_gauge",
+    "sprocket_radius",
+    "sensor",
+    "out",
+    "overwrite",
+)
 MAX_FOLDS: Final = 10
 _SIZE: Final = default_is("the log's, the laws' or the robot's", "FLOAT")
 

@@ -25,6 +25,20 @@ EXAMPLES: Final = (
     ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
     ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
 )
+ESSENTIAL: Final = (
+    "robot",
+    "ground.source",
+    "radii",
+    "speeds",
+    "duration",
+    "seed",
+    "grounds",
+    "seeds",
+    "vary",
+    "rrd",
+    "out",
+    "overwrite",
+)
 
 
 @dataclass(frozen=True)

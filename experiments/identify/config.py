@@ -43,6 +43,19 @@ EXAMPLES: Final = (
     ),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
+ESSENTIAL: Final = (
+    "path",
+    "half_gauge",
+    "sprocket_radius",
+    "where",
+    "sensor",
+    "method",
+    "all",
+    "table.columns",
+    "bag.poses",
+    "out",
+    "overwrite",
+)
 
 
 @dataclass(frozen=True)

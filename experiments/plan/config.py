@@ -29,6 +29,19 @@ EXAMPLES: Final = (
     ),
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
 )
+ESSENTIAL: Final = (
+    "half_gauge",
+    "sprocket_radius",
+    "after",
+    "law",
+    "max_speed",
+    "area",
+    "duration",
+    "poses",
+    "bag",
+    "out",
+    "overwrite",
+)
 _OF_AFTER: Final = default_is("from --after", "FLOAT")
 
 

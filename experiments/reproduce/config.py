@@ -12,6 +12,17 @@ EXAMPLES: Final = (
     ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
     ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),
 )
+ESSENTIAL: Final = (
+    "robot",
+    "ground.source",
+    "radii",
+    "speeds",
+    "seed",
+    "rrd",
+    "pdf",
+    "out",
+    "overwrite",
+)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,18 @@ EXAMPLES: Final = (
     ),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
+ESSENTIAL: Final = (
+    "env",
+    "steps",
+    "references",
+    "grounds",
+    "compensation",
+    "robot",
+    "courses",
+    "resume",
+    "out",
+    "overwrite",
+)
 TRAVERSE: Final = "traverse"
 _MAX_ROWS: Final = 4_000_000  # control periods between two updates, of about 300 bytes each
 ENVIRONMENT: Final = (
@@ -149,3 +161,8 @@ class Config(ResultsOptions):
         known = ("random", *FTR_NAMES)
         for course in self.courses:
             require(course in known, "courses", course, f"some of {', '.join(known)}")
+
+    @property
+    def runs_anew(self) -> bool:
+        """Whether a training starts again or continues."""
+        return self.overwrite or self.resume

@@ -31,6 +31,21 @@ EXAMPLES: Final = (
         "trackslip wander --duration 60 --source scanner --bag",
     ),
 )
+ESSENTIAL: Final = (
+    "driving",
+    "drives",
+    "duration",
+    "source.source",
+    "source.delay",
+    "source.ahead",
+    "robot",
+    "ground.source",
+    "seed",
+    "bag",
+    "rrd",
+    "out",
+    "overwrite",
+)
 # limits for the rate of the encoders [Hz]
 _MIN_RATE: Final = 5.0
 _MAX_RATE: Final = 1000.0

@@ -22,6 +22,7 @@ from sim.runs.run_recorder import Description, RunRecorder
 from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from trackslip.arguments import checks_arguments
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
@@ -38,6 +39,7 @@ PERIOD: Final = LaserScanner().period
 _ROUNDING: Final = 1e-9  # tolerance on the number of rows
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Pilot:
     """The controller and slip compensation for R robots in a fleet."""
@@ -114,6 +116,7 @@ class Pilot:
             ) from error
 
 
+@checks_arguments
 def open_loop(
     fleet: Fleet,
     omega: Array,
@@ -155,6 +158,7 @@ def open_loop(
     return _drive(record, localization, lambda k: speeds[k], progress, watch)
 
 
+@checks_arguments
 def closed_loop(
     fleet: Fleet,
     pilots: Controller | Sequence[Pilot],

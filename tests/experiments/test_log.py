@@ -138,8 +138,13 @@ def test_a_bag_is_written_exactly_and_not_replaced_unasked(bags, tmp_path, refus
     if suffix == ".parquet":
         for field in pyarrow.parquet.read_schema(file):
             assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
-    assert f"log{suffix}: exists already; --overwrite replaces it" in refused(*command)
     before = sorted(file.parent.iterdir())
+    main(command)
+    assert f"{file}: 1 run, 400 rows" in capsys.readouterr().out
+    file.write_text("mine")
+    line = f"log{suffix}: exists already, with other content; --overwrite replaces it"
+    assert line in refused(*command)
+    assert file.read_text() == "mine"
     main([*command, "--overwrite"])
     assert sorted(file.parent.iterdir()) == before
 

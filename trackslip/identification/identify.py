@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
+from trackslip.arguments import checks_arguments
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.drives.conditioning import drives_of
 from trackslip.drives.first_look import first_look
@@ -47,6 +48,7 @@ class SupportsArrowStream(Protocol):
         """Export the data frame as a stream."""
 
 
+@checks_arguments
 def identify(
     source: str | Path | RunLog | Sequence[RunLog] | SupportsArrowStream,
     geometry: RobotGeometry | None = None,
@@ -107,10 +109,10 @@ def identify(
     # runs, or samples of steady runs
     if isinstance(source, str | Path):
         read = read_source(Path(source), reading)
+    elif isinstance(source, RunLog):  # before data frames, as it exports one, too
+        read = source_of_runs([source], reading)
     elif isinstance(source, SupportsArrowStream):
         read = source_of_frame(source, reading)
-    elif isinstance(source, RunLog):
-        read = source_of_runs([source], reading)
     else:
         read = source_of_runs(list(source), reading)
     return identify_source(read, method, sensor, lag=lag)

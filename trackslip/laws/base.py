@@ -7,11 +7,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import (
     Array,
@@ -30,6 +31,7 @@ _CONVERGED: Final = 1e-12
 _SLOPES: Final = (0.2, 5.0)
 
 
+@checks_arguments
 class SlipLaw(ABC):
     """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and
     right track [-].
@@ -41,6 +43,10 @@ class SlipLaw(ABC):
     """Maximum number of iterations in `twist`. Where a law jumps, some sprocket speeds need all of
     them.
     """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        checks_arguments(cls)  # of methods that the subclass defines anew
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:

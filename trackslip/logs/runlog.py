@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
@@ -86,6 +87,7 @@ class ScanLog:
         return replace(self, cluster=self.cluster.take(np.arange(first, end)), full=full)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class RunLog:
     """The log of a run. Row k has the measurements at time k and the command sent at that time."""

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.drives.encoders import encoders_of
 from trackslip.drives.gyro import (
     mean_yaw_rates,
@@ -175,6 +176,7 @@ def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
     return moved(pose, turn, pivot=pose[row, :2], target=measured[row, :2])
 
 
+@checks_arguments
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
     """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
 
@@ -221,6 +223,7 @@ class OdometryErrors:
     """Parts of the drives that could not be evaluated, one line each."""
 
 
+@checks_arguments
 def odometry_errors(
     logs: RunLog | Sequence[RunLog],
     odometry: SlipOdometry,

@@ -163,7 +163,7 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         if lengths[shortest] < _MIN_KNOT_SPACING:
             point = curve(u[shortest], 0)
             found = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
-            allowed = "smooth; waypoints may reverse where a column yaw says so"
+            allowed = "smooth; waypoints reverse or turn on the spot where a column yaw says so"
             raise InvalidValueError("path", found, allowed)
 
         middle = (start + end)[is_coarse] / 2
@@ -242,10 +242,11 @@ class ProfiledReference(PiecewiseReference):
         s = self._path.knots[k] + self._direction * distance
         return self._path.pose(s) + self._turn
 
-    def curvature_in(self, k: NDArray[np.intp], distance: Array) -> Array:
+    def twist_in(self, k: NDArray[np.intp], distance: Array, speed: Array) -> Array:
         """See PiecewiseReference."""
         s = self._path.knots[k] + self._direction * distance
-        return self._direction * self._path.curvature(s)
+        curvature = self._direction * self._path.curvature(s)
+        return np.stack([speed, speed * curvature], axis=-1)
 
 
 def _speeds(

@@ -62,7 +62,7 @@ def test_turns_of_all_kinds_and_straight_runs_have_a_page():
         assert plots(found) == OF_STEADY
         turns = Turns.of(found.samples, GEOMETRY)
         for figure in (
-            *figures.fitted_laws(turns, found.steady),
+            *figures.fitted_laws(turns, found.steady, [*found.steady.laws]),
             *figures.slip_against_speed(turns),
         ):
             assert_readable(figure)

@@ -99,7 +99,7 @@ def test_the_named_law_replaces_a_best_law_that_is_inexpressible(tmp_path):
     file.write_text(json.dumps(dict(content)))
     text = deploy_law(file)
     assert "Slip law icr: " in text
-    assert "The best law is turn_loss: this is icr" in text
+    assert "Warning: exported icr, not the best law (turn_loss)" in text
     assert "Slip law turn_loss" in deploy_law(file, "c")
 
 

@@ -7,7 +7,7 @@ from quadrature import integral_miss, times
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.trajectory.named import load_reference, named_reference
 from trackslip.trajectory.path import KNOT_SPACING, LIMITS
-from trackslip.trajectory.waypoints import read_waypoints, waypoints
+from trackslip.trajectory.waypoints import TOLERANCE, read_waypoints, waypoints
 
 POINTS = np.array([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)])
 
@@ -128,7 +128,7 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
     assert np.abs(w).max() <= LIMITS.yaw_rate * slack
     faster_track = v + LIMITS.half_gauge * np.abs(w)
     assert faster_track.max() <= LIMITS.track_speed * slack
-    assert max(distances(reference, time, point).min() for point in points) < 0.01
+    assert max(distances(reference, time, point).min() for point in points) < TOLERANCE + 0.01
 
 
 @pytest.mark.parametrize(
