@@ -502,9 +502,9 @@ def write_inputs(folder: Path) -> dict[str, str]:
         law["values"] = {name: 1.1 * value for name, value in law["values"].items()}
     rng = np.random.default_rng(0)
     omega = rng.uniform(1, 5, (30, 2))
-    twist = np.array([0.0297, 0.1409]) * [[1, 1]] * np.column_stack(
-        [omega.sum(axis=1), omega[:, 1] - omega[:, 0]]
-    ) + 0.001 * rng.standard_normal((30, 2))
+    sum_and_difference = np.column_stack([omega.sum(axis=1), omega[:, 1] - omega[:, 0]])
+    exact = np.array([0.0297, 0.1409]) * sum_and_difference
+    twist = exact + 0.001 * rng.standard_normal((30, 2))
     np.savetxt(
         folder / "samples.csv",
         np.column_stack([omega, twist]),
@@ -533,7 +533,10 @@ def outcome(line: str, folder: Path) -> tuple[int, object, str]:
     options: manifests, pages, metadata and ids.
     """
     folder.mkdir()
-    printed, errors, code, here = io.StringIO(), io.StringIO(), 0, Path.cwd()
+    printed = io.StringIO()
+    errors = io.StringIO()
+    code = 0
+    here = Path.cwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):
