@@ -32,14 +32,10 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        plain = (
-            float(value)
-            if isinstance(value, float)
-            else str(value)
-            if isinstance(value, PurePath)
-            else value
-        )
-        shown = repr(plain)  # the repr of NumPy floats and paths includes the type
+        plain: object = _plain(value)
+        if type(value) is tuple:
+            plain = tuple(map(_plain, value))
+        shown = repr(plain)
         if len(shown) > _MAX_SHOWN:
             shown = f"{shown[: _MAX_SHOWN // 2]} ... {shown[-_MAX_SHOWN // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")
@@ -47,6 +43,13 @@ class InvalidValueError(TrackslipError, ValueError):
 
     def __reduce__(self) -> tuple[type[InvalidValueError], tuple[str, object, str]]:
         return type(self), (self.field, self.value, self.allowed)  # picklable, for other processes
+
+
+def _plain(value: object) -> object:
+    """A value whose `repr` doesn't include its type, as that of NumPy floats and of paths does."""
+    if isinstance(value, float):
+        return float(value)
+    return str(value) if isinstance(value, PurePath) else value
 
 
 class LogError(TrackslipError, ValueError):

@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES
 from experiments.common.options import Distinct, Whole, default_is
 from experiments.simulate.options import MAX_JOBS, ClosedLoopOptions
+from experiments.simulate.paths import WaypointOptions
 
 EXAMPLES: Final = (
     ("every controller, tuned, on drawn plants", "trackslip benchmark"),
@@ -36,7 +37,7 @@ _GROUNDS: Final = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 
 
 @dataclass(frozen=True)
-class Config(ClosedLoopOptions):
+class Config(ClosedLoopOptions, WaypointOptions):
     """Compare controllers, with and without slip compensation, on paths and grounds, and print a
     leaderboard.
 

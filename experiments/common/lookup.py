@@ -34,6 +34,8 @@ from trackslip.localization.pose_estimate import Locator
 from trackslip.online.compensation import Compensation, named_compensation
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
+from trackslip.trajectory.path import LIMITS, MotionLimits
+from trackslip.trajectory.waypoints import TOLERANCE
 
 _POLICY: Final = "ppo:"
 # constructor parameters set from the robot
@@ -42,9 +44,11 @@ _MARGIN: Final = 0.98  # fraction of the top speed that controllers may use
 
 
 @functools.lru_cache(maxsize=64)
-def reference(name: str) -> Reference:
-    """A reference by name or from a file; raises TrackslipError if `name` is neither."""
-    return load_reference(name)
+def reference(name: str, limits: MotionLimits = LIMITS, tolerance: float = TOLERANCE) -> Reference:
+    """A reference by name, or from a file with limits and a tolerance [m]; raises TrackslipError if
+    `name` is neither.
+    """
+    return load_reference(name, limits, tolerance)
 
 
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:

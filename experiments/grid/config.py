@@ -81,6 +81,8 @@ class Config(GridConfig):
     """If all workers of a Dask cluster have died, wait for others instead of stopping."""
     bag: bool = False
     """Also write each run as a ROS 2 bag to OUT/bags."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("jobs",), "executor", ("processes",)),

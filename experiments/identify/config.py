@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Final, Literal
 
 import tyro
 
+from experiments.common.log_names import refuse_same_logs
 from experiments.common.log_options import (
     Bag,
     BagOptions,
@@ -47,10 +48,14 @@ EXAMPLES: Final = (
         "from a drive, with a sensor 0.3 m ahead",
         "trackslip identify out/wander --sensor 0.3 0 0 --out out/drive-law",
     ),
+    (
+        "two grounds, and whether one law serves both",
+        "trackslip identify out/stone out/ice --out out/grounds",
+    ),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
 ESSENTIAL: Final = (
-    "path",
+    "logs",
     "half_gauge",
     "sprocket_radius",
     "where",
@@ -72,9 +77,9 @@ class Config(ResultsOptions):
     omega_l, omega_r, v, w (steady samples).
     """
 
-    path: tyro.conf.Positional[Path]
+    logs: tyro.conf.Positional[tuple[Path, ...]]
     """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder
-    of them).
+    of them). Several logs are identified each by itself and compared.
     """
     where: Annotated[
         tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")
@@ -127,4 +132,5 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        refuse_same_logs(self.logs)
         check_sensor(self.sensor)

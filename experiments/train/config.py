@@ -141,7 +141,9 @@ class Config(ResultsOptions):
     resume: bool = False
     """Resume from the last checkpoint in OUT instead of starting again."""
     out: Path = Path("out/train")
-    """Folder for the policy, its checkpoints and the training curve."""
+    """Folder for the policy, its checkpoints and the report."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("courses", "difficulty", "trials"), "env", (TRAVERSE,)),

@@ -138,6 +138,8 @@ class Config(Simulation):
     """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
     out: Path = Path("out/wander")
     """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
     scanner: Annotated[LaserScanner, tyro.conf.Fixed, tyro.conf.Suppress] = field(
         default_factory=LaserScanner
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from sim.common.settings import build, read_named
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     SettingsFileError,
@@ -81,6 +82,7 @@ class Change:
         require_non_negative("time", self.time)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Ground(Checked):
     """A plane with friction along and across the tracks.
@@ -186,6 +188,7 @@ Ground Vehicles (2008), for angles of friction, quoted second-hand.
 """
 
 
+@checks_arguments
 def load_ground(source: str) -> Ground:
     """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground
     to be changed.

@@ -23,6 +23,7 @@ from sim.traverse.courses import DRAWN, OBSTACLES, RANDOM
 from sim.traverse.outcome import Limits, Outcome, Outcomes
 from sim.traverse.world import Traverse
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
@@ -201,6 +202,7 @@ def one_by_one(values: Array) -> Array:
     return np.add.accumulate(values, axis=1)[:, -1]
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class TraverseConfig(OwnTerms):
     """A task of crossing courses."""

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import joined, read_encoders
 from trackslip.bags.open import Bag, bags_in, open_bags
@@ -35,6 +36,7 @@ _DELAYS: Final = (0.0, 0.05)  # delays of odometry behind the wheels that are co
 _PERHAPS_WHEELS: Final = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
+@checks_arguments
 def load(
     path: str | Path,
     bag: BagChoice | None = None,

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, LogError, OutputError, require_one_of
 from trackslip.files import FORMAT, known_manifest, read_json, reason, require_known_format
 from trackslip.kinematics import RobotGeometry
@@ -84,6 +85,7 @@ class StoredLaws:
         return None if low is None or high is None else (low, high)
 
 
+@checks_arguments
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """Read the laws in a JSON file, or in the summary.json of a results folder, by family name.
 
@@ -95,6 +97,7 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
     return {name: law for name, law in laws.items() if name != NO_SLIP}
 
 
+@checks_arguments
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
     """Write laws by family name to a JSON file for `load_laws` and the command-line option
     `--laws`.

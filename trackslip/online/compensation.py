@@ -10,6 +10,7 @@ from typing import ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, TrackslipError, one_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
@@ -61,6 +62,7 @@ class SensesLoad(Protocol):
         """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2)."""
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class FixedLaw(Compensation, Restorable):
     """Compensation by a fixed law for all robots, by default none: the law without slip."""
@@ -72,6 +74,7 @@ class FixedLaw(Compensation, Restorable):
         return self.known
 
 
+@checks_arguments
 class LoadedLaw(Compensation, Restorable):
     """Compensation by a fixed law of slip under load, evaluated at the measured load."""
 
@@ -114,6 +117,7 @@ def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
     return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
 
 
+@checks_arguments
 class OnlineIcr(Compensation, Restorable):
     """Compensation by constant ICRs that an `IcrFilter` learns while driving."""
 
@@ -154,6 +158,7 @@ class OnlineIcr(Compensation, Restorable):
         return self._started
 
 
+@checks_arguments
 class LoadedOnlineIcr(OnlineIcr):
     """Compensation by ICRs and turning centres learnt while driving, plus known slip under load."""
 

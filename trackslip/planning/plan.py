@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, require_one_of
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import TRACK_SIGNS, Array, RobotGeometry, twist_of_tracks
@@ -90,6 +91,7 @@ class DrivePlan(PlacedRoute):
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
+@checks_arguments
 def plan_drive(
     geometry: RobotGeometry,
     limits: DriveLimits,
