@@ -74,11 +74,11 @@ class PathTracking(Task):
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         commanded = _commanded(config, self.fleet.drive.limit)
         super().__init__(config, size, PERIOD, self.layout.elements, commanded)
-        self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
         # stored because the check of a protocol is slow
         self._senses_load = isinstance(self._compensation, SensesLoad)
         self._compensation.reset(begin)
+        self._source = _pose_source(config, self.fleet, self._compensation)
         # (1, 2) units of the actions
         self._unit = np.array([[element.scale for element in self.commanded]])
         self._reference: Index = np.zeros(size, int)
@@ -249,13 +249,15 @@ def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
     return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
 
 
-def _pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
+def _pose_source(config: EnvConfig, fleet: Fleet, compensation: Compensation) -> TruePose:
     if config.pose_source == "truth":
         return TruePose(fleet)
     if config.pose_source == "noisy":
         position = config.position_noise
         return NoisyPose(fleet, (position, position, config.heading_noise))
-    return ScannedPose(fleet, ScannerFeed(config.scanner, fleet), PlateLocator(fleet.robot.plate))
+    feed = ScannerFeed(config.scanner, fleet)
+    locator = PlateLocator(fleet.robot.plate)
+    return ScannedPose(fleet, feed, locator, [(range(fleet.size), compensation)])
 
 
 def _compensation(config: EnvConfig, fleet: Fleet) -> Compensation:
