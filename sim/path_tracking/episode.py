@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,6 +20,7 @@ from trackslip import se2
 from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
+from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
 _OPTIONS: Final = {
@@ -139,11 +140,16 @@ class ReferenceTable(Restorable):
 
     STATE = ("names", "last", "_pose", "_twists")
 
-    def __init__(self, names: Iterable[str], steps: Index) -> None:
+    def __init__(
+        self, names: Iterable[str], steps: Index, require: Callable[[str, Reference], None]
+    ) -> None:
         """Tabulate the references `names`, with twists `steps` (K,) control periods ahead,
         ascending from 0.
+
+        `require` raises InvalidValueError for a reference that the robots can't follow.
         """
         self._steps = steps
+        self._require = require
         self.names: tuple[str, ...] = ()  # names of the references, in the order of the rows
         self.last: Index = np.empty(0, int)  # last control period (R,) of each reference
         self._pose: Array = np.empty((0, 1, 3))
@@ -157,6 +163,7 @@ class ReferenceTable(Restorable):
         """
         if name not in self.names:
             reference = load_reference(name)
+            self._require(name, reference)
             last = math.ceil(reference.duration / PERIOD - _ROUNDING)
             now = np.arange(last + self._steps[-1] + 1)  # after its end, the reference stands still
             later = np.minimum(now[:, None] + self._steps, now[-1])
