@@ -28,7 +28,7 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     stored = [(grid.folder / "runs.parquet").read_bytes() for grid in (one, two, other)]
     assert stored[0] == stored[1] != stored[2]
     names = {path.stem for path in one.folder.iterdir()}
-    assert names == {"manifest", "runs", "summary", "table", "report", "figures"}
+    assert names == {"manifest", "runs", "summary", "table", "report"}
     assert one.manifest["seed"] == 5
     (radii,) = (each["radius"] for each in one.summary["grids"])
     assert (radii["commanded"], radii["published"]) == ([0.6, 1.5], [None, 2.05])
