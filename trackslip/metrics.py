@@ -13,6 +13,7 @@ from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
+from trackslip.viewable import Viewable
 
 # time by which an initial error has decayed, and at which the paper's arc begins [s]
 TRANSIENT: Final = 12.0
@@ -31,7 +32,7 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True)
-class TrackingErrors:
+class TrackingErrors(Viewable):
     """Tracking errors of a run. Position errors are distances to the reference pose at the same
     time.
     """

@@ -34,6 +34,8 @@ from trackslip.localization.pose_estimate import Locator
 from trackslip.online.compensation import Compensation, named_compensation
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
+from trackslip.trajectory.path import LIMITS, MotionLimits
+from trackslip.trajectory.waypoints import TOLERANCE
 
 _POLICY: Final = "ppo:"
 # constructor parameters set from the robot
@@ -42,16 +44,30 @@ _MARGIN: Final = 0.98  # fraction of the top speed that controllers may use
 
 
 @functools.lru_cache(maxsize=64)
-def reference(name: str) -> Reference:
-    """A reference by name or from a file; raises TrackslipError if `name` is neither."""
-    return load_reference(name)
+def reference(name: str, limits: MotionLimits = LIMITS, tolerance: float = TOLERANCE) -> Reference:
+    """A reference by name, or from a file with limits and a tolerance [m]; raises TrackslipError if
+    `name` is neither.
+    """
+    return load_reference(name, limits, tolerance)
 
 
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
     """A new compensation by name, using the laws in a file, by default those shipped with
     trackslip.
+
+    MODULE:LAW is a law of the user, whose module adds it to FAMILIES. Raises InvalidValueError for
+    an unknown name, and for a module that can't be imported.
     """
-    return named_compensation(name, robot, laws or SHIPPED)
+    module, _, law = name.rpartition(":")
+    if module:
+        find_own_modules()
+        try:
+            import_own(module)
+        except (Exception, SystemExit) as error:  # anything from a user's module
+            why = f"{type(error).__name__}: {error}"
+            allowed = f"MODULE:LAW with a module that can be imported ({why})"
+            raise InvalidValueError("compensation", name, allowed) from error
+    return named_compensation(law, robot, laws or SHIPPED)
 
 
 def controller(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
+from experiments.common.colours import BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
 # colours of the tracks
@@ -36,7 +36,7 @@ STYLE: Final[dict[Any, Any]] = {
 # colour maps, and the fraction dark enough to see
 RADII_SHADES: Final = ("viridis", 0.6)
 SPEED_SHADES: Final = ("plasma", 0.6)
-THEORY: Final[dict[str, Any]] = {"color": BLACK, "lw": 1.0}
+MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 # parts of a figure, drawn separately so that they stack on a narrow page
 Panels = tuple[Figure, ...]

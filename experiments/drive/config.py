@@ -24,14 +24,17 @@ EXAMPLES: Final = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
     (
         "slowly over a step, with pictures",
-        "trackslip drive --course step10 --speed 0.1 --pictures 8",
+        "trackslip drive --course step10 --speed 0.1 --pictures 8 --out out/step10",
     ),
-    ("your own robot and course", "trackslip drive --robot r.toml --course c.toml"),
+    ("your own robot and course", "trackslip drive --robot r.toml --course c.toml --out out/own"),
     (
         "over a rail as in FTR-Bench, scaled to the robot",
-        "trackslip drive --course rails --difficulty 0.8",
+        "trackslip drive --course rails --difficulty 0.8 --out out/rails",
     ),
-    ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
+    (
+        "by a trained policy",
+        "trackslip drive --course steps_up --policy out/train --out out/steps_up",
+    ),
 )
 ESSENTIAL: Final = (
     "robot",

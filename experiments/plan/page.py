@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.common.colours import BLUE, GREEN, GREY, ORANGE
-from experiments.common.laws import symbol, unit_of
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.style import BAND, plane, styled
 from experiments.common.table import MISSING, Table, number, percent, significant
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
+from trackslip.views.symbols import symbol, unit_of
 
 _EXPECTED: Final = ("parameter", "expected", "± error", "scale", "share", "25 runs")
 _SIZE: Final = (4.5, 4.2)  # width and height of a figure [in]

@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.common.colours import BLUE, GREY
+from experiments.common.traces import Traces
 from experiments.recorder.field import send_field
 from experiments.recorder.model import send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
@@ -25,7 +26,6 @@ from experiments.recorder.stream import (
     paint,
     rgb,
 )
-from experiments.recorder.traces import Traces
 from sim.common.settings import build
 from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.parameters import RobotParameters

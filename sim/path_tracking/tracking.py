@@ -61,7 +61,7 @@ class PathTracking(Task):
         """
         robot = load_robot(parameters=config.parameters)
         previews = np.arange(config.previews + 1) * config.stride
-        self.table = ReferenceTable(config.references, previews)
+        self.table = ReferenceTable(config.references, previews, config.load_reference)
         begin = np.tile(self.table.path(0)[0], (size, 1))
         self.fleet = Fleet(
             robot,

@@ -24,13 +24,15 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.arguments import checks_arguments
 from trackslip.controllers.base import Controller, SensesSprockets
+from trackslip.controllers.named import TURNING_CONTROLLERS
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
-from trackslip.laws.base import SlipLaw
+from trackslip.laws.base import TURNING_LAWS, SlipLaw
 from trackslip.localization.pose_estimate import Locator
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
+from trackslip.trajectory.turns import require_turns
 
 Progress = Callable[[float], None]
 """Function that is called with the simulated time since the last call [s]."""
@@ -65,6 +67,14 @@ class Pilot:
         self.compensation.reset(record.fleet.pose()[self.robots])
         if self._loaded is not None:
             record.sense_loads()
+
+    def require_able(self, reference: Reference) -> None:
+        """Raise InvalidValueError if the reference turns on the spot, and its follower can't."""
+        controller = self.controller
+        name = type(controller).__name__
+        require_turns(reference, "controller", name, controller, TURNING_CONTROLLERS)
+        law = self.compensation.law()
+        require_turns(reference, "compensation", type(law).__name__, law, TURNING_LAWS)
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
         """Slip law for row k, after the compensation has observed the motion up to then."""
@@ -182,7 +192,8 @@ def closed_loop(
         progress: see `open_loop`.
 
     Raises:
-        InvalidValueError: unless every robot has exactly one pilot.
+        InvalidValueError: unless every robot has exactly one pilot, and for a reference that turns
+            on the spot if a controller or its law can't.
         RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the
             rows up to then.
     """
@@ -200,6 +211,7 @@ def closed_loop(
         localization = PoseEstimation(record, ScannedPose(fleet, feed, locator))
     for pilot in pilots:
         pilot.begin(record)
+        pilot.require_able(reference)
     omega = np.zeros((fleet.size, 2))
 
     def steer(k: int) -> Array:

@@ -461,7 +461,7 @@ def test_policies_learn_with_the_motors_of_the_robots_file(name, files):
 
 def test_evaluate_names_robots_without_motors(files):
     robots = (source("plain", files), source("plain_own", files))
-    config = EvaluateConfig(path=Path("log.csv"), robot=robots, inputs="commands")
+    config = EvaluateConfig(logs=(Path("log.csv"),), robot=robots, inputs="commands")
     assert notes_on_motors(config) == [
         f"{robots[0]} has no motors: its torque is unlimited, and it follows commands of any speed"
     ]

@@ -77,3 +77,22 @@ def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
         == json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
     )
     assert 1.9 < log.time[-1] <= 2.05
+
+
+@pytest.mark.usefixtures("with_figures")
+def test_the_page_has_path_errors_and_slip(trackslip):
+    result = trackslip("track", *CIRCLE, "--localization", "truth")
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    (row,) = result.summary["tracking"]
+    millimetres = f"{1e3 * row['rms_position']:.1f} mm rms from the reference"
+    assert f"<h2>{millimetres}</h2>" in page  # the circle is shorter than 12 s
+    assert page.count('<div class="zoom">') == 3
+    figures = {file.stem for file in (result.folder / "figures").glob("*.svg")}
+    assert figures == {"path_and_errors_path", "path_and_errors_errors", "slip"}
+
+
+def test_a_run_that_leaves_its_reference_is_an_alarm(trackslip):
+    start = ("--start", "0", "1", "0", "--controller", "feedforward")
+    result = trackslip("track", *CIRCLE, "--localization", "truth", *start)
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    assert '<section class="answer alarm">\n<h2>The robot left the reference, by up to' in page

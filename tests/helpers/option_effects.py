@@ -133,6 +133,7 @@ CASES = {
             "jobs": SPEED,
             "wait": WAIT,
             "bag": "--bag",
+            "pdf": FIGURES,
         },
     ),
     "reproduce": Case(
@@ -153,11 +154,16 @@ CASES = {
             "circle_radius": "--circle-radius 2",
             "circle_speed": "--circle-speed 0.1",
             "circle_duration": "--circle-duration 6",
+            "speed": "--reference {bend} | --reference {bend} --speed 0.2",
+            "tolerance": "--reference {steps} | --reference {steps} --tolerance 0.03",
             "start": "--start 0 0.1 0",
             "laws": "--laws {laws}",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
+            "speed": "--speed 0.1",
+            "tolerance": "--tolerance 0.03",
             "scanner.noise": "--localization truth --scanner.noise 0.02",
             "obstacles": "--localization truth --obstacles posts",
             "laws": "--compensation none --laws {laws}",
@@ -192,6 +198,7 @@ CASES = {
             "source.left": "--source.left 0.2",
             "source.mounting": "--source.mounting 0.3",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "source.heading_noise": "--source gnss --source.heading-noise 0.1",
@@ -369,6 +376,8 @@ CASES = {
             "controllers": "--controllers lqr",
             "compensations": "--compensations icr_radius",
             "references": "--references {straight}",
+            "speed": "--speed 0.1",
+            "tolerance": "--references {steps} | --references {steps} --tolerance 0.03",
             "grounds": "--grounds ice",
             "starts": "--starts paper",
             "seeds": "--seeds 1",
@@ -377,7 +386,11 @@ CASES = {
             "jobs": SPEED,
             "pdf": FIGURES,
         },
-        {"scanner.noise": "--localization truth --scanner.noise 0.02"},
+        {
+            "scanner.noise": "--localization truth --scanner.noise 0.02",
+            "speed": "--references slalom --speed 0.1",
+            "tolerance": "--references slalom --tolerance 0.03",
+        },
     ),
     "tune": Case(
         "tune linear --compensations none --evaluations 12 --threads 1",
@@ -400,6 +413,7 @@ CASES = {
         RESULTS
         | {
             "env": "~ tests of train check it",
+            "pdf": FIGURES,
             "steps": "--steps 384",
             "robots": "--robots 8",
             "references": "--references circle",
@@ -502,6 +516,7 @@ def write_inputs(folder: Path) -> dict[str, str]:
         "laws.json": json.dumps(laws),
         "bend.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.45\n",
         "straight.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.2\n",
+        "steps.csv": "x,y\n" + "".join(f"{k // 2 / 10},{k % 2 / 25}\n" for k in range(30)),
         "robot.toml": "mass = 30.0\ncontact_length = 0.3\n[drive]\nlag = 0.1\n",
         "sweep.toml": "seed = [0, 1]\n",
     }

@@ -48,7 +48,7 @@ _MULTIPLIERS: Final = {
 _LEAST_SHARE: Final = 0.02  # share of the motions below which a curvature doesn't count [-]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class DriveComparison(Comparison):
     """Laws identified from whole drives, compared by their predictions of held-out driving."""
 

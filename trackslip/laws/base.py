@@ -22,7 +22,10 @@ from trackslip.kinematics import (
     sprocket_speeds,
     twist_of_tracks,
 )
+from trackslip.viewable import Viewable
 
+TURNING_LAWS: Final = "none, online, or a law that isn't exponential, such as icr_radius"
+"""Compensations whose laws hold in turns on the spot."""
 # distance outside a jump that counts as rounding [half the jump's height]
 _JUMP_ROUNDING: Final = 1e-9
 # relative error of the sprocket speeds at which the iteration ends
@@ -32,7 +35,7 @@ _SLOPES: Final = (0.2, 5.0)
 
 
 @checks_arguments
-class SlipLaw(ABC):
+class SlipLaw(Viewable, ABC):
     """Base class of slip laws, which map curvatures (...) [1/m] to slips (..., 2) of the left and
     right track [-].
     """
@@ -43,6 +46,8 @@ class SlipLaw(ABC):
     """Maximum number of iterations in `twist`. Where a law jumps, some sprocket speeds need all of
     them.
     """
+    turns_on_the_spot: ClassVar[bool] = True
+    """Whether the law holds in turns on the spot, where the radius is 0."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

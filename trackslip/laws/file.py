@@ -180,7 +180,9 @@ def stored_laws(
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise LogError(f"{name}: no slip laws in it ({reason(error)})") from error
     if not laws and content.get("best") != NO_SLIP:
-        raise LogError(f"{name}: no slip laws in it")
+        unknown = ", ".join(stored)
+        only = f" of a known family, only {unknown}: import the module that adds it to FAMILIES"
+        raise LogError(f"{name}: no slip laws{only if unknown else ' in it'}")
     if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
         raise LogError(
             f"{name}: its laws are for half_gauge = {geometry.half_gauge:g} m and "

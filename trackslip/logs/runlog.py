@@ -19,6 +19,7 @@ from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Cluster, Plate, Scan
 from trackslip.logs.checks import LONGEST_STEP, gaps, unwrapped_headings
+from trackslip.viewable import ShortRepr, Viewable
 
 MALFORMED: Final = (
     TrackslipError,
@@ -46,8 +47,8 @@ MAX_YAW_RATE: Final = 100.0  # yaw rate above which a gyro reading is invalid [r
 MEASURED: Final = 0.99
 
 
-@dataclass(frozen=True)
-class Truth:
+@dataclass(frozen=True, repr=False)
+class Truth(ShortRepr):
     """Quantities that are known only in simulation."""
 
     pose: Array  # (T, 3) [m, m, rad]
@@ -65,8 +66,8 @@ class Truth:
     shear: Array | None = None
 
 
-@dataclass(frozen=True)
-class ScanLog:
+@dataclass(frozen=True, repr=False)
+class ScanLog(ShortRepr):
     """The returns from the plate in each scan."""
 
     scan: Scan  # the scanner, without ranges: (0, B)
@@ -89,7 +90,7 @@ class ScanLog:
 
 @checks_arguments
 @dataclass(frozen=True)
-class RunLog:
+class RunLog(Viewable):
     """The log of a run. Row k has the measurements at time k and the command sent at that time."""
 
     run: str

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -196,6 +196,19 @@ class MotionLimits:
             value = getattr(self, name)
             require_positive(name, value)
             require(value >= least, name, value, f"at least {least:g} {unit}")
+
+    def scaled(self, speed: float, top_speed: float) -> MotionLimits:
+        """The limits in proportion to another `speed` [m/s], which bends and starts reduce by the
+        same factors, with a track speed up to `top_speed` [m/s].
+        """
+        factor = speed / self.speed
+        return replace(
+            self,
+            speed=speed,
+            acceleration=factor * self.acceleration,
+            yaw_rate=factor * self.yaw_rate,
+            track_speed=min(factor * self.track_speed, top_speed),
+        )
 
     def speed_at(self, curvature: ArrayLike) -> Array:
         """Maximum speeds (...) [m/s] at curvatures (...) [1/m]."""

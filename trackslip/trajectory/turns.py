@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import PiecewiseReference, Reference
 from trackslip.trajectory.path import MotionLimits
@@ -72,3 +73,17 @@ def turns_of(reference: Reference) -> list[Turn]:
     starts = np.flatnonzero(is_turning & ~np.insert(is_turning, 0, False)[:-1])
     poses = reference.pose(time[starts])
     return [Turn(float(time[k]), *pose[:2].tolist()) for k, pose in zip(starts, poses, strict=True)]
+
+
+def require_turns(reference: Reference, field: str, name: str, follower: object, able: str) -> None:
+    """Raise InvalidValueError if a reference turns on the spot and `follower` can't.
+
+    A controller or law can, unless its attribute `turns_on_the_spot` is false. `able` names those
+    that can.
+    """
+    if getattr(follower, "turns_on_the_spot", True):
+        return
+    turns = turns_of(reference)
+    if turns:
+        allowed = f"one that can turn on the spot, as the path does at {turns[0]}: {able}"
+        raise InvalidValueError(field, name, allowed)

@@ -18,7 +18,7 @@ from trackslip.errors import (
     LogError,
     ReferenceFileError,
     require,
-    require_non_negative,
+    require_within,
 )
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.columns import Columns
@@ -48,6 +48,8 @@ TOLERANCE_SHARE: Final = 0.1
 """Distance by which a path may miss its waypoints, by default, over the robot's half gauge [-]."""
 TOLERANCE: Final = TOLERANCE_SHARE * 0.168
 """The same for the shipped robot [m]."""
+MAX_TOLERANCE: Final = 1.0
+"""Largest distance by which a path may miss its waypoints [m]."""
 # duration of the smoothed path over that of the spline through all points from which it is used
 _LEAST_GAIN: Final = 0.9
 _EQUAL_HEADINGS: Final = 1e-9  # largest difference of equal headings [rad]
@@ -163,7 +165,7 @@ def waypoints(
     require(planar, "shape of the waypoints", points.shape, "(N, 2): columns x and y")
     yaw = None if yaw is None else np.asarray(yaw, float)
     speed = None if speed is None else np.asarray(speed, float)
-    require_non_negative("tolerance", tolerance)
+    require_within("tolerance", tolerance, 0.0, MAX_TOLERANCE, "m")
     _require_drivable(points, yaw, speed)
 
     places = places_of(points @ [1, 1j], yaw, tolerance, _dense(limits, tolerance))

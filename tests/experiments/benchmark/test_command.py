@@ -80,10 +80,9 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     page = (result.folder / "report.html").read_text(encoding="utf-8")
     best = result.summary["board"][0]
     for text in (page, result.printed):
-        assert (
-            f"Best: {best['controller']} with {best['compensation']}, {1e3 * best['score']:.1f} mm"
-            in text
-        )
+        entry = f"{best['controller']} controller, {best['compensation']} compensation"
+        assert f"Best: {entry}: {1e3 * best['score']:.1f} mm rms" in text
+    assert '<th scope="col" class="r">improvement ×</th>' in page
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
     assert {"leaderboard"} == names == set(re.findall(r'<figure id="(\w+)"', page))
     assert not (result.folder / STORE).exists()

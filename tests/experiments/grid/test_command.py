@@ -22,7 +22,8 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     one = grid("5", "1")
     assert stored(grid("5", "2")) == stored(one)
     assert stored(grid("6", "1")) != stored(one)
-    assert {path.stem for path in one.folder.iterdir()} == {"manifest", "runs", "summary", "table"}
+    files = {path.stem for path in one.folder.iterdir()}
+    assert files == {"manifest", "runs", "summary", "table", "report", "figures"}
     assert one.manifest["seed"] == 5
     (radii,) = (each["radius"] for each in one.summary["grids"])
     assert radii["commanded"] == [0.6, 1.5]

@@ -11,6 +11,7 @@ from trackslip.kinematics import advance
 from trackslip.metrics import body_errors
 from trackslip.se2 import compose
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
+from trackslip.trajectory.waypoints import waypoints
 
 
 @pytest.fixture(params=CONTROLLERS)
@@ -213,3 +214,28 @@ def test_another_number_of_robots_needs_a_reset(name):
     controller.twist(0.0, np.zeros((3, 3)), reference)
     with pytest.raises(InvalidValueError, match="until reset"):
         controller.twist(0.05, np.zeros((2, 3)), reference)
+
+
+def forward_turn_and_reverse():
+    points = [(0, 0), (0.5, 0), (1, 0), (1, 0), (1, -0.5), (1, -1)]
+    return waypoints(points, yaw=[0, 0, 0, np.pi / 2, np.pi / 2, np.pi / 2])
+
+
+def test_a_turn_on_the_spot_is_followed(feedback):
+    """By a robot that turns 3 % less than it is told, from a small error; those whose yaw rate is
+    the speed times a curvature say that they can't.
+    """
+    reference = forward_turn_and_reverse()
+    errors = np.array([[0.0, 0.0, 0.0], [0.02, 0.02, 0.05]])
+    pose = pose_with_error(reference.pose(0.0), errors)
+    step = 0.1
+    worst = 0.0
+    for k in range(round(reference.duration / step) + 10):
+        twist = feedback.twist(k * step, pose, reference) * [1.0, 0.97]
+        pose = advance(pose, twist, step)
+        error = body_errors(pose, reference.pose((k + 1) * step))
+        worst = max(worst, np.abs(error[:, 2]).max())
+    assert feedback.turns_on_the_spot == (worst < np.radians(20))
+    if feedback.turns_on_the_spot:
+        assert np.hypot(error[:, 0], error[:, 1]).max() < 0.02
+        assert np.abs(error[:, 2]).max() < np.radians(3)

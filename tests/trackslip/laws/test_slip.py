@@ -219,3 +219,13 @@ def test_slopes_of_twists_are_those_of_the_closed_form():
         by_radius_error = twist / (1 + radius_error)
         np.testing.assert_allclose(found[..., 0], by_offset, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(found[..., 1], by_radius_error, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("law", [*LAWS, SPEED, ICR_SIDES, RADII, LOSS_SIDES])
+def test_laws_that_turn_on_the_spot_are_continuous_there(law):
+    """Turning left, driving slowly ahead and slowly back need almost the same sprocket speeds."""
+    ahead, in_place, back = law.sprocket_speeds([[1e-4, 0.3], [0.0, 0.3], [-1e-4, 0.3]], GEOMETRY)
+    step = np.abs([ahead - in_place, back - in_place]).max()
+    assert law.turns_on_the_spot == (step < 0.01)
+    if law.turns_on_the_spot:
+        np.testing.assert_allclose(law.twist(in_place, GEOMETRY), [0.0, 0.3], atol=1e-9)
