@@ -1,7 +1,11 @@
 """`trackslip track`: follow a path once in closed loop."""
 
+import math
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -10,9 +14,13 @@ import tyro
 
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
 from experiments.common.lookup import compensation
+from experiments.common.manifest import command_line
 from experiments.common.options import Excludes, Exclusion, Needs, Within, default_is
-from experiments.common.results import RUNS_FILE, bags_text, write_bags
+from experiments.common.page import Answer, Page, Plot, Section
+from experiments.common.results import REPORT_FILE, bags_text, write_bags
 from experiments.common.run import Run
+from experiments.common.table import number, percent
+from experiments.common.traces import Traces
 from experiments.recorder import record_all
 from experiments.simulate import options
 from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, require_able
@@ -21,12 +29,15 @@ from experiments.simulate.grid_summary import (
     saturation_warnings,
     simulated_seconds,
 )
-from experiments.simulate.motors import print_motors
+from experiments.simulate.motors import without_motors
 from experiments.simulate.paths import PathSummary, WaypointOptions
-from experiments.simulate.tracking import tracking_results, tracking_table
+from experiments.simulate.run_charts import errors_chart, path_chart, slip_chart
+from experiments.simulate.tracking import TrackingResult, tracking_results, tracking_table
 from experiments.simulate.world import World
 from sim.motors.motor import Drive
 from trackslip.bags.open import require_rosbags
+from trackslip.logs.runlog import RunLog
+from trackslip.metrics import TRANSIENT
 from trackslip.trajectory.named import CIRCLE_RADIUS, CIRCLE_SPEED, one_circle
 
 EXAMPLES: Final = (
@@ -34,9 +45,24 @@ EXAMPLES: Final = (
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     (
         "with online identification",
-        "trackslip track --controller lqr --compensation online --reference slalom",
+        "trackslip track --controller lqr --compensation online --out out/track-online",
     ),
-    ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+    (
+        "with your own laws",
+        "trackslip track --laws out/identify --compensation icr --out out/track-icr",
+    ),
+)
+ESSENTIAL: Final = (
+    "controller",
+    "compensation",
+    "reference",
+    "laws",
+    "localization",
+    "robot",
+    "ground.source",
+    "rrd",
+    "out",
+    "overwrite",
 )
 
 
@@ -82,6 +108,8 @@ class Config(options.Simulation, WaypointOptions):
     """Also write a ROS 2 bag to OUT/bags."""
     out: Path = Path("out/track")
     """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("circle_radius", "circle_speed", "circle_duration"), "reference", ("circle",)),
@@ -133,17 +161,94 @@ def run(config: Config) -> None:
         }
         if config.bag:
             summary["bags"] = write_bags(run.folder, [log.run for log in logs], logs)
-        run.write(summary, logs, simulated_seconds(logs), **world.about)
+        manifest = run.manifest(**world.about)
+        run.write(summary, logs, simulated_seconds(logs), manifest)
+        warnings = [*about_path.warnings(plan), *saturation_warnings(logs)]
+        notes = without_motors(config.robot, world.drive)
+        page = _page(config, logs[0], results[0], poses, warnings, notes, manifest)
+        page.write(run.folder, config.pdf)
         if config.rrd:
             with run.busy("recording"):
                 record_all(run.folder, logs)
     print(about_path)
     tracking_table(results).print()
-    for warning in [*about_path.warnings(plan), *saturation_warnings(logs)]:
+    for warning in warnings:
         print(f"Warning: {warning}.")
-    print_motors(config.robot, world.drive)
+    for note in notes:
+        print(f"Note: {note}.")
     bridged = "; odometry bridged the rest" if poses.valid_fraction < 1 else ""
     print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose{bridged}")
     if config.bag:
         print(bags_text(config.out, summary["bags"]))
-    print(f"{config.out / RUNS_FILE}: {run.wall:.1f} s")
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
+
+
+def _page(
+    config: Config,
+    log: RunLog,
+    result: TrackingResult,
+    poses: LocalizationErrors,
+    warnings: Sequence[str],
+    notes: Sequence[str],
+    manifest: Mapping[str, Any],
+) -> Page:
+    """The page on a run: its errors, its path beside the reference, and errors and slip over
+    time.
+    """
+    run = Traces(log)
+    plots = [
+        Plot(
+            "path_and_errors",
+            [chart for chart in (path_chart(run), errors_chart(run)) if chart is not None],
+            "Path and errors",
+            "Errors of the true pose from the reference at the same time: ahead of and to the left "
+            "of the reference's pose, in the robot's frame, and their distance.",
+        ),
+        Plot(
+            "slip",
+            slip_chart(run),
+            "Slip",
+            "Slip of both tracks, true and as the compensation assumes it for its set points.",
+        ),
+    ]
+    name = f"{config.controller} with {config.compensation} on the path {config.reference}"
+    return Page(
+        name[0].upper() + name[1:],
+        command_line("track"),
+        manifest,
+        [Section("Run", plots)],
+        answer=_answer(config, result, poses, warnings, notes),
+    )
+
+
+def _answer(
+    config: Config,
+    result: TrackingResult,
+    poses: LocalizationErrors,
+    warnings: Sequence[str],
+    notes: Sequence[str],
+) -> Answer:
+    """The answer: how far the robot was from the reference."""
+    errors = result.errors
+    settled = errors.rms_position_after_12s
+    heading = f"{number(1e3 * errors.rms_position, 1)} mm rms from the reference"
+    if math.isfinite(settled):
+        heading = f"{number(1e3 * settled, 1)} mm rms from the reference, from {TRANSIENT:g} s on"
+    alarms = []
+    if not errors.success:
+        alarms = [f"The robot left the reference, by up to {errors.max_position:.2f} m"]
+    facts = [
+        ("position error", f"{number(1e3 * errors.rms_position, 1)} mm rms over the whole run"),
+        ("largest", number(1e3 * errors.max_position, 1, "mm")),
+        (
+            "at the end",
+            f"{number(1e3 * errors.final_position, 1)} mm, {degrees(errors.final_heading):.2f}°",
+        ),
+        ("scans with a valid pose", percent(poses.valid_fraction)),
+        ("poses by", result.localization),
+    ]
+    if alarms and math.isfinite(settled):
+        facts.insert(0, ("from 12 s on", f"{number(1e3 * settled, 1)} mm rms"))
+    lines = [f"{note[0].upper()}{note[1:]}." for note in notes]
+    view = f"trackslip view {shlex.quote(str(config.out))}"
+    return Answer(heading, facts, lines, warnings, alarms, [view])

@@ -11,15 +11,26 @@ from experiments.simulate.paths import WaypointOptions
 
 EXAMPLES: Final = (
     ("every controller, tuned, on drawn plants", "trackslip benchmark"),
-    ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
+    ("Sec. IV of the paper", "trackslip benchmark --suite paper --out out/paper"),
     (
         "two controllers on ice",
-        "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1",
+        "trackslip benchmark --controllers linear lqr --grounds ice --out out/on-ice",
     ),
     (
         "your own controller, tuned by tune",
-        "trackslip benchmark --controllers my:Controller linear --gains out/tune",
+        "trackslip benchmark --controllers my:C linear --gains out/tune --out out/my",
     ),
+)
+ESSENTIAL: Final = (
+    "suite",
+    "controllers",
+    "compensations",
+    "references",
+    "grounds",
+    "seeds",
+    "robot",
+    "out",
+    "overwrite",
 )
 Start = Literal["zero", "paper", "random"]
 _GROUNDS: Final = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."

@@ -17,12 +17,14 @@ from sim.path_tracking.randomization import Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
     require,
     require_at_most,
     require_non_negative,
+    require_one_of,
     require_positive,
     require_whole,
     require_within,
@@ -109,6 +111,7 @@ def _bounded_square(z: Array) -> Array:
     return square / (1 + square)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class EnvConfig(OwnTerms):
     """Options of a path-tracking task."""
@@ -287,7 +290,7 @@ class EnvConfig(OwnTerms):
 
 
 def _require_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    require(value in choices, name, value, f"one of {', '.join(choices)}")
+    require_one_of(name, value, choices)
 
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from sim.runs.run_recorder import Description, RunRecorder
 from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from trackslip.arguments import checks_arguments
 from trackslip.controllers.base import Controller, SensesSprockets, begin_run
 from trackslip.controllers.named import TURNING_CONTROLLERS
 from trackslip.errors import RunFailedError, require
@@ -40,6 +41,7 @@ PERIOD: Final = LaserScanner().period
 _ROUNDING: Final = 1e-9  # tolerance on the number of rows
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Pilot:
     """The controller and slip compensation for R robots in a fleet."""
@@ -126,6 +128,7 @@ class Pilot:
             ) from error
 
 
+@checks_arguments
 def open_loop(
     fleet: Fleet,
     omega: Array,
@@ -167,6 +170,7 @@ def open_loop(
     return _drive(record, localization, lambda k: speeds[k], progress, watch)
 
 
+@checks_arguments
 def closed_loop(
     fleet: Fleet,
     pilots: Controller | Sequence[Pilot],
@@ -204,12 +208,14 @@ def closed_loop(
     # the last is at the reference's end or just after
     rows = math.ceil(reference.duration / period - _ROUNDING) + 1
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = PoseEstimation(record, TruePose(fleet))
-    if feed is not None and locator is not None:
-        localization = PoseEstimation(record, ScannedPose(fleet, feed, locator))
     for pilot in pilots:
         pilot.begin(record)
         pilot.require_able(reference)
+    localization = PoseEstimation(record, TruePose(fleet))
+    if feed is not None and locator is not None:
+        compensations = [(pilot.robots, pilot.compensation) for pilot in pilots]
+        source = ScannedPose(fleet, feed, locator, compensations)
+        localization = PoseEstimation(record, source)
     omega = np.zeros((fleet.size, 2))
 
     def steer(k: int) -> Array:

@@ -133,6 +133,7 @@ CASES = {
             "jobs": SPEED,
             "wait": WAIT,
             "bag": "--bag",
+            "pdf": FIGURES,
         },
     ),
     "reproduce": Case(
@@ -158,6 +159,7 @@ CASES = {
             "start": "--start 0 0.1 0",
             "laws": "--laws {laws}",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "speed": "--speed 0.1",
@@ -196,6 +198,7 @@ CASES = {
             "source.left": "--source.left 0.2",
             "source.mounting": "--source.mounting 0.3",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "source.heading_noise": "--source gnss --source.heading-noise 0.1",
@@ -410,6 +413,7 @@ CASES = {
         RESULTS
         | {
             "env": "~ tests of train check it",
+            "pdf": FIGURES,
             "steps": "--steps 384",
             "robots": "--robots 8",
             "references": "--references circle",
@@ -459,6 +463,7 @@ CASES = {
         | {
             "path": "~ the log",
             "run": "~ tests of recordings check it",
+            "robot": "~ tests of recordings check it",
             "web": SCREEN,
             "save": PLACE,
             "max_memory": MEMORY,
@@ -498,9 +503,9 @@ def write_inputs(folder: Path) -> dict[str, str]:
         law["values"] = {name: 1.1 * value for name, value in law["values"].items()}
     rng = np.random.default_rng(0)
     omega = rng.uniform(1, 5, (30, 2))
-    twist = np.array([0.0297, 0.1409]) * [[1, 1]] * np.column_stack(
-        [omega.sum(axis=1), omega[:, 1] - omega[:, 0]]
-    ) + 0.001 * rng.standard_normal((30, 2))
+    sum_and_difference = np.column_stack([omega.sum(axis=1), omega[:, 1] - omega[:, 0]])
+    exact = np.array([0.0297, 0.1409]) * sum_and_difference
+    twist = exact + 0.001 * rng.standard_normal((30, 2))
     np.savetxt(
         folder / "samples.csv",
         np.column_stack([omega, twist]),
@@ -529,7 +534,10 @@ def outcome(line: str, folder: Path) -> tuple[int, object, str]:
     options: manifests, pages, metadata and ids.
     """
     folder.mkdir()
-    printed, errors, code, here = io.StringIO(), io.StringIO(), 0, Path.cwd()
+    printed = io.StringIO()
+    errors = io.StringIO()
+    code = 0
+    here = Path.cwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):

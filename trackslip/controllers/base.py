@@ -17,6 +17,7 @@ from trackslip.trajectory.base import Reference
 T = TypeVar("T")
 
 
+@runtime_checkable
 class Controller(Protocol):
     """Converts poses into body twists to drive; slip is left to `SlipLaw` and `compensation`.
 

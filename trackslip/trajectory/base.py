@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackslip.kinematics import Array
 
 
+@runtime_checkable
 class Reference(Protocol):
     """A trajectory that rests at its start before time 0 and at its end after `duration`."""
 

@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import require
+from trackslip.arguments import checks_arguments
+from trackslip.errors import require_one_of
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference, cell
 from trackslip.trajectory.path import (
@@ -237,12 +238,13 @@ REFERENCES: Final[dict[str, Callable[..., Reference]]] = {
 """Functions that build references, by name. Each accepts another `start` (3,) as a keyword."""
 
 
+@checks_arguments
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
     """Build the reference called `name` in REFERENCES, by default from its own start.
 
     `start` (3,) is another first pose. Raises InvalidValueError for an unknown name.
     """
-    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
+    require_one_of("reference", name, REFERENCES)
     build = REFERENCES[name]
     return build() if start is None else build(start=start)
 
@@ -261,6 +263,5 @@ def load_reference(
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":
         return read_waypoints(Path(name), limits, tolerance)
-    allowed = f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints"
-    require(name in REFERENCES, "reference", name, allowed)
+    require_one_of("reference", name, REFERENCES, ", or a .csv file of waypoints")
     return REFERENCES[name]()

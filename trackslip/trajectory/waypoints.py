@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     InvalidValueError,
     LogError,
@@ -95,6 +96,7 @@ class Stretches(PiecewiseReference):
             yield reference, mask, first, self._turns[index]
 
 
+@checks_arguments
 def read_waypoints(
     path: Path, limits: MotionLimits = LIMITS, tolerance: float = TOLERANCE
 ) -> Reference:
@@ -123,6 +125,7 @@ def read_waypoints(
         raise ReferenceFileError(f"{path}: {error}") from error
 
 
+@checks_arguments
 def waypoints(
     points: ArrayLike,
     limits: MotionLimits = LIMITS,
