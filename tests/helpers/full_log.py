@@ -31,6 +31,21 @@ def full_log():
         lost=np.zeros(ROWS, int),
         hidden=np.zeros((ROWS, 2)),
     )
+    scans = ScanLog(scan, Plate(), cluster, ranges)
+    covariance = root @ root.swapaxes(1, 2)
+    valid = rng.random(ROWS) < 0.7
+    metadata = {"seed": 1, "geometry": {"half_gauge": 0.168}}
+    truth = Truth(
+        pose=three + 1,
+        twist=three,
+        traction=two,
+        torque=two,
+        power=two,
+        saturated=two,
+        lean=three[:, 0],
+        contact=np.ones((ROWS, 20, 3)),
+        shear=np.ones((ROWS, 20)),
+    )
     return RunLog(
         run="a",
         time=time,
@@ -39,20 +54,10 @@ def full_log():
         command=two + 1,
         twist_command=two + 2,
         icr=two + 3,
-        covariance=root @ root.swapaxes(1, 2),
-        valid=rng.random(ROWS) < 0.7,
+        covariance=covariance,
+        valid=valid,
         load=two + 4,
-        truth=Truth(
-            pose=three + 1,
-            twist=three,
-            traction=two,
-            torque=two,
-            power=two,
-            saturated=two,
-            lean=three[:, 0],
-            contact=np.ones((ROWS, 20, 3)),
-            shear=np.ones((ROWS, 20)),
-        ),
-        scans=ScanLog(scan, Plate(), cluster, ranges),
-        metadata={"seed": 1, "geometry": {"half_gauge": 0.168}},
+        truth=truth,
+        scans=scans,
+        metadata=metadata,
     )

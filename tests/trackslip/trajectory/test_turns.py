@@ -159,7 +159,7 @@ def test_headings_of_a_grid_are_no_turns():
     assert reference.duration < 50
 
 
-def test_a_dense_corner_with_headings_is_a_bend_and_without_tolerance_a_turn():
+def test_a_dense_corner_with_headings_turns_without_tolerance():
     leg = np.arange(0.0, 1.0, 0.02)
     east = np.column_stack([leg, 0 * leg])
     north = np.column_stack([0 * leg + 1, leg])
