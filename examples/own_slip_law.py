@@ -1,6 +1,8 @@
-"""A slip law of your own: fitted, compared with the built-in laws, shown in the report, and saved
-for `trackslip track --laws out/own_slip_law/laws.json --compensation own_slip_law:linear`, to be
-run in this folder.
+"""A slip law of your own: fitted, compared with the built-in laws, shown in the report, and saved.
+
+The command line finds it by the name of this module:
+PYTHONPATH=examples trackslip track --laws out/own_slip_law/laws.json \\
+    --compensation own_slip_law:linear
 """
 
 from dataclasses import dataclass

@@ -117,8 +117,7 @@ def expense(log: RunLog, top_speed: float) -> Expense:
     change = np.diff(set_points, axis=0)
 
     # share of each step in which a motor is at its limit, or all of it at the top speed
-    fastest = np.abs(set_points).max(axis=1)
-    is_at_top = fastest > top_speed * (1 - _TOP_SPEED_ROUNDING)
+    is_at_top = at_top_speed(set_points, top_speed)
     motor_share = log.truth.saturated[1:].max(axis=1)
     saturated_share = np.maximum(motor_share, is_at_top)
     return Expense(
@@ -126,6 +125,12 @@ def expense(log: RunLog, top_speed: float) -> Expense:
         roughness=rms(change / step[:-1, None]),
         saturation_s=float(np.sum(saturated_share * step)),
     )
+
+
+def at_top_speed(set_points: ArrayLike, top_speed: float) -> np.ndarray:
+    """Mask (...) of set points (..., 2) of which one is at the top speed [rad/s]."""
+    fastest = np.abs(np.asarray(set_points, float)).max(axis=-1)
+    return np.asarray(fastest > top_speed * (1 - _TOP_SPEED_ROUNDING))
 
 
 def rms(values: ArrayLike) -> float:

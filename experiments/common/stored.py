@@ -26,6 +26,8 @@ from trackslip.replacement import listed_files
 STORED: Final = "stored"
 """Key of a manifest with what the command printed, and what its results depend on."""
 _AGAIN: Final = "--overwrite runs it again"
+_OF_THE_FOLDER: Final = ("out", "overwrite")
+"""Options that don't change a result: its folder may be named by another path, or have moved."""
 _DIFFERENCES: Final = 3  # largest number of changed options or files that a refusal names
 
 
@@ -165,7 +167,7 @@ def _require_same_options(out: Path, then: Mapping[str, Any], config: Any) -> No
     changes = [
         f"{name} was {_shown(before.get(name))} and is {_shown(now.get(name))}"
         for name in {**now, **before}
-        if before.get(name) != now.get(name) and name != "overwrite"
+        if before.get(name) != now.get(name) and name not in _OF_THE_FOLDER
     ]
     if changes:
         what = _listed(changes)

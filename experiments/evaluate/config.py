@@ -51,7 +51,7 @@ EXAMPLES: Final = (
     ),
 )
 ESSENTIAL: Final = (
-    "path",
+    "logs",
     "law",
     "robot",
     "ground.source",

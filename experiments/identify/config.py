@@ -55,7 +55,7 @@ EXAMPLES: Final = (
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
 ESSENTIAL: Final = (
-    "path",
+    "logs",
     "half_gauge",
     "sprocket_radius",
     "where",

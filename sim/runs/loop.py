@@ -206,12 +206,14 @@ def closed_loop(
     # the last is at the reference's end or just after
     rows = math.ceil(reference.duration / period - _ROUNDING) + 1
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = PoseEstimation(record, TruePose(fleet))
-    if feed is not None and locator is not None:
-        localization = PoseEstimation(record, ScannedPose(fleet, feed, locator))
     for pilot in pilots:
         pilot.begin(record)
         pilot.require_able(reference)
+    localization = PoseEstimation(record, TruePose(fleet))
+    if feed is not None and locator is not None:
+        compensations = [(pilot.robots, pilot.compensation) for pilot in pilots]
+        source = ScannedPose(fleet, feed, locator, compensations)
+        localization = PoseEstimation(record, source)
     omega = np.zeros((fleet.size, 2))
 
     def steer(k: int) -> Array:

@@ -463,6 +463,7 @@ CASES = {
         | {
             "path": "~ the log",
             "run": "~ tests of recordings check it",
+            "robot": "~ tests of recordings check it",
             "web": SCREEN,
             "save": PLACE,
             "max_memory": MEMORY,

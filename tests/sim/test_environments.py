@@ -19,6 +19,7 @@ from sim import (
     RobotParameters,
     SensorNoise,
 )
+from sim.learning.environment import FEW_ROBOTS, TaskVectorEnv
 from sim.terrain import Course, Flat, Step
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
@@ -303,3 +304,57 @@ for name in ("PathTracking", "Traverse"):
 def test_the_import_registers_environments_without_a_simulator():
     ran = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert ran.stdout == "(2, 19)\n(2, 63)\n"
+
+
+@pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
+def test_attributes_and_calls_are_those_of_gymnasiums_vectors(name):
+    """Spaces and seeds as in SyncVectorEnv; a method is called once for all robots."""
+    batch = gym.make_vec(name, num_envs=2)
+    single = gym.make_vec(name, num_envs=2, vectorization_mode="sync")
+    for env in (batch, single):
+        env.reset(seed=3)
+    assert batch.get_attr("observation_space") == single.get_attr("observation_space")
+    assert batch.get_attr("action_space") == single.get_attr("action_space")
+    assert batch.call("np_random_seed") == single.call("np_random_seed") == (3, 4)
+    assert batch.get_attr("task") == (batch.task, batch.task)
+    batch.set_attr("note", "kept")
+    single.set_attr("note", "kept")
+    assert batch.get_attr("note") == single.get_attr("note") == ("kept", "kept")
+    batch.set_attr("note", ["again", "again"])
+    assert batch.note == "again"
+    with pytest.raises(InvalidValueError, match="values = '3 values'"):
+        batch.set_attr("note", [1, 2, 3])
+    with pytest.raises(InvalidValueError, match="robots of a batch share attributes"):
+        batch.set_attr("note", [1, 2])
+    with pytest.raises(InvalidValueError, match="name = 'reset'"):
+        batch.call("reset", seed=1)
+    with pytest.raises(AttributeError):
+        batch.get_attr("nothing")
+
+
+def test_a_call_changes_later_episodes_of_all_robots():
+    batch = gym.make_vec(TRAVERSE, num_envs=2)
+    batch.call("set_difficulty", 0.7, 0.7)
+    _, info = batch.reset(seed=0)
+    np.testing.assert_array_equal(info["difficulty"], 0.7)
+
+
+def test_images_of_a_call_are_those_of_each_robot():
+    batch = gym.make_vec(TRACKING, num_envs=2, render_mode="rgb_array")
+    batch.reset(seed=0)
+    pictures = batch.call("render")
+    assert [picture.shape for picture in pictures] == [(480, 640, 3)] * 2
+
+
+@pytest.mark.parametrize(("robots", "threads"), [(1, 1), (FEW_ROBOTS, 1), (FEW_ROBOTS + 1, 0)])
+def test_few_robots_have_one_thread(robots, threads, monkeypatch):
+    given = []
+    make = TaskVectorEnv._make
+
+    def noted(self, options, size, count, render_mode):
+        given.append(count)
+        make(self, options, size, count, render_mode)
+
+    monkeypatch.setattr(TaskVectorEnv, "_make", noted)
+    gym.make_vec(TRACKING, num_envs=robots)
+    assert given == [threads]

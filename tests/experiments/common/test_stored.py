@@ -106,6 +106,13 @@ def test_a_changed_file_is_named(run, log):
     assert "mine.csv is gone" in run(*IDENTIFY)[2]
 
 
+def test_a_folder_may_be_named_by_another_path_or_have_moved(run):
+    _, printed, _ = run("predict")
+    assert run("predict", "--out", str(Path("out/predict").absolute()))[:2] == (0, printed)
+    Path("out/predict").rename("elsewhere")
+    assert run("predict", "--out", "elsewhere")[:2] == (0, printed)
+
+
 def test_overwrite_runs_again_and_is_stored(run):
     run("predict")
     created = read_manifest(Path("out/predict"))["recording"]

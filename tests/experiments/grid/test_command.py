@@ -23,7 +23,7 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     assert stored(grid("5", "2")) == stored(one)
     assert stored(grid("6", "1")) != stored(one)
     files = {path.stem for path in one.folder.iterdir()}
-    assert files == {"manifest", "runs", "summary", "table", "report", "figures"}
+    assert files == {"manifest", "runs", "summary", "table", "report"}
     assert one.manifest["seed"] == 5
     (radii,) = (each["radius"] for each in one.summary["grids"])
     assert radii["commanded"] == [0.6, 1.5]

@@ -12,7 +12,8 @@ from rrd import component
 
 from experiments import recorder as recording
 from experiments.cli import main
-from experiments.recorder.run import parameters_of
+from experiments.common.traces import Traces
+from experiments.recorder.run import parameters_of, series_of
 from experiments.recorder.stream import write_recording
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import OutputError
@@ -115,10 +116,59 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "2 runs; showing 'linear none'. --run NAME chooses one; repeat it to compare" in said
     assert f"to open it: rerun '{file}'" in said  # as a shell takes it
-    _, translation = component(file, "/run/robot/chassis", "translation")
+    _, translation = component(file, "/run/robot", "translation")
     seen = bare[0].is_valid
     np.testing.assert_allclose(translation[seen, :2], bare[0].pose[seen, :2], atol=1e-6)
     assert parameters_of(bare[0]) == RobotParameters()
+
+
+def real_log(driven, **metadata) -> RunLog:
+    """A run as the log of a real robot, of which only the metadata is known."""
+    log = driven[1][1]
+    return RunLog("real", log.time, log.omega, log.pose, metadata=metadata)
+
+
+def entities_of(file: Path) -> set[str]:
+    return {chunk.entity_path for chunk in RrdReader(file).stream()}
+
+
+def test_true_and_measured_slips_have_colours_of_their_own(driven):
+    colours = {}
+    for line in series_of(Traces(driven[1][1])):
+        if line.entity.startswith("slip/"):
+            colours |= dict(zip(line.names, line.colours, strict=True))
+    assert {"left, true", "right, true", "left, measured", "right, measured"} <= set(colours)
+    assert len(set(colours.values())) == len(colours) == 6
+
+
+def test_a_real_robot_is_shown_in_its_size_and_without_a_plate(driven, tmp_path):
+    geometry = {"half_gauge": 0.54, "sprocket_radius": 0.3}
+    log = real_log(driven, geometry=geometry)
+    parameters = parameters_of(log)
+    assert (parameters.half_gauge, parameters.sprocket_radius) == (0.54, 0.3)
+    assert parameters.axles[1] == pytest.approx(0.17 * 0.54 / 0.168)
+    file = tmp_path / "sized.rrd"
+    recording.record(file, [log])
+    entities = entities_of(file)
+    assert "/run/robot/chassis" in entities
+    assert not any("plate" in entity for entity in entities)
+
+
+def test_a_robot_of_unknown_size_is_an_arrow(driven, tmp_path):
+    file = tmp_path / "unknown.rrd"
+    recording.record(file, [real_log(driven)])
+    robots = {entity for entity in entities_of(file) if entity.startswith("/run/robot")}
+    assert robots == {"/run/robot"}
+
+
+def test_view_shows_the_robot_that_is_named(driven, tmp_path, refused):
+    log = tmp_path / "real.csv"
+    write_csv([real_log(driven)], log)
+    file = tmp_path / "named.rrd"
+    assert "nobody" in refused("view", str(log), "--robot", "nobody", "--save", str(file))
+    main(["view", str(log), "--robot", "husky", "--save", str(file)])
+    wheels = {entity for entity in entities_of(file) if entity.endswith("_wheels/wheels")}
+    assert wheels == {f"/run/robot/chassis/{side}_wheels/wheels" for side in ("left", "right")}
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bound import beside_bound
 from command_runs import ran
-from pages import ROOT, missing_line, shown
+from pages import ROOT, difference, shown
 
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.laws.file import SHIPPED, load_laws
@@ -135,7 +135,7 @@ def test_the_pages_show_what_is_printed(reproduced):
         shown(page, "slip law"),
         shown(page, "Tracking errors"),
     ):
-        assert missing_line(text, reproduced.printed) is None
+        assert difference(text, reproduced.printed) is None
 
 
 @pytest.mark.slow

@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
 
-from sim import Fleet, Ground, Pilot, Pull, Randomization, RobotParameters, closed_loop
+from sim import (
+    Drive,
+    Fleet,
+    Ground,
+    LaserScanner,
+    Pilot,
+    Pull,
+    Randomization,
+    RobotParameters,
+    closed_loop,
+)
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import NAMED_GROUNDS
 from sim.path_tracking.config import TrackingReward
@@ -204,3 +214,60 @@ def test_options_ask_for_what_is_not_to_be_drawn():
     ):
         with pytest.raises(InvalidValueError, match=message):
             env.reset(options=options)
+
+
+@pytest.mark.parametrize("compensation", ["icr_radius", "online", "none"])
+def test_out_of_sight_the_law_in_use_predicts_the_pose(compensation):
+    """Feedforward out of the scanner's range: what is observed is dead reckoning."""
+    env = PathTrackingEnv(
+        reference="circle",
+        action="twist",
+        compensation=compensation,
+        pose_source="scanner",
+        scanner=LaserScanner(max_range=0.5),
+        off_path=5.0,
+    )
+    env.reset(seed=0)
+    reference = load_reference("circle")
+    for k in range(500):
+        twist = reference.twist(0.05 * k)
+        *_, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
+    error = np.hypot(*(info["measured_pose"] - info["true_pose"])[:2])
+    assert (error < 0.01) == (compensation != "none")
+
+
+def test_states_include_what_was_driven_out_of_sight():
+    options = {
+        "reference": "circle",
+        "action": "twist",
+        "compensation": "online",
+        "pose_source": "scanner",
+        "scanner": LaserScanner(max_range=0.5),
+    }
+    env = PathTrackingEnv(**options)
+    env.reset(seed=0)
+    ahead = np.array([0.5, 0.1], np.float32)
+    for _ in range(20):
+        env.step(ahead)
+    other = PathTrackingEnv(**options)
+    other.reset(seed=1)
+    other.unwrapped.set_state(env.unwrapped.get_state())
+    for _ in range(20):
+        expected, found = (each.step(ahead)[0] for each in (env, other))
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_references_that_are_faster_than_the_robot_are_refused():
+    slow = RobotParameters(drive=Drive(top_speed=0.19))
+    fits = PathTrackingEnv(reference="paper", robot=slow)
+    message = "reference = 'slalom': must be slow enough for the robot, at most 0.142 instead of"
+    with pytest.raises(InvalidValueError, match=message):
+        PathTrackingEnv(reference=("paper", "slalom"), robot=slow)
+    with pytest.raises(InvalidValueError, match=message):
+        fits.reset(seed=0, options={"reference": "slalom"})
+    narrower = RobotParameters(drive=Drive(top_speed=0.205))
+    PathTrackingEnv(reference="slalom", robot=narrower)
+    with pytest.raises(InvalidValueError, match="reference = 'slalom'"):
+        PathTrackingEnv(
+            reference="slalom", robot=narrower, action="twist", compensation="icr_radius"
+        )
