@@ -13,25 +13,24 @@ import numpy as np
 import tyro
 
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
-from experiments.common.lookup import compensation, reference
+from experiments.common.lookup import compensation
 from experiments.common.manifest import command_line
 from experiments.common.options import Excludes, Exclusion, Needs, Within, default_is
 from experiments.common.page import Answer, Page, Plot, Section
-from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, bags_text, write_bags
 from experiments.common.run import Run
 from experiments.common.table import number, percent
 from experiments.common.traces import Traces
 from experiments.recorder import record_all
 from experiments.simulate import options
-from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops
-from experiments.simulate.grid_runs import before_scanner
+from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, require_able
 from experiments.simulate.grid_summary import (
     LocalizationErrors,
     saturation_warnings,
     simulated_seconds,
 )
 from experiments.simulate.motors import without_motors
+from experiments.simulate.paths import PathSummary, WaypointOptions
 from experiments.simulate.run_charts import errors_chart, path_chart, slip_chart
 from experiments.simulate.tracking import TrackingResult, tracking_results, tracking_table
 from experiments.simulate.world import World
@@ -39,22 +38,36 @@ from sim.motors.motor import Drive
 from trackslip.bags.open import require_rosbags
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT
-from trackslip.trajectory.base import Reference
-from trackslip.trajectory.segmented import circle
+from trackslip.trajectory.named import CIRCLE_RADIUS, CIRCLE_SPEED, one_circle
 
 EXAMPLES: Final = (
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     (
         "with online identification",
-        "trackslip track --controller lqr --compensation online --reference slalom",
+        "trackslip track --controller lqr --compensation online --out out/track-online",
     ),
-    ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+    (
+        "with your own laws",
+        "trackslip track --laws out/identify --compensation icr --out out/track-icr",
+    ),
+)
+ESSENTIAL: Final = (
+    "controller",
+    "compensation",
+    "reference",
+    "laws",
+    "localization",
+    "robot",
+    "ground.source",
+    "rrd",
+    "out",
+    "overwrite",
 )
 
 
 @dataclass(frozen=True)
-class Config(options.Simulation):
+class Config(options.Simulation, WaypointOptions):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
@@ -74,14 +87,14 @@ class Config(options.Simulation):
     (truth).
     """
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
-    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints
-    x,y[,yaw][,v].
-    """
-    circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = 1.25
+    """Path: the paper's takes 45.8 s, a .csv file has waypoints x,y[,yaw][,v]."""
+    circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = CIRCLE_RADIUS
     """Radius of the circle, which turns left; needs --reference circle [m]."""
-    circle_speed: float = 0.15
+    circle_speed: float = CIRCLE_SPEED
     """Speed on the circle; needs --reference circle [m/s]."""
-    circle_duration: Annotated[float, Within(1.0, options.MAX_DURATION, "s")] = 45.0
+    circle_duration: Annotated[
+        float | None, Within(1.0, options.MAX_DURATION, "s"), default_is("once round", "FLOAT")
+    ] = None
     """Time on the circle; needs --reference circle [s]."""
     start: Annotated[
         tuple[float, float, float] | None,
@@ -109,6 +122,7 @@ class Config(options.Simulation):
         super().check(drive)
         if self.reference == "circle":
             options.require_speed("circle_speed", self.circle_speed, drive.top_speed)
+        self.require_file((self.reference,), drive.top_speed)
 
 
 def run(config: Config) -> None:
@@ -118,20 +132,21 @@ def run(config: Config) -> None:
     world = World.of(config)
     names = (config.controller, config.compensation)
     name = " ".join(names)
-    metadata: dict[str, Any] = {"reference": config.reference}
+    plan = config.plan(world.robot.geometry.half_gauge, world.drive.top_speed)
+    path = plan.path(config.reference)
+    metadata = plan.metadata(config.reference)
     if config.reference == "circle":
-        shape = {
+        path = one_circle(config.circle_radius, config.circle_speed, config.circle_duration)
+        metadata["circle"] = {
             "radius": config.circle_radius,
             "speed": config.circle_speed,
-            "duration": config.circle_duration,
+            "duration": path.duration,
         }
-        metadata["circle"] = plain({**shape, "start": before_scanner(world.robot)})
-        path: Reference = circle(**shape, start=before_scanner(world.robot))
-    else:
-        path = reference(config.reference)
     start = path.pose(0.0) if config.start is None else np.array(config.start)
     case = ClosedLoopRun(name, f"track {name}", config.seed, *names, start, metadata=metadata)
     law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
+    require_able([case], world, path, law)
+    about_path = PathSummary.of(config.reference, path, plan.limits)
     with Run(config) as run:
         with run.progress(name, path.duration) as report:
             logs = drive_closed_loops(
@@ -142,18 +157,20 @@ def run(config: Config) -> None:
         summary: dict[str, Any] = {
             "tracking": [result.to_json() for result in results],
             "localization": poses,
+            "path": about_path,
         }
         if config.bag:
             summary["bags"] = write_bags(run.folder, [log.run for log in logs], logs)
         manifest = run.manifest(**world.about)
         run.write(summary, logs, simulated_seconds(logs), manifest)
-        warnings = saturation_warnings(logs)
+        warnings = [*about_path.warnings(plan), *saturation_warnings(logs)]
         notes = without_motors(config.robot, world.drive)
         page = _page(config, logs[0], results[0], poses, warnings, notes, manifest)
         page.write(run.folder, config.pdf)
         if config.rrd:
             with run.busy("recording"):
                 record_all(run.folder, logs)
+    print(about_path)
     tracking_table(results).print()
     for warning in warnings:
         print(f"Warning: {warning}.")

@@ -230,7 +230,8 @@ def _draw_svg(folder: Path, name: str, file: Path) -> None:
     drawn = "".join(f"<div>{text[text.index('<svg') :]}</div>" for text in texts)
     with tempfile.TemporaryDirectory() as draft:
         page = Path(draft) / "figure.html"
-        style = "body{margin:0;background:#fff;display:flex;align-items:flex-start}svg{display:block}"
+        style = "body{margin:0;background:#fff;display:flex;align-items:flex-start}"
+        style += "svg{display:block}"
         page.write_text(f"<meta charset=utf-8><style>{style}</style>{drawn}", encoding="utf-8")
         with browser() as chrome:
             view = View(3000, scale=1.5)

@@ -13,23 +13,30 @@ import numpy as np
 from experiments.benchmark.cases import FACTORS, BenchmarkCase, plant_ranges
 from experiments.benchmark.gains import Gains
 from experiments.common.choices import WITHOUT_LAWS
-from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
+from experiments.common.lookup import compensation, controller, policy_path, user_modules
 from experiments.common.manifest import content, digest
 from experiments.common.results import SUMMARY_FILE
 from experiments.common.sweep import Row
-from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
+from experiments.simulate.closed_loop import (
+    ClosedLoopRun,
+    Plant,
+    drive_closed_loops,
+    require_able,
+)
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
 from sim.common.seeds import generator
 from sim.ground.ground import Ground, load_ground
 from sim.runs.loop import Progress
 from sim.runs.stopwatch import Stopwatch
-from trackslip.controllers.base import Controller
+from trackslip.controllers.base import Controller, begin_run
 from trackslip.errors import InvalidValueError, require
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.turns import turns_of
 
 _NOISE: Final = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
 _TIMED_STEPS: Final = 21  # number of controller steps that are timed
@@ -66,7 +73,7 @@ class ClosedLoops:
         if self.plants == "nominal":
             return None
         world = self.world
-        path = reference(case.reference)
+        path = case.path
         rng = generator(case.seed, f"plant {case.key}")
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
@@ -99,7 +106,7 @@ class ClosedLoops:
         look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
             (self.controller, controllers),
             (self.compensation, (case.compensation for case in cases)),
-            (reference, (case.reference for case in cases)),
+            (cases[0].plan.path, (case.reference for case in cases)),
             (self.ground, (case.ground for case in cases)),
         )
         try:
@@ -110,9 +117,10 @@ class ClosedLoops:
             option = f"{error.field}s" if error.field in FACTORS else error.field
             raise InvalidValueError(option, error.value, error.allowed) from error
         for name in dict.fromkeys(case.reference for case in cases):
-            duration = reference(name).duration
+            duration = cases[0].plan.path(name).duration
             allowed = f"a path of more than {TRANSIENT:g} s, from which on errors count"
             require(duration > TRANSIENT, "references", f"{name} of {duration:.1f} s", allowed)
+        self._require_able(cases)
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
@@ -120,13 +128,23 @@ class ClosedLoops:
                 f"{error.field} of drawn plants", error.value, error.allowed
             ) from error
 
-    def step_time(self, controller: str, reference_name: str) -> float:
+    def _require_able(self, cases: Sequence[BenchmarkCase]) -> None:
+        """Raise InvalidValueError if a path turns on the spot, and a controller or law can't."""
+        by_path: dict[str, list[BenchmarkCase]] = {}
+        for case in cases:
+            by_path.setdefault(case.reference, []).append(case)
+        for group in by_path.values():
+            path = group[0].path
+            if turns_of(path):
+                runs = [self._loop(case) for case in group]
+                require_able(runs, self.world, path, self.compensation)
+
+    def step_time(self, controller: str, path: Reference) -> float:
         """Median computing time per step of a controller that follows a reference with one robot
         [s].
         """
-        path = reference(reference_name)
         follower = self.controller(controller)
-        follower.reset()
+        begin_run(follower, [0])
         taken = []
         with contextlib.suppress(Exception):  # a user's controller may fail in some runs
             for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
@@ -167,7 +185,7 @@ class ClosedLoops:
         common = digest([robot, room, self.files(cases), self.plants])
         identified = []
         for case in cases:
-            id = digest([common, case.axes, self._specification(case)])
+            id = digest([common, case.axes, self._specification(case), case.plan])
             identified.append(replace(case, id=id))
         return identified
 
@@ -183,7 +201,7 @@ class ClosedLoops:
         return drive_closed_loops(
             [self._loop(case) for case in runs],
             self.world,
-            reference(runs[0].reference),
+            runs[0].path,
             config.localization,
             self.compensation,
             config.preview,
@@ -202,7 +220,7 @@ class ClosedLoops:
             ground=None if self.plants == "drawn" else self.ground(case.ground),
             plant=self.plant(case),
             metadata={
-                "reference": case.reference,
+                **case.plan.metadata(case.reference),
                 "ground_name": case.ground,
                 "start": case.start,
             },
@@ -211,7 +229,7 @@ class ClosedLoops:
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
         """Errors and expense of a run, by column."""
         assert log.truth is not None
-        errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
+        errors = tracking_errors(log.time, log.truth.pose, run.path)
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
         row: Row = {
             **vars(errors),

@@ -16,7 +16,7 @@ from experiments.benchmark.gains import ROUGHNESS_LIMIT
 from experiments.benchmark.rows import SETTING
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
-from experiments.common.style import key, law_line, legend_below, log_ticks, panel, styled
+from experiments.common.style import MARKERS, key, law_line, legend_below, log_ticks, panel, styled
 from experiments.common.sweep import Row
 from experiments.common.table import MISSING, Table, number
 
@@ -24,7 +24,6 @@ _CAPTION: Final = (
     "Means over references, grounds and seeds, with 95 % intervals; runs that lose the path count "
     "500 mm."
 )
-_MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 _NAME: Final = 22  # characters in a line of a name in the figure
 _MOST_EQUAL: Final = 3  # largest number of entries named as indistinguishable from the best entry
 _NUMBERS: Final = {  # column header: key in a row, factor from SI, decimals
@@ -239,7 +238,7 @@ def board_figure(entries: Sequence[Row]) -> Figure:
     compensations = sorted({entry["compensation"] for entry in entries})
     looks = {
         name: law_line(name, marker=marker)
-        for name, marker in zip(compensations, cycle(_MARKERS), strict=False)
+        for name, marker in zip(compensations, cycle(MARKERS), strict=False)
     }
     xlabel = "rms position error [mm], log scale"
     figure, axes = panel("", xlabel, "", 1.6 + 0.4 * len(lines))

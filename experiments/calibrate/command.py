@@ -15,8 +15,11 @@ from experiments.calibrate.page import gain, page
 from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
+from experiments.simulate.motors import print_motors
 from sim.calibration.calibration import calibrate
+from sim.calibration.candidate import OF_DRIVE
 from sim.calibration.targets import Drives
+from sim.motors.motor import or_tireless
 from sim.robot.parameters import ground_file_text, robot_file_text
 from trackslip.errors import require
 from trackslip.se2 import Mounting
@@ -33,6 +36,8 @@ def run(config: Config) -> None:
             require(config.clock_offset == 0, "clock_offset", config.clock_offset, allowed)
         other = None if config.test is None else read_target(str(config.test), config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
+        if OF_DRIVE & set(free):  # commands drive the robot, no longer measured speeds
+            print_motors(config.robot, or_tireless(base.robot.drive))
         folds = fold_labels(target, config.folds)
         fits = 2 + (config.folds or 0)
         with run.progress(f"calibration to {config.target}", fits, "fits") as report:

@@ -36,6 +36,7 @@ STYLE: Final[dict[Any, Any]] = {
 # colour maps, and the fraction dark enough to see
 RADII_SHADES: Final = ("viridis", 0.6)
 SPEED_SHADES: Final = ("plasma", 0.6)
+MARKERS: Final = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 # parts of a figure, drawn separately so that they stack on a narrow page
 Panels = tuple[Figure, ...]

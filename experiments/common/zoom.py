@@ -39,8 +39,8 @@ for (const card of document.querySelectorAll(".card")) {
   }
 }
 """)
-"""Script of a page that draws its charts in place of the figures for print. Where fingers scroll the
-page, they move a chart only once its tool is chosen.
+"""Script of a page that draws its charts in place of the figures for print. Where fingers scroll
+the page, they move a chart only once its tool is chosen.
 """
 
 

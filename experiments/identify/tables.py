@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from math import degrees
 from typing import Final
 
-from experiments.common.laws import law_cell, symbol, unit_of, with_interval
+from experiments.common.laws import law_cell
 from experiments.common.table import MISSING, Cell, Table, number
 from trackslip.errors import counted
-from trackslip.identification.answer import TOO_LITTLE
-from trackslip.identification.comparison import Comparison, FittedLaw
+from trackslip.identification.comparison import Comparison
 from trackslip.identification.drive_comparison import TODAY, DriveComparison
 from trackslip.identification.path import EXTRAS
 from trackslip.identification.steady import CrossValidation, SteadyComparison
@@ -16,6 +15,8 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.families import GAINS
 from trackslip.metrics import rms
+from trackslip.views.symbols import symbol
+from trackslip.views.values import value_text
 
 _STEADY_NOTE: Final = (
     "Intervals: Student's, of errors of measurement and of one scatter between the runs."
@@ -60,14 +61,6 @@ def parameters_table(comparison: Comparison, names: Sequence[str] | None = None)
     rows += [(EXTRAS[key].title, symbol(fit.name, key), value_text(fit, key)) for key in fit.extras]
     title += f", sensor and clock by {comparison.best}"
     return Table(title, header, rows, "llr", _DRIVE_NOTE)
-
-
-def value_text(fit: FittedLaw, name: str) -> str:
-    """A parameter with its interval, or with the reason why it has none."""
-    values = fit.values | getattr(fit, "extras", {})
-    ends = fit.interval95.get(name)
-    why_none = fit.held.get(name, TOO_LITTLE)
-    return with_interval(values[name], ends, unit_of(fit.name, name), why_none=why_none)
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:

@@ -4,12 +4,13 @@ name.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from experiments.common.lookup import controller, locator
 from experiments.common.plain_json import plain
+from experiments.simulate.paths import require_compensation, require_controller
 from experiments.simulate.world import World
 from sim.common.seeds import generator
 from sim.fleet.fleet import RunSetup
@@ -21,6 +22,8 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation
 from trackslip.trajectory.base import Reference
+
+_MAX_SEED: Final = 2**63
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,11 @@ class ClosedLoopRun:
     """
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def controller_seed(self) -> int:
+        """The seed for the controller's random numbers."""
+        return int(generator(self.seed, f"controller {self.key}").integers(_MAX_SEED))
+
     def setup(self, world: World) -> RunSetup:
         """The run's setup in a fleet: start, ground and properties of the robot."""
         x, y, phi = map(float, self.start)
@@ -85,6 +93,24 @@ class ClosedLoopRun:
             entries["com_offset"] = own.com_offset
             entries["scanner_noise"] = self.plant.scanner_noise
         return plain(entries | dict(self.metadata))
+
+
+def require_able(
+    runs: Sequence[ClosedLoopRun],
+    world: World,
+    path: Reference,
+    compensation: Callable[[str], Compensation],
+) -> None:
+    """Raise InvalidValueError if the path turns on the spot, and the controller or law of a run
+    can't; `compensation` makes a compensation from its name.
+    """
+    limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
+    for name in dict.fromkeys(run.controller for run in runs):
+        require_controller(path, name, controller(name, *limits))
+    for name in dict.fromkeys(run.compensation for run in runs):
+        slip = compensation(name)
+        slip.reset(path.pose([0.0]))
+        require_compensation(path, name, slip.law())
 
 
 def drive_closed_loops(
@@ -137,7 +163,9 @@ def drive_closed_loops(
         slip = compensation(law)
         slip.reset(starts[robots])
         half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
-        pilots.append(Pilot(controller(name, *limits, half_gauge), robots, slip, preview))
+        seeds = [runs[k].controller_seed for k in robots]
+        made = controller(name, *limits, half_gauge)
+        pilots.append(Pilot(made, robots, slip, preview, seeds))
     fleet = world.fleet(starts, [setup.ground for setup in setups])
     if any(run.plant is not None for run in runs):
         fleet.restart(np.arange(len(runs)), setups)

@@ -24,12 +24,27 @@ EXAMPLES: Final = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     (
         "a late clock and a jump",
-        "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5",
+        "trackslip wander --source.delay 0.15 --source.jumps 1 --out out/late",
     ),
     (
         "a minute as a ROS 2 bag, with scans",
-        "trackslip wander --duration 60 --source scanner --bag",
+        "trackslip wander --duration 60 --source scanner --bag --out out/bag",
     ),
+)
+ESSENTIAL: Final = (
+    "driving",
+    "drives",
+    "duration",
+    "source.source",
+    "source.delay",
+    "source.ahead",
+    "robot",
+    "ground.source",
+    "seed",
+    "bag",
+    "rrd",
+    "out",
+    "overwrite",
 )
 # limits for the rate of the encoders [Hz]
 _MIN_RATE: Final = 5.0

@@ -151,9 +151,10 @@ class BeltMotors:
         self._power[kept] = power[held, -1]
         self._energy[kept] += power[held].sum(axis=1) * step
 
-        forwards = torque[~held].max(axis=1)
-        backwards = torque[~held].min(axis=1)
-        self._needed[rows[~held]] = np.where(forwards > -backwards, forwards, backwards)
+        if not held.all():
+            forwards = torque[~held].max(axis=1)
+            backwards = torque[~held].min(axis=1)
+            self._needed[rows[~held]] = np.where(forwards > -backwards, forwards, backwards)
         return held
 
     def read(self, rows: int | slice = slice(None)) -> MotorReading:

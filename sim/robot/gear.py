@@ -14,6 +14,7 @@ from sim.tracks import Track
 from sim.tracks.belts import STANDS
 from sim.tracks.hull import Hull, wheel_numbers
 from sim.tracks.recipe import Preset
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     checked,
@@ -67,6 +68,7 @@ class FlipperMotor(Checked):
         require(low < high, "limits", list(self.limits), "the smallest and the largest angle")
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class RunningGear(Checked):
     """A track, a pair of tracks, rows of wheels or skids on one body; a table `tracks` in a robot
@@ -124,7 +126,7 @@ class RunningGear(Checked):
         self._check_y()
         if self.hull:
             wheel_numbers(self.hull, least=1)
-            if self.contact != WHEELS:
+            if not self.has_patches:
                 Hull.from_wheels(self.hull)
         if self.aside:
             fits = self.contact == WHEELS and len(self.aside) == len(self.hull)
@@ -143,6 +145,13 @@ class RunningGear(Checked):
             require_positive("y", self.y)
         for value in self.y if isinstance(self.y, tuple) else (self.y,):
             require_within("y", value, -_MAX_Y, _MAX_Y, "m")
+
+    @property
+    def has_patches(self) -> bool:
+        """Whether it touches level ground with a patch per wheel: wheels without a belt, and a
+        skid of one wheel, such as a ball. Other gear lies on the ground between its ends.
+        """
+        return self.contact == WHEELS or (self.contact == SKID and len(self.hull) == 1)
 
     @property
     def is_complete(self) -> bool:
@@ -170,7 +179,7 @@ class RunningGear(Checked):
     @property
     def contact_length(self) -> float:
         """Length of the contact of one side with level ground, without gaps [m]."""
-        if self.contact == WHEELS:
+        if self.has_patches:
             return len(self.hull) * self.patch_length
         return Hull.from_wheels(self.hull).longest_below
 
@@ -206,7 +215,7 @@ class RunningGear(Checked):
             load=load,
             segments=segments,
             width=self.contact_width,
-            contact=WHEELS if self.contact == WHEELS else TRACKS,
+            contact=WHEELS if self.has_patches else TRACKS,
             patch_length=self.patch_length,
             offset=(left + right) / 2 if is_pair else 0.0,
             aside=self.aside,

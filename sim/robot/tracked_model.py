@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from sim.robot.gear import BOTH, MOTORS, OWN
 from sim.robot.joint_rules import rule_for
 from sim.robot.joints import ROLLS, Joints, angle_unit, hinge_body, hold
-from sim.robot.parameters import WHEELS
 from sim.robot.places import PlacedGear, model_at_rest, placed, with_gear
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import TrackedRobot
@@ -36,6 +35,7 @@ from sim.robot.wheels import (
 from sim.tracks import Belts, add_tracks, connect
 from sim.tracks.recipe import Preset, load_preset, track_points
 from sim.tracks.track import Track
+from trackslip.arguments import checks_arguments
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
@@ -156,6 +156,7 @@ class TrackedModel:
         return np.asarray(self.flipper_sign * np.clip(angles, *self.flipper_range.T))
 
 
+@checks_arguments
 def build_tracked(
     robot: TrackedRobot,
     terrain: Terrain | None = None,
@@ -257,6 +258,7 @@ def _tracks(
         stiffer = max(1.0, _peak(spec, robot, bearing) / _DEEPEST)
         recipe = replace(recipe, sink=recipe.sink / stiffer)
     half_gauge = max(abs(wheel[1]) for each in bearing for wheel in each.wheels(0))
+    longest = max(each.gear.contact_length for each in bearing)
     taken: set[str] = set()
     tracks = []
     for each in gear:
@@ -264,10 +266,12 @@ def _tracks(
         segments = None
         if any(each is other for other in bearing):
             load = len(each.gear.places) * each.gear.contact_length / sum(lengths)
-            if each.gear.sides != BOTH and each.gear.contact != WHEELS:
+            is_one_pair = len(bearing) == 1 and each.gear.sides == BOTH
+            if not is_one_pair and not each.gear.has_patches:
                 width = max(half_gauge, each.gear.width)
-                points = track_points(width, each.gear.contact_length, load_preset(preset))
-                segments = 2 * math.ceil(points / 4)
+                points = track_points(width, longest, load_preset(preset))
+                share = each.gear.contact_length / longest
+                segments = 2 * math.ceil(share * points / 4)
         name = _free_name(each, taken)
         tracks.append(each.gear.track(each.hull, recipe, friction, name, load, segments))
     return tracks
@@ -300,7 +304,7 @@ def _contact_points(each: PlacedGear) -> Array:
     rows = []
     for k in range(len(gear.places)):
         wheels = np.array(each.wheels(k))
-        if gear.contact == WHEELS:
+        if gear.has_patches:
             count = max(1, round(gear.patch_length / _SPACING))
             rows.append(np.repeat(wheels[:, :2], count, axis=0))
             continue

@@ -146,6 +146,10 @@ class Model:
         """Smallest and largest coordinates (2, 3) of a link in the chassis' frame [m]."""
         return extent(self.model, self.data, self.data.body(self.chassis), body)
 
+    def has_shape(self, body: int) -> bool:
+        """Whether a link has a shape from which its size can be read."""
+        return bool(np.isfinite(self.size(body)).all())
+
     def is_round(self, body: int, axis: int = _Y) -> bool:
         """Whether a link is round about its own hinge, or about an axis of the chassis if it has no
         hinge: its widths in any two directions at right angles across the axis are alike.
@@ -192,9 +196,10 @@ def turning_links(model: Model, listed: Sequence[str]) -> list[str]:
         if model.is_round(body):
             wheels.append(name)
         elif listed and body in spinning:
-            allowed = "round to be a wheel; give `hull` and `half_gauge`"
+            lacks = "" if model.has_shape(body) else " but has no shape,"
             raise TrackslipError(
-                f"{model.robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}"
+                f"{model.robot.model}: wheels = {name!r}: turns endlessly,{lacks} must be round to "
+                "be a wheel; give `hull` and `half_gauge`"
             )
     return wheels
 
@@ -240,6 +245,7 @@ def read_wheels(
         raise TrackslipError(_none_found(model, listed))
     places = [wheel.y for wheel in wheels]
     middle = (max(places) + min(places)) / 2
+    _require_two_axles(robot, wheels)
     gear = []
     try:
         for unit in units:
@@ -249,6 +255,22 @@ def read_wheels(
         hint = "; give `hull`" if error.field == "hull" else ""
         raise TrackslipError(f"{robot.model}: of its wheels, {error}{hint}") from error
     return Reading(tuple(links), tuple(gear))
+
+
+def _require_two_axles(robot: TrackedRobot, wheels: Sequence[Wheel]) -> None:
+    """Raise TrackslipError for a machine all of whose wheels stand on one axle: neither a belt nor
+    the robot's balance is known from them.
+    """
+    smallest = min(wheel.radius for wheel in wheels)
+    places = [(wheel.x, wheel.z) for wheel in wheels]
+    if np.ptp(places, axis=0).max() >= _MIRRORED * smallest:
+        return
+    names = some([wheel.name for wheel in wheels])
+    raise TrackslipError(
+        f"{robot.model}: of its wheels, {names} are on one axle: must be on two or more: give the "
+        '`hull` of the tracks around them, or [[tracks]] with contact = "wheels" for this axle, '
+        'and another, such as contact = "skid", for what else the robot stands on'
+    )
 
 
 def read_entry(model: Model, entry: RunningGear) -> RunningGear:
@@ -321,18 +343,46 @@ def require_straight(model: Model, links: Sequence[str], body: str = "") -> None
 
 def _none_found(model: Model, listed: Sequence[str]) -> str:
     """Why there are no wheels, and what to write."""
-    robot = model.robot
-    allowed = "round links that collide, on endless hinges about y; found are none"
-    way_on = "list the links of the wheels in `wheels`, or give `hull` and `half_gauge`"
+    reasons = _why_no_wheels(model, listed)
+    found = "; ".join(reasons) if reasons else "found are none"
+    allowed = f"round links that collide, on endless hinges about y; {found}"
     if not listed:
-        flat = [model.name(body) for body in sorted(model.spinning(_Y)) if not model.is_round(body)]
-        if flat:
-            allowed += f" ({some(flat)} turn, but aren't round)"
-        return f"{robot.model}: wheels = replace: must be {allowed}: {way_on}"
-    return (
-        f"{robot.model}: wheels = {', '.join(listed)}: must be {allowed}: none is round about y; "
-        "give `hull` and `half_gauge`"
-    )
+        way_on = "list the links of the wheels in `wheels`, or give `hull` and `half_gauge`"
+        return f"{model.robot.model}: wheels = replace: must be {allowed}: {way_on}"
+    way_on = "give `hull` and `half_gauge`"
+    return f"{model.robot.model}: wheels = {', '.join(listed)}: must be {allowed}: {way_on}"
+
+
+def _why_no_wheels(model: Model, listed: Sequence[str]) -> list[str]:
+    """What keeps links that resemble wheels from being wheels, a phrase each: the `listed` links,
+    or by default all that turn about y or are round about it.
+    """
+    spinning = model.spinning(_Y)
+    turning = model.turning(_Y)
+    bodies = [model.body(name) for name in listed]
+    if not listed:
+        chassis = model.body(model.chassis)
+        bodies = [body for body in range(1, model.model.nbody) if body != chassis]
+    endless_hinge = [body for body in bodies if body in spinning]
+    limited_hinge = [body for body in bodies if body in turning and body not in spinning]
+    other = [body for body in bodies if body not in turning]
+    kinds = {
+        "turn endlessly, but have no shape": [
+            body for body in endless_hinge if not model.has_shape(body)
+        ],
+        "turn endlessly, but aren't round": [
+            body for body in endless_hinge if model.has_shape(body) and not model.is_round(body)
+        ],
+        "are round, but their hinges have limits": [
+            body for body in limited_hinge if model.is_round(body)
+        ],
+        "are round, but have no hinge about y": [body for body in other if model.is_round(body)],
+    }
+    return [
+        f"{some([model.name(body) for body in found])} {reason}"
+        for reason, found in kinds.items()
+        if found
+    ]
 
 
 def _unit(model: Model, name: str, moving: set[str]) -> str:

@@ -22,14 +22,17 @@ from sim.runs.run_recorder import Description, RunRecorder
 from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from trackslip.controllers.base import Controller, SensesSprockets
+from trackslip.arguments import checks_arguments
+from trackslip.controllers.base import Controller, SensesSprockets, begin_run
+from trackslip.controllers.named import TURNING_CONTROLLERS
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds
-from trackslip.laws.base import SlipLaw
+from trackslip.laws.base import TURNING_LAWS, SlipLaw
 from trackslip.localization.pose_estimate import Locator
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
+from trackslip.trajectory.turns import require_turns
 
 Progress = Callable[[float], None]
 """Function that is called with the simulated time since the last call [s]."""
@@ -38,6 +41,7 @@ PERIOD: Final = LaserScanner().period
 _ROUNDING: Final = 1e-9  # tolerance on the number of rows
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Pilot:
     """The controller and slip compensation for R robots in a fleet."""
@@ -47,6 +51,8 @@ class Pilot:
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
     """Look-ahead time of the controller, the delay between command and motion [s]."""
+    seeds: Sequence[int] | None = None
+    """Seeds (R,) for a random controller; None for the numbers of the robots."""
 
     @cached_property
     def _loaded(self) -> SensesLoad | None:
@@ -59,10 +65,18 @@ class Pilot:
     def begin(self, record: RunRecorder) -> None:
         """Begin new runs at the robots' current poses; `record` is their recorder."""
         with self._failing(record, 0.0):
-            self.controller.reset()
+            begin_run(self.controller, self.robots if self.seeds is None else self.seeds)
         self.compensation.reset(record.fleet.pose()[self.robots])
         if self._loaded is not None:
             record.sense_loads()
+
+    def require_able(self, reference: Reference) -> None:
+        """Raise InvalidValueError if the reference turns on the spot, and its follower can't."""
+        controller = self.controller
+        name = type(controller).__name__
+        require_turns(reference, "controller", name, controller, TURNING_CONTROLLERS)
+        law = self.compensation.law()
+        require_turns(reference, "compensation", type(law).__name__, law, TURNING_LAWS)
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
         """Slip law for row k, after the compensation has observed the motion up to then."""
@@ -114,6 +128,7 @@ class Pilot:
             ) from error
 
 
+@checks_arguments
 def open_loop(
     fleet: Fleet,
     omega: Array,
@@ -155,6 +170,7 @@ def open_loop(
     return _drive(record, localization, lambda k: speeds[k], progress, watch)
 
 
+@checks_arguments
 def closed_loop(
     fleet: Fleet,
     pilots: Controller | Sequence[Pilot],
@@ -178,7 +194,8 @@ def closed_loop(
         progress: see `open_loop`.
 
     Raises:
-        InvalidValueError: unless every robot has exactly one pilot.
+        InvalidValueError: unless every robot has exactly one pilot, and for a reference that turns
+            on the spot if a controller or its law can't.
         RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the
             rows up to then.
     """
@@ -191,11 +208,14 @@ def closed_loop(
     # the last is at the reference's end or just after
     rows = math.ceil(reference.duration / period - _ROUNDING) + 1
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = PoseEstimation(record, TruePose(fleet))
-    if feed is not None and locator is not None:
-        localization = PoseEstimation(record, ScannedPose(fleet, feed, locator))
     for pilot in pilots:
         pilot.begin(record)
+        pilot.require_able(reference)
+    localization = PoseEstimation(record, TruePose(fleet))
+    if feed is not None and locator is not None:
+        compensations = [(pilot.robots, pilot.compensation) for pilot in pilots]
+        source = ScannedPose(fleet, feed, locator, compensations)
+        localization = PoseEstimation(record, source)
     omega = np.zeros((fleet.size, 2))
 
     def steer(k: int) -> Array:

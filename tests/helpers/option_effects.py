@@ -154,12 +154,16 @@ CASES = {
             "circle_radius": "--circle-radius 2",
             "circle_speed": "--circle-speed 0.1",
             "circle_duration": "--circle-duration 6",
+            "speed": "--reference {bend} | --reference {bend} --speed 0.2",
+            "tolerance": "--reference {steps} | --reference {steps} --tolerance 0.03",
             "start": "--start 0 0.1 0",
             "laws": "--laws {laws}",
             "bag": "--bag",
             "pdf": FIGURES,
         },
         {
+            "speed": "--speed 0.1",
+            "tolerance": "--tolerance 0.03",
             "scanner.noise": "--localization truth --scanner.noise 0.02",
             "obstacles": "--localization truth --obstacles posts",
             "laws": "--compensation none --laws {laws}",
@@ -372,6 +376,8 @@ CASES = {
             "controllers": "--controllers lqr",
             "compensations": "--compensations icr_radius",
             "references": "--references {straight}",
+            "speed": "--speed 0.1",
+            "tolerance": "--references {steps} | --references {steps} --tolerance 0.03",
             "grounds": "--grounds ice",
             "starts": "--starts paper",
             "seeds": "--seeds 1",
@@ -380,7 +386,11 @@ CASES = {
             "jobs": SPEED,
             "pdf": FIGURES,
         },
-        {"scanner.noise": "--localization truth --scanner.noise 0.02"},
+        {
+            "scanner.noise": "--localization truth --scanner.noise 0.02",
+            "speed": "--references slalom --speed 0.1",
+            "tolerance": "--references slalom --tolerance 0.03",
+        },
     ),
     "tune": Case(
         "tune linear --compensations none --evaluations 12 --threads 1",
@@ -493,9 +503,9 @@ def write_inputs(folder: Path) -> dict[str, str]:
         law["values"] = {name: 1.1 * value for name, value in law["values"].items()}
     rng = np.random.default_rng(0)
     omega = rng.uniform(1, 5, (30, 2))
-    twist = np.array([0.0297, 0.1409]) * [[1, 1]] * np.column_stack(
-        [omega.sum(axis=1), omega[:, 1] - omega[:, 0]]
-    ) + 0.001 * rng.standard_normal((30, 2))
+    sum_and_difference = np.column_stack([omega.sum(axis=1), omega[:, 1] - omega[:, 0]])
+    exact = np.array([0.0297, 0.1409]) * sum_and_difference
+    twist = exact + 0.001 * rng.standard_normal((30, 2))
     np.savetxt(
         folder / "samples.csv",
         np.column_stack([omega, twist]),
@@ -507,6 +517,7 @@ def write_inputs(folder: Path) -> dict[str, str]:
         "laws.json": json.dumps(laws),
         "bend.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.45\n",
         "straight.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.2\n",
+        "steps.csv": "x,y\n" + "".join(f"{k // 2 / 10},{k % 2 / 25}\n" for k in range(30)),
         "robot.toml": "mass = 30.0\ncontact_length = 0.3\n[drive]\nlag = 0.1\n",
         "sweep.toml": "seed = [0, 1]\n",
     }
@@ -523,7 +534,10 @@ def outcome(line: str, folder: Path) -> tuple[int, object, str]:
     options: manifests, pages, metadata and ids.
     """
     folder.mkdir()
-    printed, errors, code, here = io.StringIO(), io.StringIO(), 0, Path.cwd()
+    printed = io.StringIO()
+    errors = io.StringIO()
+    code = 0
+    here = Path.cwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import LogError, TrackslipError, require_finite
 from trackslip.files import reason
 from trackslip.identification.path import GYRO
@@ -53,6 +54,7 @@ def no_slip(geometry: RobotGeometry) -> LawInUse:
     return LawInUse(NO_SLIP, NoSlip(), geometry)
 
 
+@checks_arguments
 def identified_law(
     source: str | Path | Identification, name: str | None = None, robot: RobotGeometry | None = None
 ) -> LawInUse:

@@ -44,10 +44,8 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     options = ("--controllers", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
     options += ("--plants", "nominal")
     result = trackslip("benchmark", *short, *options, "--grounds", "stone", "gravel")
-    rows, logs = (
-        result.summary["rows"],
-        {log.run: log for log in read_runs(result.folder / "runs.parquet")},
-    )
+    rows = result.summary["rows"]
+    logs = {log.run: log for log in read_runs(result.folder / "runs.parquet")}
     assert len(rows) == 2 * 2
     assert len(logs) == result.summary["runs"] == 8
     assert result.summary["failures"] == []
@@ -120,7 +118,8 @@ def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     assert len(read_runs(result.folder / "runs.parquet")) == 2 * 2
 
 
-STICKIER_AT, ARC_END = 20.0, 33.8  # the ground called sticky; the end of the paper's arc [s]
+STICKIER_AT = 20.0  # of the ground called sticky [s]
+ARC_END = 33.8  # the end of the paper's arc [s]
 
 
 @pytest.mark.slow

@@ -45,6 +45,18 @@ def test_published_numbers(trackslip, centred):
     assert parameters.com_y == found["parameters"]["com_y"]["value"]
 
 
+def test_a_fitted_lag_names_a_robot_without_motors(tmp_path):
+    robot = tmp_path / "robot.toml"
+    robot.write_text(ROBOT.format(across=0.6))
+    drives = ("--drives", "1", "--duration", "10")
+    ran(tmp_path / "out", "wander", "--robot", str(robot), *drives)
+    fit = ("--target", str(tmp_path / "out"), "--robot", str(robot), "--free")
+    lag = ran(tmp_path / "lag", "calibrate", *fit, "lag")
+    assert f"{robot} has no motors" in lag.printed
+    radius = ran(tmp_path / "radius", "calibrate", *fit, "radius_error")
+    assert "motors" not in radius.printed
+
+
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """Three teleoperated drives of 20 s by a robot with longer tracks, on another ground."""

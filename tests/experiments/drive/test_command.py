@@ -140,17 +140,22 @@ def driven(**options):
     return drive_course(world, driver(config, world))
 
 
-def test_slip_over_distance_is_weighted_by_the_belts_as_in_the_table():
+def test_slip_over_distance_is_weighted_by_the_belts():
     run = driven(course="step10", duration=6.0, speed=0.5)
     left, right = slip_over_distance(run).curves
-    assert (left.label, right.label) == ("left track", "right track")
-    belt = np.abs(run.contact.belt[:, run.sides[0]])
-    slip = run.contact.slip[:, run.sides[0]]
-    known = np.isfinite(slip)
-    steps = np.hypot(*np.diff(run.state.position[:, :2], axis=0).T)
-    assert left.x[-1] < steps.sum() < 2 * left.x[-1] - left.x[-2]
-    piece = np.digitize(np.cumsum(steps), (left.x[1:] + left.x[:-1]) / 2)
-    chosen = np.flatnonzero(known & (np.concatenate([[0], piece]) == 30))
+    assert left.label == "left track"
+    assert right.label == "right track"
+    of_left, _ = run.sides
+    belt = np.abs(run.contact.belt[:, of_left])
+    slip = run.contact.slip[:, of_left]
+
+    steps = np.linalg.norm(np.diff(run.state.position[:, :2], axis=0), axis=1)
+    distance = np.concatenate([[0.0], np.cumsum(steps)])
+    last_but_one, last = left.x[-2:]
+    assert last < distance[-1] < last + (last - last_but_one)
+    ends_of_pieces = (left.x[1:] + left.x[:-1]) / 2
+    piece = np.digitize(distance, ends_of_pieces)
+    chosen = np.isfinite(slip) & (piece == 30)
     assert left.y[30] == pytest.approx(np.average(slip[chosen], weights=belt[chosen]))
 
 
