@@ -5,11 +5,11 @@ import xml.etree.ElementTree as ET
 import pytest
 from matplotlib.figure import Figure
 
-from experiments.common.laws import symbol
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Cell, Table, number, percent, significant
 from trackslip.laws.families import FAMILIES
+from trackslip.views.symbols import symbol
 
 pytestmark = pytest.mark.usefixtures("with_figures")
 
