@@ -1,11 +1,9 @@
 """How a benchmark's cases are driven and measured, fleet by fleet."""
 
-import contextlib
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
 from typing import ClassVar, Final
 
 import numpy as np
@@ -17,7 +15,7 @@ from experiments.common.lookup import compensation, controller, policy_path, ref
 from experiments.common.manifest import content, digest
 from experiments.common.results import SUMMARY_FILE
 from experiments.common.sweep import Row
-from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
+from experiments.simulate.closed_loop import ClosedLoopRun, Loop, Plant, drive_closed_loops
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
 from sim.common.seeds import generator
@@ -30,9 +28,9 @@ from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
+from trackslip.trajectory.drivable import require_drivable
 
 _NOISE: Final = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_TIMED_STEPS: Final = 21  # number of controller steps that are timed
 _SPACING: Final = 0.05  # time between points on the path where ground patches may lie [s]
 
 
@@ -91,6 +89,7 @@ class ClosedLoops:
         """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed,
         before driving.
         """
+        self.config.check(self.world.drive)
         if self.config.laws and {case.compensation for case in cases} <= set(WITHOUT_LAWS):
             allowed = f"left out for the compensations {', '.join(WITHOUT_LAWS)}"
             raise InvalidValueError("laws", self.config.laws, allowed)
@@ -113,6 +112,8 @@ class ClosedLoops:
             duration = reference(name).duration
             allowed = f"a path of more than {TRANSIENT:g} s, from which on errors count"
             require(duration > TRANSIENT, "references", f"{name} of {duration:.1f} s", allowed)
+        for name, law in dict.fromkeys((case.reference, case.compensation) for case in cases):
+            self._require_drivable(name, law)
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
@@ -120,21 +121,16 @@ class ClosedLoops:
                 f"{error.field} of drawn plants", error.value, error.allowed
             ) from error
 
-    def step_time(self, controller: str, reference_name: str) -> float:
-        """Median computing time per step of a controller that follows a reference with one robot
-        [s].
+    def _require_drivable(self, name: str, compensation: str) -> None:
+        """Raise InvalidValueError for a reference that is too fast for the robot with a
+        compensation.
         """
-        path = reference(reference_name)
-        follower = self.controller(controller)
-        follower.reset()
-        taken = []
-        with contextlib.suppress(Exception):  # a user's controller may fail in some runs
-            for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
-                pose = path.pose(time)[None]
-                begin = perf_counter()
-                follower.twist(float(time), pose, path)
-                taken.append(perf_counter() - begin)
-        return float(np.median(taken)) if taken else 0.0
+        path = reference(name)
+        slip = self.compensation(compensation)
+        slip.reset(path.pose([0.0]))
+        geometry = self.world.robot.geometry
+        top_speed = self.world.drive.top_speed
+        require_drivable("references", name, path, slip.law(), geometry, top_speed)
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
         """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if
@@ -163,7 +159,8 @@ class ClosedLoops:
             world.robot.digest,
             world.drive,
         ]
-        room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
+        loop = vars(Loop.of(config)).values()
+        room = [world.obstacles, world.pull, config.scanner, *loop]
         common = digest([robot, room, self.files(cases), self.plants])
         identified = []
         for case in cases:
@@ -179,15 +176,14 @@ class ClosedLoops:
         self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None
     ) -> list[RunLog]:
         """Drive cases that share a reference as one fleet."""
-        config = self.config
         return drive_closed_loops(
             [self._loop(case) for case in runs],
             self.world,
             reference(runs[0].reference),
-            config.localization,
+            Loop.of(self.config),
             self.compensation,
-            config.preview,
             progress or (lambda seconds: None),
+            watch=watch,
         )
 
     def _loop(self, case: BenchmarkCase) -> ClosedLoopRun:
@@ -213,9 +209,11 @@ class ClosedLoops:
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
+        effort = expense(log, top_speed)
         row: Row = {
             **vars(errors),
-            **vars(expense(log, top_speed)),
+            **vars(effort),
+            "saturation": effort.saturation_s / float(log.time[-1] - log.time[0]),
             "valid_fraction": float(log.is_valid.mean()),
         }
         if log.icr is not None:
