@@ -36,6 +36,17 @@ EXAMPLES: Final = (
     ("Eq. 31, with and without slip compensation", "trackslip tune linear"),
     ("your own controller", "trackslip tune my_controller:MyController --out out/mine"),
 )
+ESSENTIAL: Final = (
+    "controllers",
+    "compensations",
+    "evaluations",
+    "robot",
+    "laws",
+    "seeds",
+    "threads",
+    "out",
+    "overwrite",
+)
 _MAX_EVALUATIONS: Final = 10_000
 _POPULATION: Final = 12  # number of candidates in a generation
 _COMPARED: Final = ("none", "icr_radius", "online")

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
+from trackslip.viewable import Viewable
 
 # time by which an initial error has decayed, and at which the paper's arc begins [s]
 TRANSIENT: Final = 12.0
@@ -30,7 +32,7 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True)
-class TrackingErrors:
+class TrackingErrors(Viewable):
     """Tracking errors of a run. Position errors are distances to the reference pose at the same
     time.
     """
@@ -71,6 +73,7 @@ class Expense:
     """Time during which a motor is at its limit or a sprocket's set point at its top speed [s]."""
 
 
+@checks_arguments
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
     """Compute the errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
     time = np.asarray(time, float)
@@ -99,6 +102,7 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
     )
 
 
+@checks_arguments
 def expense(log: RunLog, top_speed: float) -> Expense:
     """Compute the motor effort in a simulated run with sprocket speeds limited to `top_speed`
     [rad/s].

@@ -13,11 +13,13 @@ from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, page
 from experiments.benchmark.rows import board, over_seeds, score, step_times
 from experiments.common.choices import SHIPPED
+from experiments.common.paths import is_file
 from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import STEPS, Row, drive_missing, resumable
 from experiments.common.table import stages_text
 from experiments.simulate.motors import print_motors
+from experiments.simulate.paths import PathSummary
 from sim.runs.stopwatch import Stopwatch
 from trackslip.errors import counted
 
@@ -27,7 +29,10 @@ def run(config: Config) -> None:
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
     loops = ClosedLoops(config, config.plants or suite.plants, gains)
-    planned = planned_cases(config)
+    world = loops.world
+    plan = config.plan(world.robot.geometry.half_gauge, world.drive.top_speed)
+    planned = planned_cases(config, plan)
+    config.require_file(tuple(case.reference for case in planned), world.drive.top_speed)
     loops.check(planned)
     cases = loops.identified(planned)
     with resumable(config, {case.id for case in cases}) as (run, store):
@@ -69,6 +74,11 @@ def run(config: Config) -> None:
             "failures": failures,
             "runs": len(runs),
         }
+        paths = [
+            PathSummary.of(name, plan.path(name), plan.limits)
+            for name in dict.fromkeys(case.reference for case in cases)
+        ]
+        summary["paths"] = paths
         summary["timing"] = {
             "step_s": {name: times.median for name, times in steps.items()},
             "p99_step_s": {name: times.p99 for name, times in steps.items()},
@@ -80,6 +90,11 @@ def run(config: Config) -> None:
         print(line)
     print()
     board_table(entries).print()
+    for path in paths:
+        if is_file(path.name):
+            print(path)
+        for warning in path.warnings(plan):
+            print(f"Warning: {warning}.")
     print(textwrap.fill(BOARD_LEGEND, 120))
     print_motors(config.robot, loops.world.drive)
     for line in lines:

@@ -11,11 +11,17 @@ import numpy as np
 from experiments.benchmark.cases import FACTORS, BenchmarkCase, plant_ranges
 from experiments.benchmark.gains import Gains
 from experiments.common.choices import WITHOUT_LAWS
-from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
+from experiments.common.lookup import compensation, controller, policy_path, user_modules
 from experiments.common.manifest import content, digest
 from experiments.common.results import SUMMARY_FILE
 from experiments.common.sweep import Row
-from experiments.simulate.closed_loop import ClosedLoopRun, Loop, Plant, drive_closed_loops
+from experiments.simulate.closed_loop import (
+    ClosedLoopRun,
+    Loop,
+    Plant,
+    drive_closed_loops,
+    require_able,
+)
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
 from sim.common.seeds import generator
@@ -29,6 +35,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
 from trackslip.trajectory.drivable import require_drivable
+from trackslip.trajectory.turns import turns_of
 
 _NOISE: Final = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
 _SPACING: Final = 0.05  # time between points on the path where ground patches may lie [s]
@@ -64,7 +71,7 @@ class ClosedLoops:
         if self.plants == "nominal":
             return None
         world = self.world
-        path = reference(case.reference)
+        path = case.path
         rng = generator(case.seed, f"plant {case.key}")
         robot = replace(world.parameters, radius_error=world.radius_error, drive=world.drive)
         poses = path.pose(np.arange(0.0, path.duration, _SPACING))
@@ -98,7 +105,7 @@ class ClosedLoops:
         look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
             (self.controller, controllers),
             (self.compensation, (case.compensation for case in cases)),
-            (reference, (case.reference for case in cases)),
+            (cases[0].plan.path, (case.reference for case in cases)),
             (self.ground, (case.ground for case in cases)),
         )
         try:
@@ -109,11 +116,12 @@ class ClosedLoops:
             option = f"{error.field}s" if error.field in FACTORS else error.field
             raise InvalidValueError(option, error.value, error.allowed) from error
         for name in dict.fromkeys(case.reference for case in cases):
-            duration = reference(name).duration
+            duration = cases[0].plan.path(name).duration
             allowed = f"a path of more than {TRANSIENT:g} s, from which on errors count"
             require(duration > TRANSIENT, "references", f"{name} of {duration:.1f} s", allowed)
-        for name, law in dict.fromkeys((case.reference, case.compensation) for case in cases):
-            self._require_drivable(name, law)
+        self._require_able(cases)
+        for case in {(case.reference, case.compensation): case for case in cases}.values():
+            self._require_drivable(case)
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
@@ -121,16 +129,24 @@ class ClosedLoops:
                 f"{error.field} of drawn plants", error.value, error.allowed
             ) from error
 
-    def _require_drivable(self, name: str, compensation: str) -> None:
-        """Raise InvalidValueError for a reference that is too fast for the robot with a
-        compensation.
-        """
-        path = reference(name)
-        slip = self.compensation(compensation)
-        slip.reset(path.pose([0.0]))
+    def _require_drivable(self, case: BenchmarkCase) -> None:
+        """Raise InvalidValueError for a path that is too fast for the robot with a compensation."""
+        slip = self.compensation(case.compensation)
+        slip.reset(case.path.pose([0.0]))
         geometry = self.world.robot.geometry
         top_speed = self.world.drive.top_speed
-        require_drivable("references", name, path, slip.law(), geometry, top_speed)
+        require_drivable("references", case.reference, case.path, slip.law(), geometry, top_speed)
+
+    def _require_able(self, cases: Sequence[BenchmarkCase]) -> None:
+        """Raise InvalidValueError if a path turns on the spot, and a controller or law can't."""
+        by_path: dict[str, list[BenchmarkCase]] = {}
+        for case in cases:
+            by_path.setdefault(case.reference, []).append(case)
+        for group in by_path.values():
+            path = group[0].path
+            if turns_of(path):
+                runs = [self._loop(case) for case in group]
+                require_able(runs, self.world, path, self.compensation)
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
         """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if
@@ -164,7 +180,7 @@ class ClosedLoops:
         common = digest([robot, room, self.files(cases), self.plants])
         identified = []
         for case in cases:
-            id = digest([common, case.axes, self._specification(case)])
+            id = digest([common, case.axes, self._specification(case), case.plan])
             identified.append(replace(case, id=id))
         return identified
 
@@ -179,7 +195,7 @@ class ClosedLoops:
         return drive_closed_loops(
             [self._loop(case) for case in runs],
             self.world,
-            reference(runs[0].reference),
+            runs[0].path,
             Loop.of(self.config),
             self.compensation,
             progress or (lambda seconds: None),
@@ -198,7 +214,7 @@ class ClosedLoops:
             ground=None if self.plants == "drawn" else self.ground(case.ground),
             plant=self.plant(case),
             metadata={
-                "reference": case.reference,
+                **case.plan.metadata(case.reference),
                 "ground_name": case.ground,
                 "start": case.start,
             },
@@ -207,7 +223,7 @@ class ClosedLoops:
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
         """Errors and expense of a run, by column."""
         assert log.truth is not None
-        errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
+        errors = tracking_errors(log.time, log.truth.pose, run.path)
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
         effort = expense(log, top_speed)
         row: Row = {

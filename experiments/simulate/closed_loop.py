@@ -11,6 +11,7 @@ import numpy as np
 from experiments.common.lookup import controller, locator
 from experiments.common.plain_json import plain
 from experiments.simulate.options import ClosedLoopOptions
+from experiments.simulate.paths import require_compensation, require_controller
 from experiments.simulate.world import World
 from sim.common.seeds import generator
 from sim.fleet.fleet import RunSetup
@@ -109,6 +110,24 @@ class Loop:
             command_delay=options.command_delay,
             when_lost=options.when_lost,
         )
+
+
+def require_able(
+    runs: Sequence[ClosedLoopRun],
+    world: World,
+    path: Reference,
+    compensation: Callable[[str], Compensation],
+) -> None:
+    """Raise InvalidValueError if the path turns on the spot, and the controller or law of a run
+    can't; `compensation` makes a compensation from its name.
+    """
+    limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
+    for name in dict.fromkeys(run.controller for run in runs):
+        require_controller(path, name, controller(name, *limits))
+    for name in dict.fromkeys(run.compensation for run in runs):
+        slip = compensation(name)
+        slip.reset(path.pose([0.0]))
+        require_compensation(path, name, slip.law())
 
 
 def drive_closed_loops(

@@ -9,10 +9,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from sim.common.settings import build, read_named
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     Checked,
     SettingsFileError,
     checked,
+    one_of,
     require,
     require_at_most,
     require_non_negative,
@@ -80,6 +82,7 @@ class Change:
         require_non_negative("time", self.time)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Ground(Checked):
     """A plane with friction along and across the tracks.
@@ -185,6 +188,7 @@ Ground Vehicles (2008), for angles of friction, quoted second-hand.
 """
 
 
+@checks_arguments
 def load_ground(source: str) -> Ground:
     """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground
     to be changed.
@@ -197,7 +201,5 @@ def load_ground(source: str) -> Ground:
     table = read_named("ground", source, NAMED_GROUNDS)
     base = table.pop("base", "stone")
     if not isinstance(base, str) or base not in NAMED_GROUNDS:
-        raise SettingsFileError(
-            f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}"
-        )
+        raise SettingsFileError(f"{source}: base = {base!r}: must be {one_of(NAMED_GROUNDS, base)}")
     return build(Ground, table, source, NAMED_GROUNDS[base])

@@ -21,7 +21,6 @@ from trackslip.errors import require, require_at_most, require_finite, require_w
 from trackslip.kinematics import Array
 from trackslip.restorable import Restorable
 from trackslip.trajectory.base import Reference
-from trackslip.trajectory.named import load_reference
 
 _OPTIONS: Final = {
     "reference": str,
@@ -141,15 +140,13 @@ class ReferenceTable(Restorable):
     STATE = ("names", "last", "_pose", "_twists")
 
     def __init__(
-        self, names: Iterable[str], steps: Index, require: Callable[[str, Reference], None]
+        self, names: Iterable[str], steps: Index, load: Callable[[str], Reference]
     ) -> None:
         """Tabulate the references `names`, with twists `steps` (K,) control periods ahead,
-        ascending from 0.
-
-        `require` raises InvalidValueError for a reference that the robots can't follow.
+        ascending from 0. `load` builds a reference from its name.
         """
         self._steps = steps
-        self._require = require
+        self._load = load
         self.names: tuple[str, ...] = ()  # names of the references, in the order of the rows
         self.last: Index = np.empty(0, int)  # last control period (R,) of each reference
         self._pose: Array = np.empty((0, 1, 3))
@@ -162,8 +159,7 @@ class ReferenceTable(Restorable):
         name.
         """
         if name not in self.names:
-            reference = load_reference(name)
-            self._require(name, reference)
+            reference = self._load(name)
             last = math.ceil(reference.duration / PERIOD - _ROUNDING)
             now = np.arange(last + self._steps[-1] + 1)  # after its end, the reference stands still
             later = np.minimum(now[:, None] + self._steps, now[-1])

@@ -67,10 +67,13 @@ class PathTracking(Task):
         top_speed = or_tireless(config.parameters.drive).top_speed
         law = _first_law(config, robot.geometry)
 
-        def require(name: str, reference: Reference) -> None:
+        def drivable(name: str) -> Reference:
+            """A reference that the robots can follow; raises InvalidValueError for others."""
+            reference = config.load_reference(name)
             require_drivable("reference", name, reference, law, robot.geometry, top_speed)
+            return reference
 
-        self.table = ReferenceTable(config.references, previews, require)
+        self.table = ReferenceTable(config.references, previews, drivable)
         begin = np.tile(self.table.path(0)[0], (size, 1))
         self.fleet = Fleet(
             robot,

@@ -24,14 +24,17 @@ from sim.runs.run_recorder import Description, RunRecorder
 from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from trackslip.arguments import checks_arguments
 from trackslip.controllers.base import Controller, SensesSprockets
+from trackslip.controllers.named import TURNING_CONTROLLERS
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds, track_speeds
-from trackslip.laws.base import SlipLaw
+from trackslip.laws.base import TURNING_LAWS, SlipLaw
 from trackslip.localization.pose_estimate import Locator
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
+from trackslip.trajectory.turns import require_turns
 
 Progress = Callable[[float], None]
 """Function that is called with the simulated time since the last call [s]."""
@@ -51,6 +54,7 @@ _LOST_SPEED: Final = {"slow": 0.5, "stop": 0.0}
 _ROUNDING: Final = 1e-9  # tolerance on the number of rows
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Pilot:
     """The controller and slip compensation for R robots in a fleet."""
@@ -81,6 +85,14 @@ class Pilot:
         self.compensation.reset(record.fleet.pose()[self.robots])
         if self._loaded is not None:
             record.sense_loads()
+
+    def require_able(self, reference: Reference) -> None:
+        """Raise InvalidValueError if the reference turns on the spot, and its follower can't."""
+        controller = self.controller
+        name = type(controller).__name__
+        require_turns(reference, "controller", name, controller, TURNING_CONTROLLERS)
+        law = self.compensation.law()
+        require_turns(reference, "compensation", type(law).__name__, law, TURNING_LAWS)
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
         """Slip law for row k, after the compensation has observed the motion up to then."""
@@ -147,6 +159,7 @@ class Pilot:
             ) from error
 
 
+@checks_arguments
 def open_loop(
     fleet: Fleet,
     omega: Array,
@@ -188,6 +201,7 @@ def open_loop(
     return _drive(record, localization, lambda k: speeds[k], progress, watch)
 
 
+@checks_arguments
 def closed_loop(
     fleet: Fleet,
     pilots: Controller | Sequence[Pilot],
@@ -217,7 +231,8 @@ def closed_loop(
         delay: time from each scan until its command takes effect, rounded to servo periods.
 
     Raises:
-        InvalidValueError: for a negative delay, and unless every robot has exactly one pilot.
+        InvalidValueError: for a negative delay, unless every robot has exactly one pilot, and for a
+            reference that turns on the spot if a controller or its law can't.
         RunFailedError: if a robot tips over or a controller fails; the error's `logs` contain the
             rows up to then.
     """
@@ -236,6 +251,7 @@ def closed_loop(
     record = RunRecorder(fleet, rows, period, descriptions)
     for pilot in pilots:
         pilot.begin(record)
+        pilot.require_able(reference)
         if len(pilot.robots) == 1:
             watch.steps[pilot.name(record)] = []
     localization = PoseEstimation(record, TruePose(fleet))

@@ -2,9 +2,7 @@
 digit.
 """
 
-import importlib
 import re
-import sys
 
 import pytest
 from pages import PAGES, ROOT, PageRunner, blocks, commands, links
@@ -16,21 +14,6 @@ FIRST = (ROOT / "README.md", ROOT / "docs" / "quick_start.md")  # their blocks r
 
 def ids(page):
     return str(page.relative_to(ROOT))
-
-
-@pytest.fixture
-def workplace(tmp_path, monkeypatch):
-    """An empty folder to run a page in, whose modules are forgotten afterwards."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    monkeypatch.setenv("COLUMNS", "200")
-    # others would take longer to start
-    monkeypatch.setattr("experiments.common.sweep.processors", lambda: 1)
-    importlib.invalidate_caches()
-    yield tmp_path
-    for name, module in list(sys.modules.items()):
-        if str(getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
-            del sys.modules[name]
 
 
 @pytest.fixture

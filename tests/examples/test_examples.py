@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from trackslip.errors import LogError
 from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import load_laws
 
 FOLDER = Path(__file__).parents[2] / "examples"
 
@@ -63,9 +65,12 @@ def test_identify_from_python(run, tmp_path, monkeypatch):
 
 def test_own_slip_law(run, tmp_path):
     try:
-        printed = run("own_slip_law", tmp_path / "report.html")
+        printed = run("own_slip_law", tmp_path)
+        assert set(load_laws(tmp_path / "laws.json")) == {"linear"}
     finally:
         FAMILIES.pop("linear", None)
+    with pytest.raises(LogError, match="only linear: import the module that adds it to FAMILIES"):
+        load_laws(tmp_path / "laws.json")
     errors = dict(re.findall(r"^(\w+) misses the slip by (\S+) rms", printed, re.M))
     assert float(errors["linear"]) < float(errors["none"])
     assert "Linear(offset=" in printed
@@ -98,7 +103,9 @@ def test_environment(run):
 
 def test_training(run):
     pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    assert "after 2,048 periods" in run("training", steps=2048, robots=8)
+    told, *lines = run("training", steps=8192, robots=8).splitlines()
+    assert told.startswith("PPO learns in 8,192 control periods which twists 8 robots")
+    assert lines[-1].startswith("after   8,192 periods: on the path for ")
 
 
 @pytest.mark.slow

@@ -136,6 +136,7 @@ CASES = {
             "jobs": SPEED,
             "wait": WAIT,
             "bag": "--bag",
+            "pdf": FIGURES,
         },
     ),
     "reproduce": Case(
@@ -158,11 +159,16 @@ CASES = {
             "circle_radius": "--circle-radius 2",
             "circle_speed": "--circle-speed 0.1",
             "circle_duration": "--circle-duration 6",
+            "speed": "--reference {bend} | --reference {bend} --speed 0.2",
+            "tolerance": "--reference {steps} | --reference {steps} --tolerance 0.03",
             "start": "--start 0 0.2 0",
             "laws": "--laws {laws}",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
+            "speed": "--speed 0.1",
+            "tolerance": "--tolerance 0.03",
             "scanner.noise": "--localization truth --scanner.noise 0.02",
             "obstacles": "--localization truth --obstacles posts",
             "laws": "--compensation none --laws {laws}",
@@ -197,6 +203,7 @@ CASES = {
             "source.left": "--source.left 0.2",
             "source.mounting": "--source.mounting 0.3",
             "bag": "--bag",
+            "pdf": FIGURES,
         },
         {
             "source.heading_noise": "--source gnss --source.heading-noise 0.1",
@@ -374,6 +381,8 @@ CASES = {
             "controllers": "--controllers lqr",
             "compensations": "--compensations icr_radius",
             "references": "--references {straight}",
+            "speed": "--speed 0.1",
+            "tolerance": "--references {steps} | --references {steps} --tolerance 0.03",
             "grounds": "--grounds ice",
             "starts": "--starts zero",
             "seeds": "--seeds 1",
@@ -382,7 +391,11 @@ CASES = {
             "jobs": SPEED,
             "pdf": FIGURES,
         },
-        {"scanner.noise": "--localization truth --scanner.noise 0.02"},
+        {
+            "scanner.noise": "--localization truth --scanner.noise 0.02",
+            "speed": "--references slalom --speed 0.1",
+            "tolerance": "--references slalom --tolerance 0.03",
+        },
     ),
     "tune": Case(
         "tune linear --compensations none --evaluations 12 --threads 1",
@@ -405,6 +418,7 @@ CASES = {
         RESULTS
         | {
             "env": "~ tests of train check it",
+            "pdf": FIGURES,
             "steps": "--steps 384",
             "robots": "--robots 8",
             "references": "--references circle",
@@ -454,6 +468,7 @@ CASES = {
         | {
             "path": "~ the log",
             "run": "~ tests of recordings check it",
+            "robot": "~ tests of recordings check it",
             "web": SCREEN,
             "save": PLACE,
             "max_memory": MEMORY,
@@ -493,9 +508,9 @@ def write_inputs(folder: Path) -> dict[str, str]:
         law["values"] = {name: 1.1 * value for name, value in law["values"].items()}
     rng = np.random.default_rng(0)
     omega = rng.uniform(1, 5, (30, 2))
-    twist = np.array([0.0297, 0.1409]) * [[1, 1]] * np.column_stack(
-        [omega.sum(axis=1), omega[:, 1] - omega[:, 0]]
-    ) + 0.001 * rng.standard_normal((30, 2))
+    sum_and_difference = np.column_stack([omega.sum(axis=1), omega[:, 1] - omega[:, 0]])
+    exact = np.array([0.0297, 0.1409]) * sum_and_difference
+    twist = exact + 0.001 * rng.standard_normal((30, 2))
     np.savetxt(
         folder / "samples.csv",
         np.column_stack([omega, twist]),
@@ -507,6 +522,7 @@ def write_inputs(folder: Path) -> dict[str, str]:
         "laws.json": json.dumps(laws),
         "bend.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.45\n",
         "straight.csv": "x,y\n0,0\n0.7,0.1\n1.4,0.2\n",
+        "steps.csv": "x,y\n" + "".join(f"{k // 2 / 10},{k % 2 / 25}\n" for k in range(30)),
         "robot.toml": "mass = 30.0\ncontact_length = 0.3\n[drive]\nlag = 0.1\n",
         "sweep.toml": "seed = [0, 1]\n",
     }
@@ -523,7 +539,10 @@ def outcome(line: str, folder: Path) -> tuple[int, object, str]:
     options: manifests, pages, metadata and ids.
     """
     folder.mkdir()
-    printed, errors, code, here = io.StringIO(), io.StringIO(), 0, Path.cwd()
+    printed = io.StringIO()
+    errors = io.StringIO()
+    code = 0
+    here = Path.cwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from trackslip.trajectory.base import Reference
 T = TypeVar("T")
 
 
+@runtime_checkable
 class Controller(Protocol):
     """Converts poses into body twists to drive; slip is left to `SlipLaw` and `compensation`.
 
@@ -41,6 +42,9 @@ class SensesSprockets(Protocol):
 @dataclass(frozen=True)
 class ControlLaw:
     """Base class of control laws without state. All parameters of type float must be positive."""
+
+    turns_on_the_spot: ClassVar[bool] = True
+    """Whether the law turns a robot whose reference turns with v = 0."""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):

@@ -30,6 +30,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import InvalidValueError, require, require_finite
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
@@ -100,6 +101,7 @@ class _Turning(_LawTurning):
     rest_turn: Array  # (T + 1, ...) see _State
 
 
+@checks_arguments
 class SlipOdometry(Restorable):
     """Dead reckoning for one or many robots by a slip law, with the covariance of the pose.
 

@@ -8,6 +8,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from trackslip.arguments import checks_arguments
 from trackslip.errors import (
     InvalidValueError,
     require,
@@ -82,6 +83,7 @@ class Gyro:
             require_non_negative(name, getattr(self, name))
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class LawErrors:
     """Errors of a law's parameters, which are constant along the whole path."""

@@ -6,23 +6,22 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, runtime_checkable
+from typing import ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.arguments import checks_arguments
+from trackslip.errors import InvalidValueError, TrackslipError, one_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
 from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.odometry.law_in_use import LawInUse
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable
-
-if TYPE_CHECKING:
-    from trackslip.odometry.identified import LawInUse
 
 KNOWN_LAWS: Final[Mapping[str, SlipLaw]] = {"none": NoSlip(), "published": PUBLISHED}
 """The laws with which the paper compensates slip, which need no identification."""
@@ -74,6 +73,7 @@ class SensesLoad(Protocol):
         """Angles (N,) from headings left to directions of motion [rad], at twists (N, 2)."""
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class FixedLaw(Compensation, Restorable):
     """Compensation by a fixed law for all robots, by default none: the law without slip."""
@@ -91,6 +91,7 @@ class FixedLaw(Compensation, Restorable):
         return _odometry(self.identified)
 
 
+@checks_arguments
 class LoadedLaw(Compensation, Restorable):
     """Compensation by a fixed law of slip under load, evaluated at the measured load."""
 
@@ -160,6 +161,7 @@ def _odometry(identified: LawInUse | None) -> SlipOdometry | None:
     return identified.odometry()
 
 
+@checks_arguments
 class OnlineIcr(Compensation, Restorable):
     """Compensation by constant ICRs that an `IcrFilter` learns while driving."""
 
@@ -208,6 +210,7 @@ class OnlineIcr(Compensation, Restorable):
         return self._started
 
 
+@checks_arguments
 class LoadedOnlineIcr(OnlineIcr):
     """Compensation by ICRs and turning centres learnt while driving, plus known slip under load."""
 
@@ -277,5 +280,5 @@ def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPP
     if name not in stored:
         learning = [online for online, law in _PRIORS.items() if law in stored]
         names = [*KNOWN_LAWS, *stored, *learning, "online_cold"]
-        raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
+        raise InvalidValueError("compensation", name, one_of(names, name))
     return known_law(stored[name], identified_law(laws, name, robot))

@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
+from trackslip.arguments import checks_arguments
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.pose_estimate import PoseEstimate
@@ -71,6 +72,7 @@ class FilterTuning:
     """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
 
 
+@checks_arguments
 class IcrFilter(Restorable):
     """Extended Kalman filter for the poses, D and epsilon of N independent robots."""
 
