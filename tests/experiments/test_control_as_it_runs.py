@@ -118,7 +118,7 @@ def test_delays_that_a_servo_cannot_have_are_refused(command, delay, allowed, tm
     assert not (tmp_path / "out").exists()
 
 
-def test_a_blind_run_with_the_law_in_use_stays_within_a_centimetre(trackslip):
+def test_a_blind_run_with_its_law_stays_within_a_centimetre(trackslip):
     result = trackslip("track", *BLIND, "--compensation", "icr_radius")
     (errors,) = result.summary["tracking"]
     assert result.summary["localization"]["valid_fraction"] == 0
