@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol, runtime_checkable
+from typing import ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,12 +18,10 @@ from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
 from trackslip.localization.pose_estimate import PoseEstimate
+from trackslip.odometry.identified import LawInUse
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable
-
-if TYPE_CHECKING:
-    from trackslip.odometry.identified import LawInUse
 
 KNOWN_LAWS: Final[Mapping[str, SlipLaw]] = {"none": NoSlip(), "published": PUBLISHED}
 """The laws with which the paper compensates slip, which need no identification."""
