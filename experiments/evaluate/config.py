@@ -47,7 +47,7 @@ EXAMPLES: Final = (
     ),
     (
         "laws from two grounds on two logs",
-        "trackslip evaluate stone.csv ice.csv --law out/stone --law out/ice",
+        "trackslip evaluate a.csv b.csv --law out/a --law out/b --out out/table",
     ),
 )
 ESSENTIAL: Final = (
