@@ -77,7 +77,10 @@ class Config(ResultsOptions):
     with 1 if a bound is exceeded.
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)"),
+    ]
     """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's
     .toml file. Several logs give a table of errors, model by log.
     """

@@ -289,7 +289,7 @@ CASES = {
         | NO_BAG
         | NO_LAYOUT
         | {
-            "path": "~ the log",
+            "logs": "~ the log",
             "where": "~ tests of identify check it",
             "half_gauge": "--half-gauge 0.2",
             "sprocket_radius": "--sprocket-radius 0.05",
@@ -318,7 +318,7 @@ CASES = {
         | NO_LAYOUT
         | {name: f"--robot shipped | {words}" for name, words in GROUND.items()}
         | {
-            "path": "~ the log",
+            "logs": "~ the log",
             "law": "--law none",
             "robot": "--robot shipped",
             "ground.uphill": "--robot shipped --ground.slope 0.1 | --ground.uphill 1",
