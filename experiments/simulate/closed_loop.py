@@ -4,7 +4,7 @@ name.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation
 from trackslip.trajectory.base import Reference
+
+_MAX_SEED: Final = 2**63
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,11 @@ class ClosedLoopRun:
     `ground`.
     """
     metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def controller_seed(self) -> int:
+        """The seed for the controller's random numbers."""
+        return int(generator(self.seed, f"controller {self.key}").integers(_MAX_SEED))
 
     def setup(self, world: World) -> RunSetup:
         """The run's setup in a fleet: start, ground and properties of the robot."""
@@ -156,7 +163,9 @@ def drive_closed_loops(
         slip = compensation(law)
         slip.reset(starts[robots])
         half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
-        pilots.append(Pilot(controller(name, *limits, half_gauge), robots, slip, preview))
+        seeds = [runs[k].controller_seed for k in robots]
+        made = controller(name, *limits, half_gauge)
+        pilots.append(Pilot(made, robots, slip, preview, seeds))
     fleet = world.fleet(starts, [setup.ground for setup in setups])
     if any(run.plant is not None for run in runs):
         fleet.restart(np.arange(len(runs)), setups)

@@ -2,6 +2,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from trackslip.errors import LogError
@@ -136,3 +137,27 @@ def test_ppo_in_one_file(run, updates):
     assert len(rewards) == updates
     # the first ones have robots near their start
     assert updates == 2 or rewards[-1] > rewards[1] + 0.1
+
+
+def test_ppo_bootstraps_the_end_of_a_reference_and_no_failure():
+    """A critic that returns the time of an observation sees the last one of each episode."""
+    torch = pytest.importorskip("torch")
+    spec = importlib.util.spec_from_file_location("ppo", FOLDER / "ppo_in_one_file.py")
+    ppo = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(ppo)
+
+    def critic(observation):
+        return observation[:, :1]
+
+    seen = np.float32([[1.0], [0.0], [3.0]])
+    final = np.array([None, np.float32([2.0]), None], dtype=object)
+    info = {"final_obs": final, "_final_obs": np.array([False, True, False])}
+    np.testing.assert_array_equal(ppo.critic_after(critic, seen, info), [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(ppo.critic_after(critic, seen, {}), [1.0, 0.0, 3.0])
+
+    # advantages don't cross an end, and sum up discounted errors elsewhere
+    errors = torch.ones(3, 1)
+    trace = ppo.DISCOUNT * ppo.TRACE
+    ends = torch.tensor([[0.0], [1.0], [0.0]])
+    expected = [1 + trace, 1.0, 1.0]
+    np.testing.assert_allclose(ppo.generalized_advantages(errors, ends)[:, 0], expected, rtol=1e-6)

@@ -79,6 +79,32 @@ def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
     assert 1.9 < log.time[-1] <= 2.05
 
 
+DITHERING = """
+import numpy as np
+
+class Dithering:
+    def reset(self, seed):
+        self.generators = [np.random.default_rng(one) for one in seed]
+
+    def twist(self, time, pose, reference):
+        noise = [0.1 * generator.standard_normal() for generator in self.generators]
+        return reference.twist(time) + np.column_stack([np.zeros(len(pose)), noise])
+"""
+
+
+def test_a_random_controller_depends_on_the_seed(trackslip, tmp_path, monkeypatch):
+    (tmp_path / "dithering_driver.py").write_text(DITHERING)
+    monkeypatch.chdir(tmp_path)
+    options = ("--controller", "dithering_driver:Dithering", "--localization", "truth")
+    twists = []
+    for seed in ("1", "1", "2"):
+        result = trackslip("track", *CIRCLE, *options, "--seed", seed)
+        (log,) = read_runs(result.folder / "runs.parquet")
+        twists.append(log.twist_command)
+    np.testing.assert_array_equal(twists[0], twists[1])
+    assert np.abs(twists[2] - twists[0]).max() > 0.05
+
+
 @pytest.mark.usefixtures("with_figures")
 def test_the_page_has_path_errors_and_slip(trackslip):
     result = trackslip("track", *CIRCLE, "--localization", "truth")

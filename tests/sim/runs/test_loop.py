@@ -243,3 +243,30 @@ def test_a_pilot_of_many_robots_is_as_many_pilots_to_the_bit(fleet, controller):
         together = commands(fleet, [Pilot(controller(), range(4), make(), 0.02)])
         alone = commands(fleet, [Pilot(controller(), [k], make(), 0.02) for k in range(4)])
         np.testing.assert_array_equal(together, alone)
+
+
+class Dithering:
+    """Feedforward with noise in the yaw rate, from a generator per robot."""
+
+    def reset(self, seed):
+        self.generators = [np.random.default_rng(one) for one in seed]
+
+    def twist(self, time, pose, reference):
+        noise = [0.1 * generator.standard_normal() for generator in self.generators]
+        return reference.twist(time) + np.column_stack([np.zeros(len(pose)), noise])
+
+
+def test_random_controllers_get_a_seed_per_robot(robot):
+    """A robot's run depends on its seed, not on the robots beside it."""
+    path = short_path()
+
+    def driven(seeds):
+        fleet = Fleet(robot, np.tile(path.pose([0.0]), (len(seeds), 1)))
+        pilot = Pilot(Dithering(), range(len(seeds)), seeds=seeds)
+        return [log.truth.pose for log in closed_loop(fleet, [pilot], path)]
+
+    alone = driven([7])
+    together = driven([3, 7, 7])
+    np.testing.assert_array_equal(together[1], alone[0])
+    np.testing.assert_array_equal(together[2], alone[0])
+    assert np.abs(together[0] - alone[0]).max() > 1e-4
