@@ -161,3 +161,35 @@ def test_ppo_bootstraps_the_end_of_a_reference_and_no_failure():
     ends = torch.tensor([[0.0], [1.0], [0.0]])
     expected = [1 + trace, 1.0, 1.0]
     np.testing.assert_allclose(ppo.generalized_advantages(errors, ends)[:, 0], expected, rtol=1e-6)
+
+
+@pytest.fixture
+def adapters():
+    spec = importlib.util.spec_from_file_location("adapters", FOLDER / "adapters.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_rl_games_steps_robots(adapters):
+    pytest.importorskip("rl_games.common.ivecenv")
+    envs = adapters.rl_games_environment("robots", 3, reference="circle")
+    assert envs.reset().shape == (3, *envs.get_env_info()["observation_space"].shape)
+    _, reward, done, infos = envs.step(np.zeros((3, 2), np.float32))
+    assert reward.shape == done.shape == infos["time_outs"].shape == (3,)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_tianshou_steps_some_of_the_robots(adapters):
+    pytest.importorskip("tianshou.env")
+    envs = adapters.tianshou_environment(3, reference="circle")
+    envs.seed(3)
+    observation, infos = envs.reset()
+    assert observation.shape == (3, *envs.observation_space[0].shape)
+    assert [info["env_id"] for info in infos] == [0, 1, 2]
+    observation, *_, infos = envs.step(np.zeros((2, 2), np.float32), id=[0, 2])
+    assert len(observation) == 2
+    assert [info["env_id"] for info in infos] == [0, 2]
