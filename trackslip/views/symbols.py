@@ -17,7 +17,7 @@ _EXTRA_SYMBOLS: Final = {
     "sensor_yaw": "ψ",
     "lag": "T",
     "gyro_bias": "β",
-    "gyro_scale": "κ",
+    "gyro_scale": "λ",
 }
 _PRINTED: Final = {
     "m": (1e3, "mm"),
