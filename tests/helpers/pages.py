@@ -78,35 +78,23 @@ def links(page: str) -> list[str]:
 
 
 def difference(text: str, printed: str) -> str | None:
-    """What a shown text has that wasn't printed in this order, or leaves out without a line …; None
-    if nothing: words and numbers as printed, spacing and the rules of tables apart.
+    """What a shown text has that wasn't printed in this order, or that it leaves lines out and has
+    no line … for them; None if nothing: words and numbers as printed, spacing and the rules of
+    tables apart.
     """
     rows = [line.split() for line in printed.splitlines() if line.strip(" ─")]
     shown = [line.strip() for line in text.splitlines() if line.strip()]
+    lines = [line for line in shown if line != LEFT_OUT]
     place = 0
-    is_marked = False
-    for line in shown:
-        if line == LEFT_OUT:
-            is_marked = True
-            continue
+    for line in lines:
         words = line.removesuffix(LEFT_OUT).split()
-        is_cut = line.endswith(LEFT_OUT)
-        found = next(
-            (
-                k
-                for k in range(place, len(rows))
-                if words == rows[k][: len(words) if is_cut else None]
-            ),
-            None,
-        )
+        length = len(words) if line.endswith(LEFT_OUT) else None
+        found = next((k for k in range(place, len(rows)) if words == rows[k][:length]), None)
         if found is None:
             return f"not printed: {line}"
-        if found > place and not is_marked:
-            return f"left out without a line {LEFT_OUT}: {' '.join(rows[place])}"
         place = found + 1
-        is_marked = False
-    if place < len(rows) and not is_marked:
-        return f"left out without a line {LEFT_OUT}: {' '.join(rows[place])}"
+    if len(lines) < len(rows) and LEFT_OUT not in shown:
+        return f"left out without a line {LEFT_OUT}: {len(rows) - len(lines)} lines"
     return None
 
 
