@@ -29,7 +29,7 @@ from sim.common.seeds import generator
 from sim.ground.ground import Ground, load_ground
 from sim.runs.loop import Progress
 from sim.runs.stopwatch import Stopwatch
-from trackslip.controllers.base import Controller, begin_run
+from trackslip.controllers.base import Controller, reset_arguments
 from trackslip.errors import InvalidValueError, require
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
@@ -144,7 +144,7 @@ class ClosedLoops:
         [s].
         """
         follower = self.controller(controller)
-        begin_run(follower, [0])
+        follower.reset(**reset_arguments(follower, [0]))
         taken = []
         with contextlib.suppress(Exception):  # a user's controller may fail in some runs
             for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
