@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import degrees
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 import tyro
@@ -23,7 +23,12 @@ from experiments.common.table import number, percent
 from experiments.common.traces import Traces
 from experiments.recorder import record_all
 from experiments.simulate import options
-from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, require_able
+from experiments.simulate.closed_loop import (
+    ClosedLoopRun,
+    Loop,
+    drive_closed_loops,
+    require_able,
+)
 from experiments.simulate.grid_summary import (
     LocalizationErrors,
     saturation_warnings,
@@ -35,9 +40,14 @@ from experiments.simulate.run_charts import errors_chart, path_chart, slip_chart
 from experiments.simulate.tracking import TrackingResult, tracking_results, tracking_table
 from experiments.simulate.world import World
 from sim.motors.motor import Drive
+from sim.runs.stopwatch import StepTimes, Stopwatch
 from trackslip.bags.open import require_rosbags
+from trackslip.errors import InvalidValueError
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT
+from trackslip.online.compensation import Compensation
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.drivable import Demand, require_drivable
 from trackslip.trajectory.named import CIRCLE_RADIUS, CIRCLE_SPEED, one_circle
 
 EXAMPLES: Final = (
@@ -67,7 +77,7 @@ ESSENTIAL: Final = (
 
 
 @dataclass(frozen=True)
-class Config(options.Simulation, WaypointOptions):
+class Config(options.Simulation, options.ClosedLoopOptions, WaypointOptions):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
@@ -77,14 +87,6 @@ class Config(options.Simulation, WaypointOptions):
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """A LAW in --laws; online starts from icr_radius, online_load from icr_load in --laws,
     online_cold from no slip.
-    """
-    preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0
-    """Time by which controllers look ahead on the path; 0.075 s compensates for the lag of servo
-    and sampling [s].
-    """
-    localization: Literal["plate", "line", "truth"] = "plate"
-    """Source of the controller's poses: scans, by the plate or line method, or the true pose
-    (truth).
     """
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
     """Path: the paper's takes 45.8 s, a .csv file has waypoints x,y[,yaw][,v]."""
@@ -102,8 +104,6 @@ class Config(options.Simulation, WaypointOptions):
         default_is("that of the path", "X Y PHI"),
     ] = None
     """Start pose; the paper's linear controller starts at 0.3 -0.2 1.0472 [m, m, rad]."""
-    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
-    """Identified laws: a summary.json, or a folder that contains one."""
     bag: bool = False
     """Also write a ROS 2 bag to OUT/bags."""
     out: Path = Path("out/track")
@@ -114,7 +114,6 @@ class Config(options.Simulation, WaypointOptions):
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("circle_radius", "circle_speed", "circle_duration"), "reference", ("circle",)),
         Excludes(("laws",), "compensation", WITHOUT_LAWS),
-        options.WITHOUT_SCANS,
     )
 
     def check(self, drive: Drive) -> None:
@@ -146,24 +145,34 @@ def run(config: Config) -> None:
     case = ClosedLoopRun(name, f"track {name}", config.seed, *names, start, metadata=metadata)
     law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
     require_able([case], world, path, law)
+    _require_drivable(config, path, law(config.compensation), world)
     about_path = PathSummary.of(config.reference, path, plan.limits)
+    watch = Stopwatch()
     with Run(config) as run:
         with run.progress(name, path.duration) as report:
             logs = drive_closed_loops(
-                [case], world, path, config.localization, law, config.preview, report, config.bag
+                [case], world, path, Loop.of(config), law, report, config.bag, watch
             )
         results = tracking_results(logs, path)
         poses = LocalizationErrors.of(logs)
+        steps = StepTimes.of(watch.steps[name])
         summary: dict[str, Any] = {
             "tracking": [result.to_json() for result in results],
             "localization": poses,
             "path": about_path,
+            "timing": {
+                "step_s": steps.median,
+                "p99_step_s": steps.p99,
+                "worst_step_s": steps.worst,
+            },
         }
         if config.bag:
             summary["bags"] = write_bags(run.folder, [log.run for log in logs], logs)
         manifest = run.manifest(**world.about)
         run.write(summary, logs, simulated_seconds(logs), manifest)
+        late = steps.warning(config.controller, config.scanner.period)
         warnings = [*about_path.warnings(plan), *saturation_warnings(logs)]
+        warnings += [late] if late else []
         notes = without_motors(config.robot, world.drive)
         page = _page(config, logs[0], results[0], poses, warnings, notes, manifest)
         page.write(run.folder, config.pdf)
@@ -178,9 +187,25 @@ def run(config: Config) -> None:
         print(f"Note: {note}.")
     bridged = "; odometry bridged the rest" if poses.valid_fraction < 1 else ""
     print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose{bridged}")
+    print(f"control steps: {steps}, due every {1e3 * config.scanner.period:.3g} ms")
     if config.bag:
         print(bags_text(config.out, summary["bags"]))
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
+
+
+def _require_drivable(config: Config, path: Reference, slip: Compensation, world: World) -> None:
+    """Raise InvalidValueError for a path that is too fast for the robot."""
+    slip.reset(path.pose([0.0]))
+    geometry = world.robot.geometry
+    top_speed = world.drive.top_speed
+    if config.reference != "circle":
+        require_drivable("reference", config.reference, path, slip.law(), geometry, top_speed)
+        return
+    demand = Demand.of(path, slip.law(), geometry)
+    if demand.exceeds(top_speed):
+        speed = demand.possible_speed(top_speed)
+        allowed = f"at most {speed:g} m/s on this circle: {demand.reason(top_speed)}"
+        raise InvalidValueError("circle_speed", config.circle_speed, allowed)
 
 
 def _page(

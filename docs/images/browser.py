@@ -42,6 +42,7 @@ class View:
     width: int  # of the window [px]
     dark: bool = False
     scale: float = 1.0  # pixels of a picture per pixel of the page
+    touch: bool = False  # whether fingers point
 
 
 class Browser:
@@ -95,8 +96,9 @@ class Browser:
             width=view.width,
             height=height,
             deviceScaleFactor=view.scale,
-            mobile=False,
+            mobile=view.touch,
         )
+        self._call("Emulation.setTouchEmulationEnabled", enabled=view.touch)
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Call a method of the protocol, and return its result."""

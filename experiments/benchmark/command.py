@@ -11,12 +11,12 @@ from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, page
-from experiments.benchmark.rows import board, over_seeds, score
+from experiments.benchmark.rows import board, over_seeds, score, step_times
 from experiments.common.choices import SHIPPED
 from experiments.common.paths import is_file
 from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
-from experiments.common.sweep import Row, drive_missing, resumable
+from experiments.common.sweep import STEPS, Row, drive_missing, resumable
 from experiments.common.table import stages_text
 from experiments.simulate.motors import print_motors
 from experiments.simulate.paths import PathSummary
@@ -55,22 +55,18 @@ def run(config: Config) -> None:
         about = run.manifest(
             **loops.world.about | {"ground": grounds, "seed": seeds, "files": files}
         )
-        names = {
-            entry["controller"]: entry["compensation"]
-            for entry in entries
-            if entry["failed"] < entry["seeds"]
-        }
-        steps = {
-            name: loops.step_time(gains.specification(name, names[name]), cases[0].path)
-            for name in names
-        }
+        steps = step_times(runs)
         best = answer(
             entries, _track_command(config, gains, entries[0]), steps, config.scanner.period
         )
         lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
         with run.watch.stage("report"):
-            page(best, entries, rows, lines, about).write(run.folder, config.pdf)
-        scored = [row | {"score": score(row)} for row in runs]
+            page(best, entries, rows, lines, steps, about).write(run.folder, config.pdf)
+        # times differ each time that a run is driven, so they are kept apart
+        scored = [
+            {key: value for key, value in row.items() if key != STEPS} | {"score": score(row)}
+            for row in runs
+        ]
         summary = {
             "board": entries,
             "rows": rows,
@@ -83,7 +79,11 @@ def run(config: Config) -> None:
             for name in dict.fromkeys(case.reference for case in cases)
         ]
         summary["paths"] = paths
-        summary["timing"] = {"step_s": steps}
+        summary["timing"] = {
+            "step_s": {name: times.median for name, times in steps.items()},
+            "p99_step_s": {name: times.p99 for name, times in steps.items()},
+            "worst_step_s": {name: times.worst for name, times in steps.items()},
+        }
         run.write(summary, manifest=about)
     print(f"{best.heading}.")
     for line in [*best.lines, *(f"Warning: {warning}." for warning in best.warnings)]:

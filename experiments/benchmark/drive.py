@@ -1,11 +1,9 @@
 """How a benchmark's cases are driven and measured, fleet by fleet."""
 
-import contextlib
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
 from typing import ClassVar, Final
 
 import numpy as np
@@ -19,6 +17,7 @@ from experiments.common.results import SUMMARY_FILE
 from experiments.common.sweep import Row
 from experiments.simulate.closed_loop import (
     ClosedLoopRun,
+    Loop,
     Plant,
     drive_closed_loops,
     require_able,
@@ -29,17 +28,16 @@ from sim.common.seeds import generator
 from sim.ground.ground import Ground, load_ground
 from sim.runs.loop import Progress
 from sim.runs.stopwatch import Stopwatch
-from trackslip.controllers.base import Controller, reset_arguments
+from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError, require
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
-from trackslip.trajectory.base import Reference
+from trackslip.trajectory.drivable import require_drivable
 from trackslip.trajectory.turns import turns_of
 
 _NOISE: Final = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_TIMED_STEPS: Final = 21  # number of controller steps that are timed
 _SPACING: Final = 0.05  # time between points on the path where ground patches may lie [s]
 
 
@@ -98,6 +96,7 @@ class ClosedLoops:
         """Raise TrackslipError for unknown names, and for gains or plants that aren't allowed,
         before driving.
         """
+        self.config.check(self.world.drive)
         if self.config.laws and {case.compensation for case in cases} <= set(WITHOUT_LAWS):
             allowed = f"left out for the compensations {', '.join(WITHOUT_LAWS)}"
             raise InvalidValueError("laws", self.config.laws, allowed)
@@ -121,12 +120,22 @@ class ClosedLoops:
             allowed = f"a path of more than {TRANSIENT:g} s, from which on errors count"
             require(duration > TRANSIENT, "references", f"{name} of {duration:.1f} s", allowed)
         self._require_able(cases)
+        for case in {(case.reference, case.compensation): case for case in cases}.values():
+            self._require_drivable(case)
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
             raise InvalidValueError(
                 f"{error.field} of drawn plants", error.value, error.allowed
             ) from error
+
+    def _require_drivable(self, case: BenchmarkCase) -> None:
+        """Raise InvalidValueError for a path that is too fast for the robot with a compensation."""
+        slip = self.compensation(case.compensation)
+        slip.reset(case.path.pose([0.0]))
+        geometry = self.world.robot.geometry
+        top_speed = self.world.drive.top_speed
+        require_drivable("references", case.reference, case.path, slip.law(), geometry, top_speed)
 
     def _require_able(self, cases: Sequence[BenchmarkCase]) -> None:
         """Raise InvalidValueError if a path turns on the spot, and a controller or law can't."""
@@ -138,21 +147,6 @@ class ClosedLoops:
             if turns_of(path):
                 runs = [self._loop(case) for case in group]
                 require_able(runs, self.world, path, self.compensation)
-
-    def step_time(self, controller: str, path: Reference) -> float:
-        """Median computing time per step of a controller that follows a reference with one robot
-        [s].
-        """
-        follower = self.controller(controller)
-        follower.reset(**reset_arguments(follower, [0]))
-        taken = []
-        with contextlib.suppress(Exception):  # a user's controller may fail in some runs
-            for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
-                pose = path.pose(time)[None]
-                begin = perf_counter()
-                follower.twist(float(time), pose, path)
-                taken.append(perf_counter() - begin)
-        return float(np.median(taken)) if taken else 0.0
 
     def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
         """SHA-256 of files with laws, policies, user modules, paths and grounds, by name; None if
@@ -181,7 +175,8 @@ class ClosedLoops:
             world.robot.digest,
             world.drive,
         ]
-        room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
+        loop = vars(Loop.of(config)).values()
+        room = [world.obstacles, world.pull, config.scanner, *loop]
         common = digest([robot, room, self.files(cases), self.plants])
         identified = []
         for case in cases:
@@ -197,15 +192,14 @@ class ClosedLoops:
         self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None
     ) -> list[RunLog]:
         """Drive cases that share a reference as one fleet."""
-        config = self.config
         return drive_closed_loops(
             [self._loop(case) for case in runs],
             self.world,
             runs[0].path,
-            config.localization,
+            Loop.of(self.config),
             self.compensation,
-            config.preview,
             progress or (lambda seconds: None),
+            watch=watch,
         )
 
     def _loop(self, case: BenchmarkCase) -> ClosedLoopRun:
@@ -231,9 +225,11 @@ class ClosedLoops:
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, run.path)
         top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
+        effort = expense(log, top_speed)
         row: Row = {
             **vars(errors),
-            **vars(expense(log, top_speed)),
+            **vars(effort),
+            "saturation": effort.saturation_s / float(log.time[-1] - log.time[0]),
             "valid_fraction": float(log.is_valid.mean()),
         }
         if log.icr is not None:

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import cycle
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
@@ -19,11 +20,14 @@ from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.style import MARKERS, key, law_line, legend_below, log_ticks, panel, styled
 from experiments.common.sweep import Row
 from experiments.common.table import MISSING, Table, number
+from sim.runs.stopwatch import StepTimes
 
 _CAPTION: Final = (
     "Means over references, grounds and seeds, with 95 % intervals; runs that lose the path count "
     "500 mm."
 )
+# share of the time at the limits of the drives from which on a warning says so [-]
+_MUCH_SATURATION: Final = 0.05
 _NAME: Final = 22  # characters in a line of a name in the figure
 _MOST_EQUAL: Final = 3  # largest number of entries named as indistinguishable from the best entry
 _NUMBERS: Final = {  # column header: key in a row, factor from SI, decimals
@@ -54,13 +58,12 @@ BOARD_LEGEND: Final = f"{_BOARD_NOTE} {_MORE_NOTE}"
 
 
 def answer(
-    entries: Sequence[Row], next_command: str, steps: Mapping[str, float], period: float
+    entries: Sequence[Row], next_command: str, steps: Mapping[str, StepTimes], period: float
 ) -> Answer:
     """The answer: the leaderboard's first entry with error, gain from compensation and closest
     rivals, and warnings.
 
-    `steps` are the controllers' computing times per step, `period` is the time between two commands
-    [s].
+    `steps` are the controllers' computing times, `period` is the time between two commands [s].
     """
     best = entries[0]
     alarms = []
@@ -108,18 +111,24 @@ def _rivals(entries: Sequence[Row]) -> list[str]:
     return []
 
 
-def _warnings(entries: Sequence[Row], steps: Mapping[str, float], period: float) -> list[str]:
-    """Warnings on lost paths, slow controllers and missing intervals."""
+def _warnings(entries: Sequence[Row], steps: Mapping[str, StepTimes], period: float) -> list[str]:
+    """Warnings on lost paths, drives at their limits, slow controllers and missing intervals."""
     warnings = []
     losing = sum(entry["success"] < 1 for entry in entries)
     if losing:
         warnings.append(f"{losing} of {len(entries)} entries lose the path in some runs")
-    for name, step in steps.items():
-        if step > period:
-            warnings.append(
-                f"{name} takes {1e3 * step:.0f} ms a step for one robot, but commands are due "
-                f"every {1e3 * period:.0f} ms"
-            )
+    saturated = [entry for entry in entries if (entry["saturation"] or 0) >= _MUCH_SATURATION]
+    if saturated:
+        most = max(saturated, key=itemgetter("saturation"))
+        warnings.append(
+            f"set points at the top speed, or motors at their limits, for {_MUCH_SATURATION:.0%} "
+            f"of the time or more in {len(saturated)} of {len(entries)} entries, at most for "
+            f"{most['saturation']:.0%} in {_name(most, entries)}"
+        )
+    for name, times in steps.items():
+        warning = times.warning(name, period)
+        if warning is not None:
+            warnings.append(warning)
     if entries[0]["score_ci95"] is None:
         warnings.append("there are no intervals with one seed: ranks are the order of the errors")
     return warnings
@@ -191,6 +200,17 @@ def _cell(row: Row, header: str) -> str:
     return mark + number(factor * value, digits)
 
 
+def step_table(steps: Mapping[str, StepTimes]) -> Table:
+    """Computing times of the control steps by controller."""
+    header = ("controller", "median [ms]", "99 % [ms]", "worst [ms]")
+    rows = []
+    for name, times in steps.items():
+        taken = (times.median, times.p99, times.worst)
+        rows.append([name, *(number(1e3 * time, 2) for time in taken)])
+    note = "Steps for one robot, with compensation and slip law, in the slowest run."
+    return Table("Computing times of control steps", header, rows, align="lr", note=note)
+
+
 def _behind(row: Row) -> str:
     """How far an entry is behind the best, with its interval; a dash for the best."""
     if row["behind"] == 0:
@@ -204,9 +224,12 @@ def page(
     entries: Sequence[Row],
     rows: Sequence[Row],
     failures: Sequence[str],
+    steps: Mapping[str, StepTimes],
     manifest: Mapping[str, Any],
 ) -> Page:
-    """The page, with the leaderboard's `entries` and with `rows` of means over seeds."""
+    """The page, with the leaderboard's `entries`, with `rows` of means over seeds, and with the
+    computing times of `steps` by controller.
+    """
     plot = Plot(
         "leaderboard",
         partial(board_figure, entries),
@@ -226,6 +249,7 @@ def page(
             Section("Failed runs", [Bullets(failures) if failures else None]),
             Section("More numbers", [more], folded=True),
             Section("All rows", [all_rows], folded=True),
+            Section("Computing times", [step_table(steps)], folded=True),
         ],
         answer=answer,
     )

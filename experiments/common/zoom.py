@@ -24,15 +24,24 @@ _WRAPPED: Final = """
 """
 
 LOADER: Final = Markup("""
+const isTouched = matchMedia("(pointer: coarse)").matches;
 for (const card of document.querySelectorAll(".card")) {
   for (const data of card.querySelectorAll("script")) {
     const item = JSON.parse(data.textContent);
-    Bokeh.embed.embed_item(item, data.previousElementSibling);
     card.classList.add("live");
+    Bokeh.embed.embed_item(item, data.previousElementSibling).then(views => {
+      for (const view of views) {
+        for (const model of view.model.references()) {
+          if (isTouched && model.type === "PanTool") model.active = false;
+        }
+      }
+    });
   }
 }
 """)
-"""Script of a page that draws its charts in place of the figures for print."""
+"""Script of a page that draws its charts in place of the figures for print. Where fingers scroll
+the page, they move a chart only once its tool is chosen.
+"""
 
 
 @functools.cache

@@ -47,7 +47,7 @@ EXAMPLES: Final = (
     ),
     (
         "laws from two grounds on two logs",
-        "trackslip evaluate stone.csv ice.csv --law out/stone --law out/ice",
+        "trackslip evaluate a.csv b.csv --law out/a --law out/b --out out/table",
     ),
 )
 ESSENTIAL: Final = (
@@ -77,7 +77,10 @@ class Config(ResultsOptions):
     with 1 if a bound is exceeded.
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)"),
+    ]
     """A .csv or .parquet log, a ROS bag, a folder with a drive, a grid or bags, or a data set's
     .toml file. Several logs give a table of errors, model by log.
     """

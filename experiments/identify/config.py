@@ -77,7 +77,10 @@ class Config(ResultsOptions):
     omega_l, omega_r, v, w (steady samples).
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)"),
+    ]
     """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder
     of them). Several logs are identified each by itself and compared.
     """

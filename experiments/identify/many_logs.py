@@ -68,11 +68,12 @@ _METHOD: Final = (
     "The common law of a log has the means of the other logs' multipliers, weighted by their "
     "precision; the log's own law is fitted without the driving that it predicts. So neither law "
     "has seen what it predicts. The ratio of their mean errors says what one law for all costs "
-    f"the log. It serves the log if the whole interval is below {NOTICED:g}, and doesn't if the "
-    f"ratio is above {NOTICED:g} and the whole interval above 1. Intervals follow from the "
-    "scatter between independent parts of the driving, and cover all logs together. Differences "
-    "between the multipliers may be beyond chance, and still too small to matter: that is what "
-    "Cochran's Q tests."
+    f"the log. It serves the log if the whole interval is below {NOTICED:g}. It doesn't if the "
+    f"ratio is above {NOTICED:g}, the whole interval above 1, and a multiplier differs from that "
+    "of the other logs beyond its interval (Cochran's Q): a law that is hardly known predicts "
+    "badly, too. Otherwise the log can't tell. Intervals follow from the scatter between "
+    "independent parts of the driving, and cover all logs together. Multipliers may differ beyond "
+    "chance, and by too little to matter."
 )
 
 

@@ -4,19 +4,21 @@ name.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
 from experiments.common.lookup import controller, locator
 from experiments.common.plain_json import plain
+from experiments.simulate.options import ClosedLoopOptions
 from experiments.simulate.paths import require_compensation, require_controller
 from experiments.simulate.world import World
 from sim.common.seeds import generator
 from sim.fleet.fleet import RunSetup
 from sim.ground.ground import Ground
-from sim.runs.loop import Pilot, Progress, closed_loop
+from sim.runs.loop import MEASURED, Delay, Pilot, Progress, WhenLost, closed_loop
 from sim.runs.run_recorder import Description
+from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -50,9 +52,7 @@ class ClosedLoopRun:
     controller: str
     """Name of a controller, as in `lookup.controller`."""
     compensation: str
-    """Name of a slip compensation; runs with equal controller and compensation names share both
-    objects.
-    """
+    """Name of a slip compensation."""
     start: Array
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None
@@ -95,6 +95,30 @@ class ClosedLoopRun:
         return plain(entries | dict(self.metadata))
 
 
+@dataclass(frozen=True)
+class Loop:
+    """How closed loops get poses and give commands, as in `options.ClosedLoopOptions`."""
+
+    localization: str = "plate"
+    """Source of the controllers' poses: plate, line or truth."""
+    preview: float = 0.0
+    """Time ahead of the present at which controllers are evaluated [s]."""
+    command_delay: Delay = 0.0
+    """Time until a command takes effect [s], or MEASURED."""
+    when_lost: WhenLost = "drive"
+    """What robots do without valid poses."""
+
+    @classmethod
+    def of(cls, options: ClosedLoopOptions) -> Self:
+        """The closed loops that options describe."""
+        return cls(
+            localization=options.localization,
+            preview=options.preview,
+            command_delay=options.command_delay,
+            when_lost=options.when_lost,
+        )
+
+
 def require_able(
     runs: Sequence[ClosedLoopRun],
     world: World,
@@ -117,11 +141,11 @@ def drive_closed_loops(
     runs: Sequence[ClosedLoopRun],
     world: World,
     path: Reference,
-    localization: str,
+    loop: Loop,
     compensation: Callable[[str], Compensation],
-    preview: float = 0.0,
     progress: Progress = lambda seconds: None,
     kept: bool = False,
+    watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive all runs along one path as one fleet.
 
@@ -129,12 +153,14 @@ def drive_closed_loops(
         runs: the N runs.
         world: robot, scanner, drives, and the ground of runs without their own.
         path: the reference.
-        localization: source of the controllers' poses: plate, line or truth.
+        loop: how the robots get poses and commands.
         compensation: makes a compensation from its name.
-        preview: time ahead of the present at which controllers are evaluated [s].
         progress: called with the simulated seconds since the last call, counted once for the whole
             fleet.
         kept: whether the logs keep all ranges in the scans.
+        watch: stopwatch for the control steps of the first run with each controller and
+            compensation, by the run's name. This run has these objects for itself, as on a robot;
+            so have all runs if their commands are late by the measured times.
 
     Raises:
         TrackslipError: for an unknown controller or compensation, or when a robot tips over or a
@@ -148,9 +174,7 @@ def drive_closed_loops(
         logs: dict[int, RunLog] = {}
         for part, report in ((firm, progress), (shearing, lambda seconds: None)):
             some = [runs[k] for k in part]
-            driven = drive_closed_loops(
-                some, world, path, localization, compensation, preview, report, kept
-            )
+            driven = drive_closed_loops(some, world, path, loop, compensation, report, kept, watch)
             logs |= zip(part, driven, strict=True)
         return [logs[k] for k in range(len(runs))]
     limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
@@ -160,12 +184,13 @@ def drive_closed_loops(
     starts = np.array([run.start for run in runs])
     pilots = []
     for (name, law), robots in driven_by.items():
-        slip = compensation(law)
-        slip.reset(starts[robots])
-        half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
-        seeds = [runs[k].controller_seed for k in robots]
-        made = controller(name, *limits, half_gauge)
-        pilots.append(Pilot(made, robots, slip, preview, seeds))
+        for steered in _steered_together(robots, loop, watch):
+            slip = compensation(law)
+            slip.reset(starts[steered])
+            half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
+            seeds = [runs[k].controller_seed for k in steered]
+            made = controller(name, *limits, half_gauge)
+            pilots.append(Pilot(made, steered, slip, loop.preview, loop.when_lost, seeds))
     fleet = world.fleet(starts, [setup.ground for setup in setups])
     if any(run.plant is not None for run in runs):
         fleet.restart(np.arange(len(runs)), setups)
@@ -173,7 +198,18 @@ def drive_closed_loops(
     noise = [scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
     random = [generator(run.seed, run.key) for run in runs]
     feed = ScannerFeed(scanner, fleet, random, world.obstacles, kept, noise)
-    common = world.metadata(localization)
+    common = world.metadata(loop.localization)
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
-    method = None if localization == "truth" else locator(localization, world.robot)
-    return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
+    method = None if loop.localization == "truth" else locator(loop.localization, world.robot)
+    return closed_loop(
+        fleet, pilots, path, feed, method, descriptions, progress, watch, loop.command_delay
+    )
+
+
+def _steered_together(robots: list[int], loop: Loop, watch: Stopwatch | None) -> list[list[int]]:
+    """Robots with the same controller and compensation, in groups that share both objects."""
+    if loop.command_delay == MEASURED:
+        return [[robot] for robot in robots]
+    if watch is None or len(robots) == 1:
+        return [robots]
+    return [robots[:1], robots[1:]]

@@ -33,7 +33,8 @@ from trackslip.trajectory.segmented import circle, paper_reference
 
 # simulated time of all robots together in a round, of which slow cases drive a part [s]
 SECONDS = 20.0
-RADIUS, SPEED = 1.25, 0.15  # of the circle that robots drive [m], [m/s]
+RADIUS = 1.25  # of the circle that robots drive [m]
+SPEED = 0.15  # of robots on it [m/s]
 UNDER_WAY = 40  # control periods after which all robots of an environment drive
 SCAN = LaserScanner().period
 
@@ -43,30 +44,33 @@ def periods(size: int, period: float, part: float = 1.0) -> int:
 
 
 def on_circle(robot, size: int) -> Fleet:
-    fleet = Fleet(robot, np.tile(before_scanner(robot), (size, 1)), threads=1)
-    fleet.command(
-        load_laws()["icr_radius"].sprocket_speeds([SPEED, SPEED / RADIUS], robot.geometry)
-    )
+    start = np.tile(before_scanner(robot), (size, 1))
+    fleet = Fleet(robot, start, threads=1)
+    law = load_laws()["icr_radius"]
+    fleet.command(law.sprocket_speeds([SPEED, SPEED / RADIUS], robot.geometry))
     fleet.advance(2.0)
     return fleet
 
 
 def bare_steps(fleet: Fleet, duration: float) -> Callable[[], None]:
     """The bare engine's steps of so long a motion at constant speeds [s]."""
-    bare, steps = bare_copy(fleet.batch), round(duration / fleet.robot.model.opt.timestep)
+    bare = bare_copy(fleet.batch)
+    steps = round(duration / fleet.robot.model.opt.timestep)
     return lambda: bare.step(nstep=steps)
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.9), (25, 0.9), (256, 0.9)])
 def test_fleet(compare, robot, size, least):
-    fleet, duration = on_circle(robot, size), SCAN * periods(size, SCAN)
+    fleet = on_circle(robot, size)
+    duration = SCAN * periods(size, SCAN)
     compare(lambda: fleet.advance(duration), bare_steps(fleet, duration), least)
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.2), (25, 0.6), (256, 0.7)])
 def test_scanner(compare, robot, size, least):
     """The fleet, and the rays and noise of a scan every 50 ms."""
-    fleet, count = on_circle(robot, size), periods(size, SCAN, 0.5)
+    fleet = on_circle(robot, size)
+    count = periods(size, SCAN, 0.5)
     feed = ScannerFeed(LaserScanner(), fleet)
 
     def scan():
@@ -79,13 +83,16 @@ def test_scanner(compare, robot, size, least):
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.06), (10, 0.3), (25, 0.5), (256, 0.55)])
 def test_closed_loop(compare, robot, size, least):
-    path = circle(RADIUS, SPEED, SCAN * periods(size, SCAN, 0.1), before_scanner(robot))
+    duration = SCAN * periods(size, SCAN, 0.1)
+    path = circle(RADIUS, SPEED, duration, before_scanner(robot))
+    law = FixedLaw(load_laws()["icr_radius"])
     loop = []
 
     def start():
         fleet = Fleet(robot, np.tile(path.pose(0.0), (size, 1)), threads=1)
-        pilot = Pilot(CONTROLLERS["linear"](), range(size), FixedLaw(load_laws()["icr_radius"]))
-        loop[:] = fleet, [pilot], path, ScannerFeed(LaserScanner(), fleet), locator("plate", robot)
+        pilot = Pilot(CONTROLLERS["linear"](), range(size), law)
+        feed = ScannerFeed(LaserScanner(), fleet)
+        loop[:] = fleet, [pilot], path, feed, locator("plate", robot)
 
     start()
     motion = SameMotion(loop[0])
@@ -107,21 +114,25 @@ def test_path_tracking(compare, size, least):
     def step(count: int, note=lambda duration: None):
         nonlocal seen
         for _ in range(count):
-            twist = seen[:, 3:5] + np.stack([0.5 * seen[:, 0], seen[:, 1] + seen[:, 2]], axis=1)
+            ahead, aside, turned = seen[:, :3].T
+            correction = np.stack([0.5 * ahead, aside + turned], axis=1)
+            twist = seen[:, 3:5] + correction
             actions = np.clip(twist, -1, 1).astype(np.float32)
             seen, _, terminated, truncated, _ = env.step(actions[0] if single else actions)
             if single and (terminated or truncated):
-                seen = env.reset()[0]
+                seen, _ = env.reset()
             seen = np.atleast_2d(seen)
             note(PERIOD)
 
     def start():
         nonlocal seen
-        seen = np.atleast_2d(env.reset(seed=0)[0])
+        first, _ = env.reset(seed=0)
+        seen = np.atleast_2d(first)
         step(UNDER_WAY)
 
     start()
-    motion, count = SameMotion(env.task.fleet), periods(size, PERIOD, 0.5)
+    motion = SameMotion(env.task.fleet)
+    count = periods(size, PERIOD, 0.5)
     step(count, motion.note)
     compare(lambda: step(count), motion.repeat, least, start)
 
@@ -131,7 +142,8 @@ def traversing(size: int, **options) -> tuple[TraverseVectorEnv, np.ndarray]:
     them.
     """
     env = TraverseVectorEnv(size, threads=1, action="correction", **options)
-    return env, np.zeros(env.action_space.shape, np.float32)
+    still = np.zeros(env.action_space.shape, np.float32)
+    return env, still
 
 
 @pytest.mark.parametrize(("size", "least"), [(1, 0.25), (25, 0.6), (256, 0.65)])
@@ -148,8 +160,12 @@ def test_traverse(compare, size, least):
 
     start()
     world = env.task.world
-    bare, count = bare_copy(world.batch), periods(size, world.period, 0.05)
-    state, surface, motion = bare.state.copy(), bare.expand("geom_surfacevel"), []
+    bare = bare_copy(world.batch)
+    count = periods(size, world.period, 0.05)
+    steps = round(world.period / world.tracked.model.opt.timestep)
+    state = bare.state.copy()
+    surface = bare.expand("geom_surfacevel")
+    motion = []
     for _ in range(count):
         env.step(still)
         motion.append((world.batch.expand("geom_surfacevel").copy(), world.batch.ctrl.copy()))
@@ -157,17 +173,17 @@ def test_traverse(compare, size, least):
     def repeat():
         bare.state[:] = state
         for belts, motors in motion:
-            surface[:], bare.ctrl[:] = belts, motors
-            bare.step(nstep=round(world.period / world.tracked.model.opt.timestep))
+            surface[:] = belts
+            bare.ctrl[:] = motors
+            bare.step(nstep=steps)
 
     compare(lambda: [env.step(still) for _ in range(count)], repeat, least, start)
 
 
 @pytest.mark.parametrize(("course", "least"), [("stairs", 0.33), ("random", 0.4)])
 def test_traverse_over_level_ground(compare, course, least):
-    (level, still), (env, _) = (
-        traversing(64, course=ground) for ground in (Course((Flat(6.0),)), course)
-    )
+    level, still = traversing(64, course=Course((Flat(6.0),)))
+    env, _ = traversing(64, course=course)
     for one in (level, env):
         one.reset(seed=0)
         for _ in range(UNDER_WAY // 2):
@@ -180,8 +196,10 @@ def test_traverse_over_level_ground(compare, course, least):
 
 
 def grid_physics(world: World, grid: GridConfig) -> float:
-    robot, cells = world.robot, cells_of(grid)
-    fleet = Fleet(robot, np.tile(before_scanner(robot), (len(cells), 1)), threads=grid.threads)
+    robot = world.robot
+    cells = cells_of(grid)
+    start = np.tile(before_scanner(robot), (len(cells), 1))
+    fleet = Fleet(robot, start, threads=grid.threads)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
     fleet.command(sprocket_speeds(twist, 0.0, robot.geometry))
     fleet.advance(2.0)
@@ -189,46 +207,44 @@ def grid_physics(world: World, grid: GridConfig) -> float:
 
 
 def test_localization_over_its_physics(benchmark, within):
-    grid, watch = GridConfig(seed=0, threads=1), Stopwatch()
+    grid = GridConfig(seed=0, threads=1)
+    watch = Stopwatch()
     world = World.of(grid)
     benchmark.pedantic(drive_grid, (grid, world), {"watch": watch})
     within(watch.stages["localization"] / grid_physics(world, grid), most=1.0)
 
 
+def seconds_of_path_tracking(robot, threads: int) -> float:
+    """The bare engine's time for the runs of `trackslip reproduce` along the paper's path."""
+    path = paper_reference()
+    laws = {**KNOWN_LAWS, **load_laws()}
+    pilots = []
+    for name in ("feedforward", "linear"):
+        for law in (*KNOWN_LAWS, *IDENTIFIED):
+            pilots.append(Pilot(CONTROLLERS[name](), [len(pilots)], FixedLaw(laws[law])))
+    fleet = Fleet(robot, [path.pose(0.0)] * len(pilots), threads=threads)
+    motion = SameMotion(fleet)
+    feed = ScannerFeed(LaserScanner(), fleet)
+    closed_loop(fleet, pilots, path, feed, locator("plate", robot), progress=motion.note)
+    return seconds(motion.repeat)
+
+
 def test_reproduce_over_its_physics(benchmark, within, robot, tmp_path):
     """`trackslip reproduce`, start of Python included, over its physics on as many processors."""
     threads = min(2, os.cpu_count() or 1)
-    grid, path, laws = GridConfig(threads=threads), paper_reference(), {**KNOWN_LAWS, **load_laws()}
-    runs = [
-        (name, laws[law])
-        for name in ("feedforward", "linear")
-        for law in (*KNOWN_LAWS, *IDENTIFIED)
-    ]
-    fleet = Fleet(robot, [path.pose(0.0)] * len(runs), threads=threads)
-    pilots = [Pilot(CONTROLLERS[name](), [k], FixedLaw(law)) for k, (name, law) in enumerate(runs)]
-    motion, feed = SameMotion(fleet), ScannerFeed(LaserScanner(), fleet)
-    closed_loop(fleet, pilots, path, feed, locator("plate", robot), progress=motion.note)
-    bare = seconds(motion.repeat) + grid_physics(World.of(grid), grid)
-    command = [
-        sys.executable,
-        "-m",
-        "experiments",
-        "reproduce",
-        "--seed",
-        "0",
-        "--threads",
-        str(threads),
-    ]
-    command += ["--out", str(tmp_path / "out")]
-    environment = {
-        name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
-    }
+    grid = GridConfig(threads=threads)
+    bare = seconds_of_path_tracking(robot, threads) + grid_physics(World.of(grid), grid)
+    command = [sys.executable, "-m", "experiments", "reproduce"]
+    command += ["--seed", "0", "--threads", str(threads), "--out", str(tmp_path / "out")]
+    environment = dict(os.environ)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     whole = [0.0]
 
+    def run():
+        subprocess.run(command, check=True, capture_output=True, env=environment)
+
     def reproduce():
-        whole[0] = seconds(
-            lambda: subprocess.run(command, check=True, capture_output=True, env=environment)
-        )
+        whole[0] = seconds(run)
 
     benchmark.pedantic(reproduce)
     within(whole[0] / bare, most=10.0)
@@ -237,7 +253,8 @@ def test_reproduce_over_its_physics(benchmark, within, robot, tmp_path):
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_hundred_steps_of_a_controller(benchmark, name):
     """A hundred steps of a single robot, 5 cm beside a circle."""
-    pilot, path = controller(name, RobotGeometry(0.168, 0.06), 0.3, 0.05), load_reference("circle")
+    pilot = controller(name, RobotGeometry(0.168, 0.06), 0.3, 0.05)
+    path = load_reference("circle")
     times = 0.05 * np.arange(100)
     poses = path.pose(times) + np.array([0.05, 0.0, 0.0])
 

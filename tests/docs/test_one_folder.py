@@ -46,7 +46,7 @@ def shared_folders(given):
     return [list(some.values()) for some in of_folder.values() if len(some) > 1]
 
 
-def test_each_folder_of_results_belongs_to_one_command_of_the_pages(monkeypatch):
+def test_each_folder_of_results_belongs_to_one_command(monkeypatch):
     monkeypatch.chdir(ROOT)  # which has the files that the commands name
     assert shared_folders(of_pages()) == []
 

@@ -163,8 +163,8 @@ def test_a_csv_has_units_beside_it_and_identify_reads_it(grid, tmp_path, capsys)
     assert [row["column"] for row in about] == header
     assert all(row["unit"] == COLUMNS[row["column"]].unit and row["description"] for row in about)
     assert command[:2] == ["trackslip", "identify"]
-    of_csv = source_of(parse(command[1:]))
-    of_grid = source_of(parse(["identify", str(grid), "--motion", "arc"]))
+    of_csv = source_of(parse(command[1:]), file)
+    of_grid = source_of(parse(["identify", str(grid), "--motion", "arc"]), grid)
     slip = of_grid.sampling.samples.slip
     np.testing.assert_allclose(of_csv.sampling.samples.slip, slip, rtol=1e-12)
 
@@ -179,7 +179,7 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
     noise = float(printed.partition(place)[2].split()[0])  # [mm]
     assert noise == pytest.approx(5.0, abs=0.2)
     assert "warning" not in printed
-    identified = source_of(parse(["identify", str(bag), *PLATE, *ROBOT.split()]))
+    identified = source_of(parse(["identify", str(bag), *PLATE, *ROBOT.split()]), bag)
     assert "the plate's in /scan" in identified.taken[0]
     for (log,) in (read_runs(file), identified.logs):
         valid = log.is_valid

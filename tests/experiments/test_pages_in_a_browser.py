@@ -111,6 +111,14 @@ def test_a_page_with_long_names_and_empty_tables_fits(opened, tmp_path):
     assert_shown_well(opened, tmp_path / "report.html")
 
 
+def test_fingers_scroll_the_page_and_a_mouse_moves_the_chart(opened, tmp_path):
+    ran(tmp_path / "out", *PAGES["wander"])
+    pans = "[...Bokeh.index.roots[0].model.references()].filter(m => m.type === 'PanTool')"
+    for touch in (False, True):
+        opened.open(address(tmp_path / "out" / "report.html"), View(400, touch=touch))
+        assert opened.value(f"{pans}.some(tool => tool.active)") == (not touch)
+
+
 def test_without_scripts_the_figures_for_print_are_shown(opened, tmp_path):
     ran(tmp_path / "out", *PAGES["wander"])
     file = tmp_path / "out" / "report.html"

@@ -77,8 +77,8 @@ REFUSED = [
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
     (
-        lambda: waypoints([(0, 0), (1, 0), (1, 0)]),
-        "point 3 = (1.0, 0.0): must be at least 0.001 m from point 2",
+        lambda: waypoints([(0, 0), (1, 0), (1, 0.0005), (2, 0)], tolerance=0.0),
+        "point 3 = (1.0, 0.0005): must be at least 0.001 m from point 2, or equal to it",
     ),
     (lambda: waypoints([(0, 0), (1, 0), (0.5, 0)]), "path = 'turns back sharply at "),
     (

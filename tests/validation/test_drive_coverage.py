@@ -8,6 +8,7 @@ in minutes. The robot and its law are those of `plain_drives`.
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -62,10 +63,8 @@ def another_law(seed: int, duration: float = 120.0) -> list[RunLog]:
 
 def blocks(seed: int) -> list[RunLog]:
     """Slip that varies by 5 %, in 12 drives of 10 s."""
-    return [
-        _log(drive_of(seed=12 * seed + k, slip=0.05, duration=10.0), 12 * seed + k)
-        for k in range(12)
-    ]
+    seeds = range(12 * seed, 12 * seed + 12)
+    return [_log(drive_of(seed=each, slip=0.05, duration=10.0), each) for each in seeds]
 
 
 def short(seed: int) -> list[RunLog]:
@@ -77,11 +76,14 @@ def drifting(seed: int) -> list[RunLog]:
     """Slip that varies by 5 %, and headings that drift as a random walk of 0.01 rad/√s."""
     drive = drive_of(seed=seed, slip=0.05)
     time, pose = measured(drive, position_noise=0.01, heading_noise=0.01, seed=10_000 + seed)
-    true = drive.pose[:: len(drive.pose) // (len(pose) - 1)]
+    stride = len(drive.pose) // (len(pose) - 1)
+    true = drive.pose[::stride]
+    noise = pose - true
     steps = se2.steps(true)
     walk = np.random.default_rng(20_000 + seed).normal(size=len(steps))
     steps[:, 2] += 0.01 * np.sqrt(np.diff(time)) * walk
-    return [log_of(drive, time, se2.chain(true[0], steps) + pose - true, f"drive {seed}")]
+    drifted = se2.chain(true[0], steps)
+    return [log_of(drive, time, drifted + noise, f"drive {seed}")]
 
 
 def runs_of_one_ground(seed: int) -> list[RunLog]:
@@ -90,9 +92,8 @@ def runs_of_one_ground(seed: int) -> list[RunLog]:
     logs = []
     for k, change in enumerate(changes.tolist()):
         robot = replace(HUSKY, offset=HUSKY.offset + change)
-        logs.append(
-            _log(drive_of(robot, seed=8 * seed + k, slip=0.05, duration=60.0), 8 * seed + k)
-        )
+        drive = drive_of(robot, seed=8 * seed + k, slip=0.05, duration=60.0)
+        logs.append(_log(drive, 8 * seed + k))
     return logs
 
 
@@ -101,24 +102,42 @@ def _log(drive: Drive, seed: int) -> RunLog:
     return log_of(drive, time, pose, f"drive {seed}")
 
 
-CASES: dict[str, tuple[Callable[[int], list[RunLog]], float]] = {
-    "white noise of poses": (white, 0.92),
-    "slip that varies by 5 %": (slipping, 0.92),
-    "the same, positions alone": (positions, 0.92),
-    "the same, encoders read at 10 Hz": (held, 0.92),
-    "the same, another law": (another_law, 0.92),
-    "the same, 12 drives of 10 s": (blocks, 0.92),
-    "the same, 60 s": (short, 0.88),
-    "the same, drifting poses": (drifting, 0.92),
-    "the same, 8 runs with a D each": (runs_of_one_ground, 0.92),
+class Case(NamedTuple):
+    """Logs by seed, and the least share of the intervals that hold the truth."""
+
+    logs: Callable[[int], list[RunLog]]
+    least: float = 0.92
+
+
+CASES = {
+    "white noise of poses": Case(white),
+    "slip that varies by 5 %": Case(slipping),
+    "the same, positions alone": Case(positions),
+    "the same, encoders read at 10 Hz": Case(held),
+    "the same, another law": Case(another_law),
+    "the same, 12 drives of 10 s": Case(blocks),
+    "the same, 60 s": Case(short, least=0.88),
+    "the same, drifting poses": Case(drifting),
+    "the same, 8 runs with a D each": Case(runs_of_one_ground),
 }
-"""Logs by seed, and the least share of the intervals that hold the truth."""
 
 
 def fitted(trial: tuple[str, int]) -> dict[str, Estimate]:
     """Estimates from the logs of a case."""
     name, seed = trial
-    return identified(CASES[name][0](seed), HUSKY.geometry)
+    return identified(CASES[name].logs(seed), HUSKY.geometry)
+
+
+COLUMNS = ("truth", "bias", "rms error", "half width", "coverage")
+
+
+def cells_of(estimates: Estimates, truth: float) -> list[str]:
+    """Texts of the columns: the truth, the estimates' errors from it [1e-3], and the coverage."""
+    bias = float(np.nanmean(estimates.value)) - truth
+    half_width = float(np.nanmedian(estimates.high - estimates.low)) / 2
+    numbers = (truth, bias, estimates.rms_error(truth), half_width)
+    coverage = share_text(estimates.coverage(truth), REPEATS)
+    return [*(f"{1e3 * number:.2f}" for number in numbers), coverage]
 
 
 def test_intervals_hold_the_truth_in_95_percent():
@@ -126,21 +145,19 @@ def test_intervals_hold_the_truth_in_95_percent():
     every = list(product(CASES, range(REPEATS)))
     found = dict(zip(every, outcomes(fitted, every), strict=True))
     long = identified(another_law(7, 4000.0), HUSKY.geometry)
-    rows, wrong = [], []
+    rows = []
+    wrong = []
     for case, (_, least) in CASES.items():
         trials = [found[case, seed] for seed in range(REPEATS)]
+        low, high = plausible_shares(least, 0.98, REPEATS)
         for name, unit in (("offset", "mm"), ("radius_error", "1e-3")):
             truth = long[name].value if case == "the same, another law" else TRUTH[name]
-            of = Estimates.of(trials, name)
-            share = of.coverage(truth)
-            bias = float(np.nanmean(of.value)) - truth
-            half = float(np.nanmedian(of.high - of.low)) / 2
-            numbers = (f"{1e3 * number:.2f}" for number in (truth, bias, of.rms_error(truth), half))
-            rows.append((case, f"{name} [{unit}]", *numbers, share_text(share, REPEATS)))
-            low, high = plausible_shares(least, 0.98, REPEATS)
+            estimates = Estimates.of(trials, name)
+            rows.append((case, f"{name} [{unit}]", *cells_of(estimates, truth)))
+            share = estimates.coverage(truth)
             if not low <= share <= high:
                 wrong.append(f"{case}, {name}: {share:.3f}")
-    head = ("drives of 120 s", "parameter", "truth", "bias", "rms error", "half width", "coverage")
+    head = ("drives of 120 s", "parameter", *COLUMNS)
     Table(f"Law {LAW} from {REPEATS} logs of each kind", head, rows, "ll").print()
     assert wrong == []
 
@@ -160,13 +177,17 @@ def squares(seed: int) -> list[RunLog]:
     """
     logs = []
     for k in range(12):
-        speed, turn = 0.3 + 0.04 * k, np.pi / 8 * (1 if k % 2 else -1)
+        speed = 0.3 + 0.04 * k
+        turn = np.pi / 8 * (1 if k % 2 else -1)
         corners = 3 if k % 4 < 2 else 4
-        commands = np.array([speed, 0.0] * corners + [0.0]), np.array([0.0, turn] * corners + [0.0])
-        length = 4.0 * (2 * corners) + 1.0
-        drive = drive_of(UNEQUAL, length, 12 * seed + k, commands=commands, slip=0.02)
-        time, pose = measured(drive, seed=10_000 + 12 * seed + k)
-        logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
+        speeds = np.array([speed, 0.0] * corners + [0.0])
+        yaw_rates = np.array([0.0, turn] * corners + [0.0])
+        duration = 4.0 * (2 * corners) + 1.0
+        number = 12 * seed + k
+        drive = drive_of(UNEQUAL, duration, number, commands=(speeds, yaw_rates), slip=0.02)
+        time, pose = measured(drive, seed=10_000 + number)
+        ends = [0, -1]
+        logs.append(log_of(drive, time[ends], pose[ends], f"square {k}"))
     return logs
 
 
@@ -176,13 +197,15 @@ RADII_CASES = {"slip that varies by 5 %": unequal, "start and end poses of 12 sq
 def differential_drive(trial: tuple[str, int]) -> dict[str, Estimate]:
     """Estimates of `diff_drive`, and of the difference of its radii, from the logs of a case."""
     name, seed = trial
-    fit = fit_drives("diff_drive", drives_of(RADII_CASES[name](seed))[0], UNEQUAL.geometry)
-    found = {
-        key: Estimate(value, fit.stderr[key], *fit.interval95[key])
-        for key, value in fit.values.items()
-    }
+    drives, _ = drives_of(RADII_CASES[name](seed))
+    fit = fit_drives("diff_drive", drives, UNEQUAL.geometry)
+    found = {}
+    for key, value in fit.values.items():
+        low, high = fit.interval95[key]
+        found[key] = Estimate(value, fit.stderr[key], low, high)
     gain = combined(fit, {"radius_error_left": 1.0, "radius_error_right": -1.0})
-    return found | {"difference": Estimate(gain.value, np.nan, gain.low, gain.high)}
+    found["difference"] = Estimate(gain.value, np.nan, gain.low, gain.high)
+    return found
 
 
 def test_intervals_of_a_differential_drive_hold_the_truth():
@@ -194,18 +217,16 @@ def test_intervals_of_a_differential_drive_hold_the_truth():
         "radius_error_right": UNEQUAL.radius_error - UNEQUAL.unequal,
         "difference": 2 * UNEQUAL.unequal,
     }
-    rows, wrong = [], []
+    low, high = plausible_shares(0.92, 0.98, REPEATS)
+    rows = []
+    wrong = []
     for case, (name, true) in product(RADII_CASES, truth.items()):
-        of = Estimates.of([found[case, seed] for seed in range(REPEATS)], name)
-        share = of.coverage(true)
-        bias = float(np.nanmean(of.value)) - true
-        half = float(np.nanmedian(of.high - of.low)) / 2
-        numbers = (f"{1e3 * number:.2f}" for number in (true, bias, of.rms_error(true), half))
-        rows.append((case, f"{name} [1e-3]", *numbers, share_text(share, REPEATS)))
-        low, high = plausible_shares(0.92, 0.98, REPEATS)
+        estimates = Estimates.of([found[case, seed] for seed in range(REPEATS)], name)
+        rows.append((case, f"{name} [1e-3]", *cells_of(estimates, true)))
+        share = estimates.coverage(true)
         if not low <= share <= high:
             wrong.append(f"{case}, {name}: {share:.3f}")
-    head = ("logs", "parameter", "truth", "bias", "rms error", "half width", "coverage")
+    head = ("logs", "parameter", *COLUMNS)
     Table(f"Law diff_drive from {REPEATS} logs of each kind", head, rows, "ll").print()
     assert wrong == []
 

@@ -35,8 +35,8 @@ from trackslip.views.symbols import symbol, unit_of
 pytestmark = pytest.mark.slow
 GEOMETRY = RobotGeometry(0.168, 0.06)
 SLAM = POSE_SENSORS["slam"]
-PLANNED, PAPER = 400, 100
-"""Drives of the plan by the law, and repeats of the paper's 25 runs."""
+PLANNED = 400  # drives of the plan by the law
+PAPER = 100  # repeats of the paper's 25 runs
 PAPER_RATE = 10.0  # of the encoders in the paper's runs, whose speeds are constant [Hz]
 AGREEMENT = (0.8, 1.2)
 """Real errors over predicted ones."""
@@ -50,50 +50,57 @@ def planned(duration: float) -> DrivePlan:
     DURATION`.
     """
     poses = PoseQuality(SLAM.rate, SLAM.position_noise, SLAM.heading_noise)
-    return plan_drive(GEOMETRY, DriveLimits(0.3, 0.5, (3.0, 3.0), duration, 0.0), poses, LAW)
+    limits = DriveLimits(0.3, 0.5, (3.0, 3.0), duration, 0.0)
+    return plan_drive(GEOMETRY, limits, poses, LAW)
+
+
+def rms_errors(trials: list[dict[str, Estimate]]) -> dict[str, float]:
+    """Root mean square errors of the law's parameters."""
+    return {name: Estimates.of(trials, name).rms_error(value) for name, value in TRUE_LAW.items()}
+
+
+def row_of(name: str, *errors: float) -> tuple[str, ...]:
+    """The symbol of a parameter and errors of it, in its unit."""
+    factor, unit = unit_of(LAW, name)
+    return symbol(LAW, name), *(significant(factor * error, unit, 3) for error in errors)
 
 
 def test_a_plan_and_the_papers_runs_by_a_law():
     plan = planned(120.0)
-    driven = outcomes(partial(drive_plan, plan=plan), range(PLANNED))
-    estimates = {"plan": [trial for trial, *_ in driven]}
-    estimates["paper"] = outcomes(partial(drive_paper_runs, plan=plan), range(PAPER))
     paper = expected_of_paper(plan)
     assert paper is not None
-    predicted = {"plan": plan.expectation.stderr, "paper": paper.stderr}
-    real = {
-        case: {
-            name: Estimates.of(trials, name).rms_error(value) for name, value in TRUE_LAW.items()
-        }
-        for case, trials in estimates.items()
-    }
+    plan_predicted = plan.expectation.stderr
+    paper_predicted = paper.stderr
+
+    driven = outcomes(partial(drive_plan, plan=plan), range(PLANNED))
+    plan_trials = [trial for trial, _, _ in driven]
+    paper_trials = outcomes(partial(drive_paper_runs, plan=plan), range(PAPER))
+    plan_real = rms_errors(plan_trials)
+    paper_real = rms_errors(paper_trials)
     rows = []
     for name in TRUE_LAW:
-        factor, unit = unit_of(LAW, name)
-        cells = [
-            significant(factor * errors[case][name], unit, 3)
-            for case in real
-            for errors in (predicted, real)
-        ]
-        rows.append((symbol(LAW, name), *cells))
+        of_plan = (plan_predicted[name], plan_real[name])
+        of_paper = (paper_predicted[name], paper_real[name])
+        rows.append(row_of(name, *of_plan, *of_paper))
     header = ("parameter", "plan predicted", "real", "paper's runs predicted", "real")
     print()
     Table(f"{PLANNED} drives of the plan, {PAPER} times the paper's runs", header, rows).print()
-    failed = sum(not trial for trials in estimates.values() for trial in trials)
+
+    failed = sum(not trial for trial in plan_trials + paper_trials)
+    reach = max(reach for _, reach, _ in driven)
+    speed = max(speed for _, _, speed in driven)
     case = f"{PLANNED} drives of {plan.limits.duration:g} s"
-    reach, speed = np.max([used for _, *used in driven], axis=0)
     checks = [
         Check(case, "fits that failed", float(failed), 0.0),
-        Check(case, "farthest from the middle, of what the area allows", float(reach), ROUNDING),
-        Check(case, "largest speed, of what is allowed", float(speed), ROUNDING),
+        Check(case, "farthest from the middle, of what the area allows", reach, ROUNDING),
+        Check(case, "largest speed, of what is allowed", speed, ROUNDING),
     ]
     for name, most in OVER_PAPER.items():
-        over = real["plan"][name] / predicted["plan"][name]
-        checks.append(Check(case, f"real over predicted error of {name}", over, AGREEMENT))
-        over = real["plan"][name] / predicted["paper"][name]
-        checks.append(
-            Check(case, f"error of {name} over that predicted for the paper's runs", over, most)
-        )
+        over_own = plan_real[name] / plan_predicted[name]
+        over_paper = plan_real[name] / paper_predicted[name]
+        over = f"error of {name} over that predicted for the paper's runs"
+        checks.append(Check(case, f"real over predicted error of {name}", over_own, AGREEMENT))
+        checks.append(Check(case, over, over_paper, most))
     report("The plan and the paper's runs", checks)
 
 
@@ -106,30 +113,28 @@ def drive_plan(number: int, plan: DrivePlan) -> tuple[dict[str, Estimate], float
     """Estimates; reach from the middle of the area and largest speed of a belt, of what is allowed
     [-].
     """
-    rng, counts = generator(0, f"trial {number} of plan"), Drive().encoder_counts
+    rng = generator(0, f"trial {number} of plan")
+    counts = Drive().encoder_counts
     readings = np.concatenate([plan.omega[:1], plan.omega[:-1]])  # means since the row before
     log, motion = driven_by_law("plan", law_motion(plan), readings, RATE, rng, plan.start, counts)
-    estimates = identified([joined_log(log, *SLAM.measure(motion, rng))], GEOMETRY)
-    reach = float((np.abs(motion.pose[:, :2]) / (plan.limits.room / 2)).max())
+    measured = joined_log(log, *SLAM.measure(motion, rng))
+    estimates = identified([measured], GEOMETRY)
+
+    reach = np.abs(motion.pose[:, :2]) / (plan.limits.room / 2)
     resolution = 2 * np.pi / counts * RATE
-    speed = (np.abs(log.omega).max() - resolution) * GEOMETRY.sprocket_radius
-    return estimates, reach, float(speed / plan.limits.max_speed)
+    fastest = np.abs(log.omega).max() - resolution
+    speed = fastest * GEOMETRY.sprocket_radius / plan.limits.max_speed
+    return estimates, float(reach.max()), float(speed)
 
 
 def drive_paper_runs(number: int, plan: DrivePlan) -> dict[str, Estimate]:
-    rng, counts = generator(0, f"trial {number} of paper"), Drive().encoder_counts
+    rng = generator(0, f"trial {number} of paper")
+    counts = Drive().encoder_counts
     rows = round(PAPER_DURATION * PAPER_RATE) + 1
-    drives = [
-        driven_by_law(
-            f"circle {k}",
-            law_motion(plan),
-            np.tile(omega, (rows, 1)),
-            PAPER_RATE,
-            rng,
-            counts=counts,
-        )
-        for k, omega in enumerate(np.array(paper_runs(GEOMETRY)) / GEOMETRY.sprocket_radius)
-    ]
-    return identified(
-        [joined_log(log, *SLAM.measure(motion, rng)) for log, motion in drives], GEOMETRY
-    )
+    law = law_motion(plan)
+    drives = []
+    for k, belts in enumerate(np.array(paper_runs(GEOMETRY))):
+        omega = np.tile(belts / GEOMETRY.sprocket_radius, (rows, 1))
+        drives.append(driven_by_law(f"circle {k}", law, omega, PAPER_RATE, rng, counts=counts))
+    logs = [joined_log(log, *SLAM.measure(motion, rng)) for log, motion in drives]
+    return identified(logs, GEOMETRY)

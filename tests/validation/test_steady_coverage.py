@@ -33,8 +33,8 @@ REPEATS = 100
 GRIDS = 40
 """Grids of the paper's runs, from new points of the circles, that are driven and fitted."""
 DRAWN_LAWS = tuple(
-    n
-    for n, law in FAMILIES.items()
+    name
+    for name, law in FAMILIES.items()
     if law.names and law.of_runs and not law.loaded and not law.fast
 )
 """The laws that samples are drawn from: on level ground and in slow turns, none of slip under load
@@ -51,37 +51,26 @@ def test_samples_drawn_from_each_law():
     design, geometry = driven(GridConfig(seed=0, threads=0, random_phase=True))
     values = {name: generating_values(name, design, geometry) for name in DRAWN_LAWS}
     trials = [(name, values[name], known) for name in DRAWN_LAWS for known in (True, False)]
-    found = outcomes(partial(share_covered, design=design, geometry=geometry), trials)
-    shares = {(name, known): share for (name, _, known), share in zip(trials, found, strict=True)}
-    rows = [
-        (
-            name,
-            symbol(name, key),
-            f"{value:+.4f}",
-            *(share_text(shares[name, known][key], REPEATS) for known in (True, False)),
-        )
-        for name, of_law in values.items()
-        for key, value in of_law.items()
-    ]
+    covered = outcomes(partial(share_covered, design=design, geometry=geometry), trials)
+    shares = {(name, known): share for (name, _, known), share in zip(trials, covered, strict=True)}
+
+    rows = []
+    for name, of_law in values.items():
+        for key, value in of_law.items():
+            texts = [share_text(shares[name, known][key], REPEATS) for known in (True, False)]
+            rows.append((name, symbol(name, key), f"{value:+.4f}", *texts))
     title = f"Share of {REPEATS} repeats whose 95 % interval covers the parameter"
+    header = ("law", "parameter", "drawn from", "errors known", "errors unknown")
     print()
-    Table(
-        title, ("law", "parameter", "drawn from", "errors known", "errors unknown"), rows, "lr"
-    ).print()
+    Table(title, header, rows, "lr").print()
+
     bound = plausible_shares(0.94, 0.98, REPEATS)
-    report(
-        "Shares that intervals of 94 to 98 % can have by chance",
-        [
-            Check(
-                f"{name}, errors {'known' if known else 'unknown'}",
-                f"coverage of {key}",
-                share,
-                bound,
-            )
-            for (name, known), of_law in shares.items()
-            for key, share in of_law.items()
-        ],
-    )
+    checks = []
+    for (name, known), of_law in shares.items():
+        case = f"{name}, errors {'known' if known else 'unknown'}"
+        for key, share in of_law.items():
+            checks.append(Check(case, f"coverage of {key}", share, bound))
+    report("Shares that intervals of 94 to 98 % can have by chance", checks)
 
 
 def test_grids_driven_again_and_again():
@@ -91,43 +80,51 @@ def test_grids_driven_again_and_again():
     Either may cover more often: statements may be cautious, and intervals allow for what the law
     can't describe.
     """
-    runs, laws = (
-        np.mean(shares, axis=0) for shares in zip(*outcomes(grid_covers, range(GRIDS)), strict=True)
-    )
-    count = GRIDS * len(runs)
-    checks = [
-        Check(
-            f"{count} runs",
-            "coverage of v and w",
-            float(np.mean(runs)),
-            plausible_shares(0.94, 1.0, count),
-        ),
-        *(
-            Check(
-                f"{GRIDS} grids",
-                f"coverage of {name}",
-                float(share),
-                plausible_shares(0.95, 1.0, GRIDS),
-            )
-            for name, share in zip(FAMILIES[LAW].names, laws, strict=True)
-        ),
-    ]
+    covered = outcomes(grid_covers, range(GRIDS))
+    of_runs = np.array([runs for runs, _ in covered])
+    of_law = np.array([law for _, law in covered])
+    by_chance = plausible_shares(0.94, 1.0, of_runs.size)
+    share = float(of_runs.mean())
+    checks = [Check(f"{of_runs.size} runs", "coverage of v and w", share, by_chance)]
+    by_chance = plausible_shares(0.95, 1.0, GRIDS)
+    for name, share in zip(FAMILIES[LAW].names, of_law.mean(axis=0).tolist(), strict=True):
+        checks.append(Check(f"{GRIDS} grids", f"coverage of {name}", share, by_chance))
     report("Shares of 95 % regions that cover the plate's true motion", checks)
+
+
+# straights, turns in place and arcs to both sides: v [m/s], w [rad/s]
+TWISTS = (
+    (0.2, 0.0),
+    (0.3, 0.0),
+    (0.0, 0.5),
+    (0.0, -0.5),
+    (0.2, 0.3),
+    (0.2, -0.3),
+    (-0.2, 0.1),
+    (0.25, 0.05),
+    (0.3, -0.1),
+    (0.15, 0.4),
+    (0.15, -0.4),
+    (-0.2, -0.2),
+    (0.1, 0.5),
+)
 
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("aside", [0.0, 0.01])
 def test_samples_of_a_differential_drive(known, aside):
     """Straights, turns in place and arcs to both sides, seen by a sensor `aside` to the left."""
-    geometry, law = RobotGeometry(0.168, 0.06), DiffDrive(0.045, 0.012, -0.006, 0.168)
-    path = [(0.2, 0.0), (0.3, 0.0), (0.0, 0.5), (0.0, -0.5), (0.2, 0.3), (0.2, -0.3), (-0.2, 0.1)]
-    path += [(0.25, 0.05), (0.3, -0.1), (0.15, 0.4), (0.15, -0.4), (-0.2, -0.2), (0.1, 0.5)]
-    twist = np.array(path)
+    geometry = RobotGeometry(0.168, 0.06)
+    law = DiffDrive(0.045, 0.012, -0.006, 0.168)
+    twist = np.array(TWISTS)
     omega = law.sprocket_speeds(twist, geometry)
-    seen = twist - aside * twist[:, 1:] * [1.0, 0.0]
+    seen = twist.copy()
+    seen[:, 0] -= aside * twist[:, 1]
     belts = geometry.sprocket_radius * np.abs(omega).max(axis=1)
     size = 0.005 * belts[:, None] * [1.0, 1 / geometry.half_gauge]
-    covariance = size[:, :, None] ** 2 * np.eye(2) if known else None
+    covariance = None
+    if known:
+        covariance = size[:, :, None] ** 2 * np.eye(2)
     rng = generator(0, f"differential drive {known} {aside}")
     covered = dict.fromkeys(("offset", "radius_error_left", "radius_error_right"), 0)
     repeats = 400
@@ -139,16 +136,17 @@ def test_samples_of_a_differential_drive(known, aside):
         for name in covered:
             low, high = fit.interval95[name]
             covered[name] += low <= getattr(law, name) <= high
-    print({name: count / repeats for name, count in covered.items()})
+    shares = {name: count / repeats for name, count in covered.items()}
+    print(shares)
     low, high = plausible_shares(0.92, 0.98, repeats)
-    assert all(low <= count / repeats <= high for count in covered.values())
+    assert all(low <= share <= high for share in shares.values())
 
 
 def driven(grid: GridConfig) -> tuple[SlipSamples, RobotGeometry]:
     world = World.of(grid)
-    return usable_samples(
-        drive_grid(grid, world), world.robot.geometry
-    ).samples, world.robot.geometry
+    geometry = world.robot.geometry
+    usable = usable_samples(drive_grid(grid, world), geometry)
+    return usable.samples, geometry
 
 
 def generating_values(name: str, design: SlipSamples, geometry: RobotGeometry) -> dict[str, float]:
@@ -157,11 +155,12 @@ def generating_values(name: str, design: SlipSamples, geometry: RobotGeometry) -
     """
     if not FAMILIES[name].two_sided:
         return fit_law(name, design, geometry).values
-    both = fit_law(LAW, design, geometry).values
-    return {
-        key: both.get(key.removesuffix("_left").removesuffix("_right"), 0.0)
-        for key in FAMILIES[name].names
-    }
+    of_both_sides = fit_law(LAW, design, geometry).values
+    values = {}
+    for key in FAMILIES[name].names:
+        without_side = key.removesuffix("_left").removesuffix("_right")
+        values[key] = of_both_sides.get(without_side, 0.0)
+    return values
 
 
 def share_covered(
@@ -177,12 +176,14 @@ def share_covered(
     name, values, known = trial
     rng = generator(0, f"coverage {name} {known}")
     root = np.linalg.cholesky(design.covariance)
-    errors = np.einsum("nij,mnj->mni", root, rng.standard_normal((REPEATS, len(design), 2)))
+    normal = rng.standard_normal((REPEATS, len(design), 2))
+    errors = np.einsum("nij,mnj->mni", root, normal)
+    law = FAMILIES[name].build(values, geometry)
+    twists = law.twist(design.omega, geometry) + errors
+    covariance = design.covariance if known else None
     covered = dict.fromkeys(values, 0)
-    for twist in FAMILIES[name].build(values, geometry).twist(design.omega, geometry) + errors:
-        samples = SlipSamples.of(
-            design.omega, twist, geometry, design.run, design.covariance if known else None
-        )
+    for twist in twists:
+        samples = SlipSamples.of(design.omega, twist, geometry, design.run, covariance)
         for key, (low, high) in fit_law(name, samples, geometry).interval95.items():
             covered[key] += low <= values[key] <= high
     return {key: count / REPEATS for key, count in covered.items()}
@@ -200,16 +201,25 @@ def of_plate(log: RunLog) -> RunLog:
 def grid_covers(number: int) -> tuple[list[bool], list[bool]]:
     """Whether the 95 % ellipse of each run covers its true twist, and the interval each parameter
     fitted to these.
+
+    The ellipse covers it where e' C^-1 e is below the 95 % quantile of chi squared of two degrees
+    of freedom, with the error e and its stated covariance C.
     """
     grid = GridConfig(seed=number, threads=1, random_phase=True)
     world = World.of(grid)
-    geometry, logs = world.robot.geometry, drive_grid(grid, world)
+    geometry = world.robot.geometry
+    logs = drive_grid(grid, world)
     measured = usable_samples(logs, geometry).samples
-    true = replace(measured, twist=true_samples([of_plate(log) for log in logs], geometry).twist)
+    plate = true_samples([of_plate(log) for log in logs], geometry)
+    true = replace(measured, twist=plate.twist)
+
     errors = (measured.twist - true.twist)[..., None]
     squares = (errors.mT @ np.linalg.solve(measured.covariance, errors)).ravel()
-    interval = fit_law(LAW, measured, geometry).interval95
-    goal = fit_law(LAW, true, geometry).values
-    return list(squares < chi2.ppf(0.95, 2)), [
-        interval[name][0] <= aim <= interval[name][1] for name, aim in goal.items()
-    ]
+    of_runs = list(squares < chi2.ppf(0.95, 2))
+
+    intervals = fit_law(LAW, measured, geometry).interval95
+    of_law = []
+    for name, aim in fit_law(LAW, true, geometry).values.items():
+        low, high = intervals[name]
+        of_law.append(low <= aim <= high)
+    return of_runs, of_law

@@ -5,6 +5,8 @@ The box in tests/sim/tracks has more: ground of a box, wide and small belts, mot
 bodies, batches.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from climbing_theory import highest_step
@@ -25,19 +27,31 @@ CLIMBER = {
     "centre_of_mass": (0.05, 0.12),
 }
 """A box that can climb stairs."""
-SLOW, PIVOT = ((-0.04, 0.04), (0.0, 0.06), (0.04, 0.08), (0.1, 0.12)), ((-0.5, 0.5),)
-"""Belt speeds [m/s]."""
-LONG, SHORT = ((-0.3, 0.08, 0.08), (0.3, 0.08, 0.08)), ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07))
+SLOW = ((-0.04, 0.04), (0.0, 0.06), (0.04, 0.08), (0.1, 0.12))
+PIVOT = ((-0.5, 0.5),)
+"""Belt speeds [m/s], as SLOW."""
+LONG = ((-0.3, 0.08, 0.08), (0.3, 0.08, 0.08))
+SHORT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07))
 RISING = ((-0.25, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06))
-STEPS = (
-    (LONG, (0.0, 0.14), 1.0),
-    (LONG, (0.06, 0.18), 1.0),
-    (SHORT, (0.06, 0.10), 1.0),
-    (RISING, (0.0, 0.15), 0.9),
-    (RISING, (0.0, 0.12), 0.7),
-    (RISING, (0.03, 0.10), 0.65),
+
+
+class StepCase(NamedTuple):
+    """A box before a step."""
+
+    hull: tuple
+    centre_of_mass: tuple  # ahead and up [m]
+    friction: float
+
+
+STEP_CASES = (
+    StepCase(LONG, (0.0, 0.14), friction=1.0),
+    StepCase(LONG, (0.06, 0.18), friction=1.0),
+    StepCase(SHORT, (0.06, 0.10), friction=1.0),
+    StepCase(RISING, (0.0, 0.15), friction=0.9),
+    StepCase(RISING, (0.0, 0.12), friction=0.7),
+    StepCase(RISING, (0.03, 0.10), friction=0.65),
 )
-"""Boxes and their friction: tipping over the edge limits the first four, friction the last two."""
+"""Tipping over the edge limits the first four, friction the last two."""
 
 
 def of_preset(preset, accurate, fast):
@@ -56,13 +70,16 @@ def turning_error(robot, belts, by_default=False):
     for _ in range(20):
         trial.advance(0.1)
         headings.append(trial.heading())
-    turned = np.diff(np.unwrap(headings, axis=0)[[0, -1]], axis=0)[0]
-    expected = steady_twist(belts, robot.line_contact(0.7), 9.81)[:, 2]
-    half_width, theory = (
-        (belts[:, 1] - belts[:, 0]) / (2 * rate) for rate in (turned / 2.0, expected)
-    )
-    offset, by_theory = half_width - robot.half_gauge, theory - robot.half_gauge
-    return np.stack([half_width / theory, offset / by_theory]) - 1
+    unwrapped = np.unwrap(headings, axis=0)
+    yaw_rate = (unwrapped[-1] - unwrapped[0]) / 2.0
+    twist_by_theory = steady_twist(belts, robot.line_contact(0.7), 9.81)
+
+    difference = belts[:, 1] - belts[:, 0]
+    half_width = difference / (2 * yaw_rate)
+    half_width_by_theory = difference / (2 * twist_by_theory[:, 2])
+    offset = half_width - robot.half_gauge
+    offset_by_theory = half_width_by_theory - robot.half_gauge
+    return np.stack([half_width / half_width_by_theory, offset / offset_by_theory]) - 1
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -70,8 +87,8 @@ def test_turning(preset):
     slow, pivot = of_preset(preset, (0.01, 0.03), (0.015, 0.05))
     checks = []
     for name, robot in ROBOTS.items():
-        cases = [("slow", robot(LevelGround(), preset), SLOW, slow)]
-        cases.append(("pivot at 0.5 m/s", robot(LevelGround(), preset), PIVOT, pivot))
+        level = robot(LevelGround(), preset)
+        cases = [("slow", level, SLOW, slow), ("pivot at 0.5 m/s", level, PIVOT, pivot)]
         if robot is box and preset == "accurate":
             shifted = box(LevelGround(), preset, centre_of_mass=(0.075, 0.12))
             cases.append(("centre of mass off", shifted, SLOW, 0.025))
@@ -91,7 +108,8 @@ def climbing_limit(robot, friction):
         return trial.velocity[:, 0] > 0
 
     expected = np.arctan(friction)
-    return limit(climbs, expected - np.radians(0.6), expected + np.radians(0.6), 9) - expected
+    around = np.radians(0.6)
+    return limit(climbs, expected - around, expected + around, 9) - expected
 
 
 def tipping_error(robot, sideways):
@@ -106,35 +124,39 @@ def tipping_error(robot, sideways):
         trial.drive([0.0, 0.0])
         stays = np.ones(len(slopes), bool)
         for time in np.arange(0.0, 8.0, 0.05):  # tilted slowly for 4 s, and watched for as long
-            trial.tilt(slopes * np.sin(np.pi / 2 * min(1.0, time / 4.0)))
+            share = np.sin(np.pi / 2 * min(1.0, time / 4.0))
+            trial.tilt(share * slopes)
             trial.advance(0.05, stays)
             stays &= trial.lean() < np.radians(30.0)
             if not stays.any():
                 break
         return stays
 
-    return limit(stands, expected - np.radians(4.0), expected + np.radians(4.0), 9) - expected
+    around = np.radians(4.0)
+    return limit(stands, expected - around, expected + around, 9) - expected
+
+
+def creep_of(robot):
+    """Fastest speed of robots parked on 30 degrees, with four headings [m/s]."""
+    headings = np.array([0.0, np.pi / 4, np.pi / 2, np.pi])
+    parked = Trial(robot, 4, headings)
+    parked.tilt(np.full(4, np.radians(30.0)))
+    parked.drive([0.0, 0.0])
+    parked.advance(3.0)
+    before = parked.position.copy()
+    parked.advance(5.0)
+    return np.linalg.norm(parked.position - before, axis=1).max() / 5.0
 
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_slopes(preset):
+    climbing_bound = np.radians(of_preset(preset, 0.1, 0.15))
     checks = []
     for name, robot in ROBOTS.items():
-        error = max(
-            abs(climbing_limit(robot(LevelGround(mu), preset), mu)) for mu in (0.3, 0.5, 0.7, 0.9)
-        )
-        checks.append(
-            Check(name, "climbing limit", error, np.radians(of_preset(preset, 0.1, 0.15)), "rad")
-        )
-        parked = Trial(
-            robot(LevelGround(), preset), 4, np.array([0.0, np.pi / 4, np.pi / 2, np.pi])
-        )
-        parked.tilt(np.full(4, np.radians(30.0)))
-        parked.drive([0.0, 0.0])
-        parked.advance(3.0)
-        before = parked.position.copy()
-        parked.advance(5.0)
-        creep = np.linalg.norm(parked.position - before, axis=1).max() / 5.0
+        frictions = (0.3, 0.5, 0.7, 0.9)
+        errors = [climbing_limit(robot(LevelGround(mu), preset), mu) for mu in frictions]
+        checks.append(Check(name, "climbing limit", np.abs(errors).max(), climbing_bound, "rad"))
+        creep = creep_of(robot(LevelGround(), preset))
         checks.append(Check(name, "creep on 30 degrees", creep, 0.5e-3, "m/s"))
         # the contact gives way at the rear
         for what, bound in (("sideways", 0.5), ("backwards", 3.0)):
@@ -147,13 +169,18 @@ def step_error(robot, friction):
     """Error of the highest step that a robot climbs at 0.03 m/s at the first attempt [m]."""
 
     def climbs(heights):
-        trial, count = Trial(robot, len(heights)), len(heights)
-        trial.batch.expand("geom_pos")[:, robot.model.geom("step").id, 2] = heights - DEPTH
+        count = len(heights)
+        trial = Trial(robot, count)
+        step = robot.model.geom("step").id
+        trial.batch.expand("geom_pos")[:, step, 2] = heights - DEPTH
         wheels = robot.view.wheels
-        trial.position[:, 0] = FACE - 0.01 - (wheels[:, 0] + wheels[:, 2]).max()
+        foremost = (wheels[:, 0] + wheels[:, 2]).max()
+        trial.position[:, 0] = FACE - 0.01 - foremost
         trial.drive([0.03, 0.03])
         way = FACE - trial.centre_of_mass()[0] + heights.max()
-        over, trying, steepest = np.zeros(count, bool), np.ones(count, bool), np.zeros(count)
+        over = np.zeros(count, bool)
+        trying = np.ones(count, bool)
+        steepest = np.zeros(count)
         for _ in range(int(1.5 * way / 0.03 / 0.1)):
             trial.advance(0.1, trying)
             over |= trial.centre_of_mass() > FACE + 0.01
@@ -170,9 +197,11 @@ def step_error(robot, friction):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_steps(preset):
-    checks, bound = [], of_preset(preset, 0.005, 0.006)
-    for k, (hull, centre, friction) in enumerate(STEPS, start=1):
-        error = step_error(box(LevelGround(friction, step=True), preset, hull, centre), friction)
+    checks = []
+    bound = of_preset(preset, 0.005, 0.006)
+    for k, (hull, centre, friction) in enumerate(STEP_CASES, start=1):
+        robot = box(LevelGround(friction, step=True), preset, hull, centre)
+        error = step_error(robot, friction)
         checks.append(Check("highest step", f"box {k}", abs(error), bound, "m"))
     error = step_error(rescue(LevelGround(0.8, step=True), preset), 0.8)
     checks.append(Check("highest step", "rescue", abs(error), bound, "m"))
@@ -183,7 +212,8 @@ def driven_depths(trial, steps, belts=lambda k: None, goal=np.inf):
     """Depths (K,) of all tracks that touch in each physics step, and the fastest speed [m],
     [m/s].
     """
-    depths, fastest = [], 0.0
+    depths = []
+    fastest = 0.0
     for k in range(steps):
         belts(k)
         driving = trial.position[:, 0] < goal
@@ -191,8 +221,10 @@ def driven_depths(trial, steps, belts=lambda k: None, goal=np.inf):
             break
         trial.batch.step(ids=driving)
         reading = trial.belts.read()
-        depths.append(reading.depth[driving][reading.touching[driving]])
-        fastest = max(fastest, float(np.linalg.norm(trial.velocity, axis=1).max()))
+        touching = reading.touching & driving[:, None]
+        depths.append(reading.depth[touching])
+        speed = np.linalg.norm(trial.velocity, axis=1)
+        fastest = max(fastest, float(speed.max()))
     assert trial.batch.warning[..., 1].sum() == 0
     return np.concatenate(depths), fastest
 
@@ -216,10 +248,8 @@ def on_rough_ground(name, preset):
     """Depths (K,) and the fastest speed of six robots that drive at random for a minute on ground
     of 10 cm.
     """
-    course, rng = (
-        Course((Rough(length=30.0, amplitude=0.1, cell=0.1),), width=30.0),
-        generator(0, f"{name} {preset}"),
-    )
+    course = Course((Rough(length=30.0, amplitude=0.1, cell=0.1),), width=30.0)
+    rng = generator(0, f"{name} {preset}")
     robot = ROBOTS[name](course, preset)
     trial = Trial(robot, 6, rng.uniform(-np.pi, np.pi, 6))
     trial.position[:, 0] = 30.0 * (np.arange(6) + 0.5) / 6
@@ -241,16 +271,19 @@ def test_stairs_and_rough_ground(preset):
         up, climbed = on_stairs(name, preset, 0.15)
         down, descended = on_stairs(name, preset, -0.15)
         rough, fastest = on_rough_ground(name, preset)
-        checks.append(
-            Check(name, "robots that don't cross the stairs", 6.0 - climbed - descended, 0.0)
-        )
+        left_behind = 6.0 - climbed - descended
+        checks.append(Check(name, "robots that don't cross the stairs", left_behind, 0.0))
         for where, depths in (("stairs up", up), ("stairs down", down), ("rough ground", rough)):
-            checks.append(
-                Check(name, f"penetration, {where}, 99 %", np.quantile(depths, 0.99), typical, "m")
-            )
+            usual = np.quantile(depths, 0.99)
+            checks.append(Check(name, f"penetration, {where}, 99 %", usual, typical, "m"))
             checks.append(Check(name, f"penetration, {where}, largest", depths.max(), largest, "m"))
         checks.append(Check(name, "fastest on rough ground", fastest, 1.0, "m/s"))
     report(f"Stairs and rough ground, {preset}", checks)
+
+
+def worst_of(errors):
+    """The error of the largest size, with its sign."""
+    return float(errors[np.abs(errors).argmax()])
 
 
 def test_the_default_contact():
@@ -258,22 +291,20 @@ def test_the_default_contact():
     rows = []
     for name, robot in ROBOTS.items():
         for what, belts in (("slow", SLOW), ("pivot at 0.5 m/s", PIVOT)):
-            errors = [
-                turning_error(robot(LevelGround(), "accurate"), belts, default)[0]
-                for default in (False, True)
-            ]
-            worst = [float(error[np.abs(error).argmax()]) for error in errors]
-            rows.append((f"{name}: half width of the ICRs, {what}", *map(percent, worst)))
-            assert worst[1] > 0.3 > 0.03 > abs(worst[0])
+            errors, _ = turning_error(robot(LevelGround(), "accurate"), belts)
+            by_default, _ = turning_error(robot(LevelGround(), "accurate"), belts, by_default=True)
+            worst = worst_of(errors)
+            worst_by_default = worst_of(by_default)
+            quantity = f"{name}: half width of the ICRs, {what}"
+            rows.append((quantity, percent(worst), percent(worst_by_default)))
+            assert worst_by_default > 0.3
+            assert abs(worst) < 0.03
         for what, rise in (("up", 0.15), ("down", -0.15)):
-            depths = [
-                on_stairs(name, "accurate", rise, default)[0].max() for default in (False, True)
-            ]
-            rows.append(
-                (
-                    f"{name}: largest penetration, stairs {what}",
-                    *(significant(1e3 * d, "mm") for d in depths),
-                )
-            )
-            assert depths[1] > depths[0]
+            depths, _ = on_stairs(name, "accurate", rise)
+            depths_by_default, _ = on_stairs(name, "accurate", rise, by_default=True)
+            largest = depths.max()
+            largest_by_default = depths_by_default.max()
+            texts = [significant(1e3 * depth, "mm") for depth in (largest, largest_by_default)]
+            rows.append((f"{name}: largest penetration, stairs {what}", *texts))
+            assert largest_by_default > largest
     Table("MuJoCo's default contact", ("quantity", "recipe", "default contact"), rows).print()

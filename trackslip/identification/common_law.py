@@ -9,14 +9,15 @@ blocks of driving:
 
     r = sum_b c_b / sum_b o_b,    var r = B / (B - 1) sum_b (c_b - r o_b)² / (sum_b o_b)²
 
-with the errors c_b by the common and o_b by the own law in each of B blocks. The common law serves
-a log if the upper end of the interval is at most NOTICED, and doesn't if r exceeds NOTICED and the
-lower end exceeds 1. Otherwise the log can't tell. The intervals cover all logs together
-(Bonferroni).
+with the errors c_b by the common and o_b by the own law in each of B blocks. The intervals cover
+all logs together (Bonferroni).
 
-Beside it, Cochran's Q says whether a value differs between logs by more than its intervals
-(W. G. Cochran, *The combination of estimates from different experiments*, 1954). With much driving,
-differences that nobody notices are significant, too.
+Whether a value differs between logs by more than its intervals, Cochran's Q says (W. G. Cochran,
+*The combination of estimates from different experiments*, 1954). With much driving, differences
+that nobody notices are significant; with little, a law predicts badly because it is hardly known.
+So the common law serves a log if the upper end of the interval is at most NOTICED. It doesn't if r
+exceeds NOTICED, the lower end exceeds 1, and a value of the log differs from that of the others.
+Otherwise the log can't tell.
 """
 
 from __future__ import annotations
@@ -180,9 +181,9 @@ def compare_logs(results: Mapping[str, Identification]) -> LogComparison:
     return LogComparison(dict(results), values, common, chance, costs)
 
 
-def _is_beyond(chance: float) -> bool:
-    """Whether a difference isn't chance, for all multipliers together (Bonferroni)."""
-    return chance < (1 - _CONFIDENCE) / len(MULTIPLIERS)
+def _is_beyond(chance: float, tests: int = 1) -> bool:
+    """Whether a difference isn't chance, for all multipliers and `tests` together (Bonferroni)."""
+    return chance < (1 - _CONFIDENCE) / len(MULTIPLIERS) / tests
 
 
 def _require_one_robot(results: Mapping[str, Identification]) -> None:
@@ -252,7 +253,9 @@ def _cost(result: Identification, others: Mapping[str, Gain], logs: int) -> Cost
     if len(np.unique(errors.block)) < FEWEST_BLOCKS:
         blocks = counted(len(np.unique(errors.block)), errors.of_what)
         return _unknown(f"{blocks} are too few for an interval, which takes {FEWEST_BLOCKS}")
-    return _judged(errors, logs)
+    own = _multipliers(result)
+    chances = [_chance([own[key], others[key]]) for key in MULTIPLIERS]
+    return judged(errors, logs, any(_is_beyond(chance, logs) for chance in chances))
 
 
 def _unknown(reason: str) -> Cost:
@@ -269,7 +272,7 @@ def _law_values(multipliers: Mapping[str, float], geometry: RobotGeometry) -> di
 
 
 @dataclass(frozen=True)
-class _Errors:
+class PairedErrors:
     """Errors of the same predictions by the common and by the own law."""
 
     common: Array  # (n,)
@@ -280,7 +283,7 @@ class _Errors:
     of_what: str  # what the blocks are, in the singular
 
 
-def _errors_of_drive(fit: DriveFit, law: Mapping[str, float]) -> _Errors | None:
+def _errors_of_drive(fit: DriveFit, law: Mapping[str, float]) -> PairedErrors | None:
     """Errors of predictions some seconds ahead in a log of whole drives; None without any."""
     pairs = fit.pairs
     if not len(pairs.start):
@@ -306,7 +309,7 @@ def _errors_of_drive(fit: DriveFit, law: Mapping[str, float]) -> _Errors | None:
     # position and heading count alike
     scale = np.maximum(own.mean(axis=0), LEAST_ERROR)
     block = pairs.drives.blocks(ahead)[pairs.start[rows]]
-    return _Errors(
+    return PairedErrors(
         common=(common / scale).sum(axis=1),
         own=(own / scale).sum(axis=1),
         block=block[usable],
@@ -316,7 +319,7 @@ def _errors_of_drive(fit: DriveFit, law: Mapping[str, float]) -> _Errors | None:
     )
 
 
-def _errors_of_samples(fit: SteadyFit, law: Mapping[str, float]) -> _Errors | None:
+def _errors_of_samples(fit: SteadyFit, law: Mapping[str, float]) -> PairedErrors | None:
     """Errors of track speeds in steady samples, relative to the faster sprocket's; None if too few
     samples remain when some are left out.
     """
@@ -338,7 +341,7 @@ def _errors_of_samples(fit: SteadyFit, law: Mapping[str, float]) -> _Errors | No
 
     common = errors(twist)
     own = errors(own_twist)
-    return _Errors(
+    return PairedErrors(
         common=common,
         own=own,
         block=samples.by_command(geometry),
@@ -348,8 +351,11 @@ def _errors_of_samples(fit: SteadyFit, law: Mapping[str, float]) -> _Errors | No
     )
 
 
-def _judged(errors: _Errors, logs: int) -> Cost:
-    """The cost by errors in one of `logs` logs, with an interval over blocks."""
+def judged(errors: PairedErrors, logs: int, differs: bool) -> Cost:
+    """The cost by errors in one of `logs` logs, with an interval over blocks.
+
+    `differs` says whether its values differ from those of the others.
+    """
     labels, block = np.unique(errors.block, return_inverse=True)
     count = len(labels)
     common = np.bincount(block, errors.common)
@@ -362,10 +368,11 @@ def _judged(errors: _Errors, logs: int) -> Cost:
     cost = Gain(ratio, ratio - half_width, ratio + half_width)
     if errors.is_unnoticed or cost.high <= NOTICED:
         return Cost(cost, "yes", errors.what)
-    if cost.value > NOTICED and cost.low > 1:
+    if cost.value > NOTICED and cost.low > 1 and differs:
         return Cost(cost, "no", errors.what)
+    doubt = "" if differs else ", but their values don't differ beyond their intervals"
     reason = (
-        f"the law of the other logs predicts with {ratio_text(cost)} times the error of its own: "
-        "drive longer"
+        f"the law of the other logs predicts with {ratio_text(cost)} times the error of its own"
+        f"{doubt}: drive longer"
     )
     return Cost(cost, "can't tell", reason)

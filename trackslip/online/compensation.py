@@ -18,7 +18,7 @@ from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import MAX_LOAD, ConstantIcr, IcrLoad
 from trackslip.localization.pose_estimate import PoseEstimate
-from trackslip.odometry.identified import LawInUse
+from trackslip.odometry.law_in_use import LawInUse
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.online.filter import FilterTuning, IcrFilter
 from trackslip.restorable import Restorable

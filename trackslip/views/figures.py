@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from trackslip.benchmark import BenchmarkResults
 from trackslip.identification.common_law import MULTIPLIERS, NOTICED, LogComparison
@@ -244,6 +245,9 @@ def _benchmark(results: BenchmarkResults, figure: Figure) -> None:
     axes.set_yticks(range(len(entries)), labels)
     axes.set_ylim(len(entries) - 0.5, -0.5)
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set(title="Benchmark", xlabel="rms position error from 12 s on [mm], with 95 % interval")
 
 

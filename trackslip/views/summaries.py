@@ -159,7 +159,8 @@ def _quantiles(part: Statistics | None, factor: float, digits: int, unit: str) -
     """Median and 90 % quantile of errors, times `factor`."""
     if part is None:
         return [MISSING, MISSING]
-    return [number(factor * value, digits, unit) for value in (part.median, part.p90)]
+    texts = [number(factor * value, digits, unit) for value in (part.median, part.p90)]
+    return [text.replace(" °", "°") for text in texts]
 
 
 def _tracking(errors: TrackingErrors) -> Summary:
@@ -171,8 +172,8 @@ def _tracking(errors: TrackingErrors) -> Summary:
         ("position, largest", _millimetres(errors.max_position)),
         ("position, at the end", _millimetres(errors.final_position)),
         ("across the path, rms", _millimetres(errors.cross_track)),
-        ("heading, rms", number(math.degrees(errors.rms_heading), 2, "°")),
-        ("heading, at the end", number(math.degrees(errors.final_heading), 2, "°")),
+        ("heading, rms", f"{math.degrees(errors.rms_heading):.2f}°"),
+        ("heading, at the end", f"{math.degrees(errors.final_heading):.2f}°"),
         ("stayed within 0.5 m", kept),
     ]
     return Summary("Tracking errors", ("error", "value"), rows)

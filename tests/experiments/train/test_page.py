@@ -45,7 +45,7 @@ def test_few_steps_are_a_smoke_test_and_an_alarm():
     assert enough.heading == "Reward per step 0.100 → 1.000 in 2,000,000 steps"
 
 
-def test_the_learning_curve_has_its_running_mean_from_seven_updates_on():
+def test_the_learning_curve_has_its_mean_from_seven_updates_on():
     updates, mean = learning_chart(CURVE).curves
     np.testing.assert_allclose(updates.x, np.arange(1, 11) * 1.024)
     np.testing.assert_allclose(mean.y, [0.4, 0.5, 0.6, 0.7])

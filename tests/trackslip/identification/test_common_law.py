@@ -10,7 +10,7 @@ from slip_data import circles, driven
 
 import trackslip
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.common_law import MULTIPLIERS, NOTICED
+from trackslip.identification.common_law import MULTIPLIERS, NOTICED, PairedErrors, judged
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.samples import Sampling
 from trackslip.kinematics import RobotGeometry
@@ -129,3 +129,24 @@ def test_the_comparison_is_a_table_and_a_figure():
     assert found._repr_html_().count("<tr>") == 4
     assert len(found.plot().axes) == 4
     assert repr(found).startswith("<LogComparison of monday, short: ")
+
+
+def test_a_law_that_is_hardly_known_does_not_speak_against_one_for_all():
+    """A short drive has a law that predicts a long one badly, and wide intervals."""
+    found = trackslip.compare_logs({"long": drive(101), "short": drive(201, duration=25.0)})
+    cost = found.costs["long"]
+    assert found.differing == []
+    assert cost.verdict != "no"
+    assert found.verdict == "can't tell"
+
+
+def test_costs_without_a_difference_are_explained():
+    errors = {"common": np.full(60, 1.5), "own": np.ones(60)}
+    block = np.repeat(np.arange(10), 6)
+    made = PairedErrors(**errors, block=block, is_unnoticed=False, what="", of_what="")
+    assert judged(made, 2, differs=True).verdict == "no"
+    unclear = judged(made, 2, differs=False)
+    assert unclear.verdict == "can't tell"
+    assert "their values don't differ beyond their intervals" in unclear.reason
+    unnoticed = PairedErrors(**errors, block=block, is_unnoticed=True, what="", of_what="")
+    assert judged(unnoticed, 2, differs=True).verdict == "yes"

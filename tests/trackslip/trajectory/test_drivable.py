@@ -40,7 +40,7 @@ def test_a_circle_at_the_speed_that_is_possible_is_drivable(law):
     assert Demand.of(circle(0.5, 1.02 * speed, 10.0), law, SHIPPED).exceeds(0.3)
 
 
-def test_the_slower_of_two_unequal_tracks_counts_in_its_own_turns():
+def test_each_of_two_unequal_tracks_counts_in_its_own_turns():
     law = IcrSides(0.0, 0.2, 0.0, 0.0, SHIPPED.half_gauge)
     to_the_left = Demand.of(circle(1.0, 0.2, 10.0), law, SHIPPED)
     to_the_right = Demand.of(circle(-1.0, 0.2, 10.0), law, SHIPPED)
@@ -54,7 +54,7 @@ def test_the_end_of_a_ramp_in_reverse_is_found():
     assert demand.time == pytest.approx(8.0)
 
 
-def test_a_refusal_names_the_demand_and_the_speed_that_is_possible():
+def test_a_refusal_names_the_demand_and_a_possible_speed():
     with pytest.raises(InvalidValueError) as refusal:
         require_drivable("reference", "steep", STEEP, NoSlip(), SHIPPED, 0.3)
     assert str(refusal.value) == (

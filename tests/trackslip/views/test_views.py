@@ -96,7 +96,8 @@ class Cells(HTMLParser):
 
     def __init__(self, html):
         super().__init__()
-        self.rows, self.open = [], []
+        self.rows = []
+        self.open = []
         self.feed(html)
         assert not self.open, "a tag is not closed"
 
@@ -205,7 +206,7 @@ def test_values_without_an_interval_say_so():
     assert of_law["low"].null_count() == len(of_law)
 
 
-def test_the_table_of_parameters_has_the_answer_first_and_si_units():
+def test_the_table_of_parameters_has_the_answer_first():
     found = of_drives()
     frame = found.to_pandas()
     answer = frame.set_index("parameter").loc["wheel_separation_multiplier"]
