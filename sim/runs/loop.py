@@ -25,7 +25,7 @@ from sim.runs.stopwatch import Stopwatch
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.arguments import checks_arguments
-from trackslip.controllers.base import Controller, SensesSprockets, begin_run
+from trackslip.controllers.base import Controller, SensesSprockets, reset_arguments
 from trackslip.controllers.named import TURNING_CONTROLLERS
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, advance, limit_sprocket_speeds, track_speeds
@@ -83,7 +83,8 @@ class Pilot:
     def begin(self, record: RunRecorder) -> None:
         """Begin new runs at the robots' current poses; `record` is their recorder."""
         with self._failing(record, 0.0):
-            begin_run(self.controller, self.robots if self.seeds is None else self.seeds)
+            seeds = self.robots if self.seeds is None else self.seeds
+            self.controller.reset(**reset_arguments(self.controller, seeds))
         self.compensation.reset(record.fleet.pose()[self.robots])
         if self._loaded is not None:
             record.sense_loads()

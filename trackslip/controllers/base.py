@@ -22,7 +22,7 @@ class Controller(Protocol):
     """Converts poses into body twists to drive; slip is left to `SlipLaw` and `compensation`.
 
     A call may be for any number of robots, so a controller with state stores the state of each
-    robot separately. Random controllers have a parameter `seed` in `reset`, see `begin_run`.
+    robot separately. Random controllers have a parameter `seed` in `reset`, see `reset_arguments`.
     """
 
     def reset(self) -> None:
@@ -40,17 +40,15 @@ class SensesSprockets(Protocol):
         """Receive the sprocket speeds (N, 2) [rad/s] of the last period, before `twist`."""
 
 
-def begin_run(controller: Controller, seeds: Sequence[int]) -> None:
-    """Reset a controller before a new run of N robots.
+def reset_arguments(controller: Controller, seeds: Sequence[int]) -> dict[str, list[int]]:
+    """Arguments for a controller's `reset` before a new run of N robots.
 
     A `reset` with a parameter `seed` gets the seeds (N,), a whole number per robot. A random
     controller that draws each robot's numbers from the robot's own seed drives it equally in any
     fleet.
     """
-    if "seed" in inspect.signature(controller.reset).parameters:
-        controller.reset(seed=list(seeds))  # type: ignore[call-arg]
-    else:
-        controller.reset()
+    is_random = "seed" in inspect.signature(controller.reset).parameters
+    return {"seed": list(seeds)} if is_random else {}
 
 
 @dataclass(frozen=True)
