@@ -64,17 +64,20 @@ def run(config: Config) -> None:
         manifest = run.manifest(seed=config.seed)
         run.write({"steps": steps, "curve": curve, "rates": rates}, manifest=manifest)
         notes = without_motors(task.robot, task.drive)
+        warnings = []
         if changed:
-            notes.insert(
-                0,
+            warnings.append(
                 f"{', '.join(changed)} changed since the checkpoint: all robots began new "
-                "episodes, with new random numbers",
+                "episodes, with new random numbers"
             )
-        page(config, steps, curve, rates, notes, manifest).write(run.folder, config.pdf)
+        remarks = [*warnings, *notes]
+        page(config, steps, curve, rates, remarks, manifest).write(run.folder, config.pdf)
     for point in (curve[0], curve[-1]):
         print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}")
     if rates:
         crossing_table(f"Unseen courses, {config.trials} in each row", rates).print()
+    for warning in warnings:
+        print(f"Warning: {warning}.")
     for note in notes:
         print(f"Note: {note}.")
     if line := smoke_test(steps):

@@ -45,7 +45,7 @@ def test_a_robot_has_its_drive_and_ground_in_every_command(trackslip, refused, t
     robot = ("--robot", str(heavy))
     parameters, _ = load_parameters(heavy)
     own = parameters.drive
-    circle = ("--reference", "circle", "--circle-duration", "2", "--circle-speed", "0.8")
+    circle = ("--reference", "circle", "--circle-duration", "2", "--circle-speed", "0.7")
     circle += ("--compensation", "none")
     runs = ("--radii", "1", "--speeds", "0.6", "--duration", "6")
     for options, drive in (

@@ -28,7 +28,8 @@ def command(*arguments, **options):
 
 
 def contents(folder):
-    return {file.name: file.read_bytes() for file in folder.iterdir()}
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,8 @@ def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
         time.sleep(0.005)
     process.kill()
     process.communicate()
-    assert {*before, ".lock", ".draft"} <= {file.name for file in old.iterdir()}
+    assert before.keys() <= contents(old).keys()
+    assert {".lock", ".draft"} <= {file.name for file in old.iterdir()}
     with results_folder(old, overwrite=True) as folder:
         for name in before:
             (folder / name).write_bytes(before[name])

@@ -138,7 +138,7 @@ def test_a_resumed_training_gives_the_policy_of_a_whole_one(
 def test_the_help_says_in_which_unit_corrections_are_limited(capsys):
     """As `sim.policy.corrected` applies them; test_policy.py checks how large they are."""
     with pytest.raises(SystemExit):
-        main(["train", "--help"])
+        main(["train", "--help-all"])
     speed, rate = EnvConfig().twist_scale
     printed = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert f"as shares of the actions' units, {speed:g} m/s and {rate:g} rad/s [-]" in printed

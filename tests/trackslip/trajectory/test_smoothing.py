@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from quadrature import integral_miss
 from scipy.interpolate import CubicSpline
@@ -133,6 +133,8 @@ def test_headings_at_the_ends_are_kept():
 def test_no_point_is_missed_by_more_than_the_tolerance(
     name, spacing, sigma, tolerance, has_yaw, seed
 ):
+    # headings must lie within 45 deg of the way between their points, which noise turns
+    assume(not has_yaw or sigma < 0.05 * spacing)
     recorded = REFERENCES[name]()
     pose = recorded.pose(np.arange(0.0, recorded.duration, spacing / LIMITS.speed))
     points = noisy(pose[:, :2], sigma, seed)
