@@ -172,6 +172,8 @@ class FleetGround(Restorable):
 
         Raises InvalidValueError for shearing ground under robots that were not built for it.
         """
+        for ground in grounds:
+            ground.require_firm("soft soil is not simulated yet, see `trackslip predict`")
         largest = max(ground.largest_shear for ground in grounds)
         allowed = (
             "0 for a fleet that began on ground that doesn't shear: say Fleet(..., shears=True)"

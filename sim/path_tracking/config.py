@@ -194,6 +194,10 @@ class EnvConfig(OwnTerms):
         """Raise InvalidValueError for a randomization that makes robots tip over or begin off the
         path.
         """
+        drawn = self.drawn
+        if drawn.friction_ratio != (1.0, 1.0) or drawn.patches[1] > 0 or drawn.shear is not None:
+            for ground in self.grounds:
+                self.load_ground(ground).require_firm("friction, patches and shear are drawn")
         named = self.randomization in (None, "typical")
         known = named or isinstance(self.randomization, Randomization)
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
