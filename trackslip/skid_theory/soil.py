@@ -76,6 +76,9 @@ SLIPS: Final = np.linspace(0.005, 1.0, 200)
 _POINTS: Final = 100  # elements along a track
 _NEWTON_ROUNDS: Final = 8  # doubles the digits in each
 _ROOT_ROUNDS: Final = 60
+_TRIALS: Final = 12  # places at which a balance is sought first
+# foremost of them, ahead of the centre of mass, over the track's length
+_FOREMOST: Final = 0.1
 _TOLERANCE: Final = 1e-10  # of roots, relative to the interval in which they are sought [-]
 _STEEPEST: Final = 1.5  # [rad]
 # smallest distance of the centre of pressure from a track's end, over its length, at which the
@@ -162,9 +165,14 @@ class Soil(Checked):
     def bulldozing(self, sinkage: ArrayLike) -> Array:
         """Lateral forces per length (...) on tracks at depths (...) [m], by (4) [N/m]."""
         depth = np.maximum(np.asarray(sinkage, float), 0.0)
+        by_depth, by_square = self.bulldozing_terms
+        return np.asarray((by_square * depth + by_depth) * depth)
+
+    @property
+    def bulldozing_terms(self) -> tuple[float, float]:
+        """Lateral force per length, per depth [N/m^2] and per squared depth [N/m^3], by (4)."""
         root = math.tan(math.pi / 4 + self.friction_angle / 2)  # of K_p
-        of_weight = self.unit_weight * depth**2 * (root**2 / 2)
-        return np.asarray(of_weight + 2 * self.cohesion * root * depth)
+        return 2 * self.cohesion * root, self.unit_weight * root**2 / 2
 
     def friction(self, pressure: ArrayLike, sinkage: ArrayLike, width: float) -> Array:
         """Coefficients (..., 2) of friction along and across a track of this width [m].
@@ -272,11 +280,11 @@ def drawbar_curve(
 
         pull = thrust - resistance - weight sin(slope)                                           (5)
 
-    and both the pull and the slope shift the centre of pressure by
+    and the pull, the slope and the pitch of the robot shift the centre of pressure to
 
-        x_p = com_x - com_height tan(slope) - hitch_height pull / (weight cos(slope)).           (6)
+        x_p = com_x - com_height tan(slope + pitch) - hitch_height pull / (weight cos(slope)).   (6)
 
-    Thrust and resistance depend on x_p, and x_p on the pull, for which (5) and (6) are solved. The
+    Thrust, resistance and pitch depend on x_p, for which (5) and (6) are solved. The
     tractive efficiency is the share of the belts' power that the pull has,
 
         pull (1 - i) / thrust
@@ -292,37 +300,44 @@ def drawbar_curve(
     require_non_negative("hitch_height", hitch_height)
     normal = tracks.weight * math.cos(slope)
     downhill = tracks.weight * math.sin(slope)
-    level_arm = tracks.com_x - tracks.com_height * math.tan(slope)
+    reach = np.full_like(slip, (0.5 - _EDGE) * tracks.length)
 
-    reach = (0.5 - _EDGE) * tracks.length
-
-    def arm_at(pull: Array) -> Array:
-        """Arms (M,) by (6) at pulls (M,) [m]."""
-        return np.asarray(level_arm - hitch_height * pull / normal)
-
-    def driving_at(pull: Array) -> tuple[Standing, Array, Array]:
-        """Standing, thrust (M,) and resistance (M,) with the trim of pulls (M,) [N]."""
-        standing = stand(soil, tracks, slip, normal, np.clip(arm_at(pull), -reach, reach))
+    def driving(arm: Array) -> tuple[Standing, Array, Array, Array]:
+        """Standing, thrust, resistance and pull (M,) with the centre of pressure at arms (M,)."""
+        standing = stand(soil, tracks, slip, normal, arm)
         thrust = _thrust(soil, tracks, slip, standing)
         resistance = 2 * tracks.width * soil.work(standing.rut, tracks.width, slip)
-        return standing, thrust, resistance
+        return standing, thrust, resistance, thrust - resistance - downhill
 
-    def missing(pull: Array) -> Array:
-        """Pull (M,) beyond what (5) allows with the trim of pulls (M,) [N]."""
-        _, thrust, resistance = driving_at(pull)
-        return np.asarray(pull - (thrust - resistance - downhill))
+    def beyond(arm: Array) -> Array:
+        """Distances (M,) by which arms (M,) are ahead of what (6) makes of their trim [m]."""
+        standing, _, _, pull = driving(arm)
+        lean = tracks.com_height * np.tan(slope + _pitch(tracks, standing))
+        towed = hitch_height * np.maximum(pull, 0.0) / normal
+        return np.asarray(arm - (tracks.com_x - lean - towed))
 
-    pull = np.zeros_like(slip)
-    if hitch_height > 0:
-        # up to the pull at which the robot tips over backwards
-        high = np.full_like(slip, max(level_arm + reach, 0.0) * normal / hitch_height)
-        pull = _root(missing, pull, high)
-    standing, thrust, resistance = driving_at(pull)
-    stands = np.abs(arm_at(pull)) < reach * (1 - _TOLERANCE)
-    pull = np.where(stands, thrust - resistance - downhill, np.nan)
-    pitch = np.arctan2(standing.rear - standing.front, tracks.length)
+    # the foremost balance is stable; behind the next one, the robot tips over backwards
+    foremost = np.minimum(tracks.com_x + _FOREMOST * tracks.length, reach)
+    low = foremost
+    high = foremost
+    is_ahead = beyond(foremost) > 0
+    stands = is_ahead
+    for share in np.linspace(0.0, 1.0, _TRIALS)[1:]:
+        high = np.where(is_ahead, low, high)
+        low = np.where(is_ahead, foremost - share * (foremost + reach), low)
+        is_ahead = is_ahead & (beyond(low) > 0)
+    stands = stands & ~is_ahead
+    arm = _root(beyond, low, high)
+    standing, thrust, resistance, pull = driving(arm)
+    pull = np.where(stands, pull, np.nan)
+    pitch = _pitch(tracks, standing)
     efficiency = pull * (1 - slip) / thrust
     return DrawbarCurve(slip, pull, thrust, resistance, standing.rut, pitch, efficiency)
+
+
+def _pitch(tracks: Tracks, standing: Standing) -> Array:
+    """Angles (M,) by which a robot points upwards from the ground [rad]."""
+    return np.arctan2(standing.rear - standing.front, tracks.length)
 
 
 def most_slope(soil: Soil, tracks: Tracks) -> float:
@@ -332,7 +347,7 @@ def most_slope(soil: Soil, tracks: Tracks) -> float:
     robot on the level.
     """
 
-    slips = SLIPS[9::10]  # from 0.05 to 1
+    slips = SLIPS[19::20]  # from 0.05 to 1
 
     def spare(slope: Array) -> Array:
         """Largest pull (1,) on a slope (1,) [N]; negative also if the robot tips over."""

@@ -136,13 +136,16 @@ def test_a_front_that_is_deeper_leaves_its_rut_to_the_rest():
 
 
 def test_springs_on_rigid_soil_pitch_as_springs_do():
-    """The load changes by 12 x_p / L over the track, and so does the settlement."""
+    """The load changes by 12 x_p / L over the track, as the settlement does; the pitch moves the
+    centre of mass, and thus x_p, by its height.
+    """
     tracks = replace(TRACKS, settlement=0.002)
     pull = 0.1 * TRACKS.weight
     slip = slip_for(RIGID, tracks, pull, hitch_height=0.1)
     curve = drawbar_curve(RIGID, tracks, slip, hitch_height=0.1)
     assert curve.pull[0] == pytest.approx(pull, rel=1e-6)
-    expected = np.arctan(12 * 0.1 * 0.1 / tracks.length**2 * 0.002)
+    softness = 12 / tracks.length**2 * 0.002  # pitch per distance of the centre of pressure
+    expected = softness * 0.1 * 0.1 / (1 - softness * tracks.com_height)
     assert curve.pitch[0] == pytest.approx(expected, rel=2e-3)
 
 
