@@ -240,6 +240,11 @@ class EnvConfig(OwnTerms):
         return any(self.load_ground(name).largest_shear > 0 for name in self.grounds)
 
     @property
+    def sinks(self) -> bool:
+        """Whether any of the grounds is soft."""
+        return any(self.load_ground(name).soil is not None for name in self.grounds)
+
+    @property
     def stride(self) -> int:
         """Number of control periods between previews."""
         return round(self.preview_spacing / PERIOD)
