@@ -132,6 +132,7 @@ class Ground(Checked):
         """Take friction and shear from the soil; raises InvalidValueError if they are given, or if
         the ground has patches or changes.
         """
+        require(isinstance(soil, Soil), "soil", soil, "a Soil, or None for firm ground")
         require_positive("soil.friction_angle", soil.friction_angle)
         friction = math.tan(soil.friction_angle)
         for name, own in (("along", friction), ("across", friction), ("shear", soil.shear)):

@@ -76,6 +76,7 @@ SLIPS: Final = np.linspace(0.005, 1.0, 200)
 _POINTS: Final = 100  # elements along a track
 _NEWTON_ROUNDS: Final = 8  # doubles the digits in each
 _ROOT_ROUNDS: Final = 60
+_LEAST_SLIP: Final = 1e-9  # below which nothing is sheared [-]
 _TRIALS: Final = 12  # places at which a balance is sought first
 # foremost of them, ahead of the centre of mass, over the track's length
 _FOREMOST: Final = 0.1
@@ -284,10 +285,12 @@ def drawbar_curve(
 
         x_p = com_x - com_height tan(slope + pitch) - hitch_height pull / (weight cos(slope)).   (6)
 
-    Thrust, resistance and pitch depend on x_p, for which (5) and (6) are solved. The
+    Thrust, resistance and pitch depend on x_p, for which (5) and (6) are solved. The belts of a
+    pitched robot carry their elements over the ground at cos(pitch) of their speed, so that these
+    are sheared as at the slip 1 - (1 - i) / cos(pitch), and their power is thrust cos(pitch). The
     tractive efficiency is the share of the belts' power that the pull has,
 
-        pull (1 - i) / thrust
+        pull (1 - i) / (thrust cos(pitch))
 
     (Wong, Theory of Ground Vehicles, 2008); on a slope, lifting of the weight counts as loss. A
     negative pull is what the robot lacks to move on its own, with the trim that it has without one.
@@ -305,7 +308,8 @@ def drawbar_curve(
     def driving(arm: Array) -> tuple[Standing, Array, Array, Array]:
         """Standing, thrust, resistance and pull (M,) with the centre of pressure at arms (M,)."""
         standing = stand(soil, tracks, slip, normal, arm)
-        thrust = _thrust(soil, tracks, slip, standing)
+        over_ground = 1 - (1 - slip) / np.cos(_pitch(tracks, standing))
+        thrust = _thrust(soil, tracks, over_ground, standing)
         resistance = 2 * tracks.width * soil.work(standing.rut, tracks.width, slip)
         return standing, thrust, resistance, thrust - resistance - downhill
 
@@ -331,7 +335,7 @@ def drawbar_curve(
     standing, thrust, resistance, pull = driving(arm)
     pull = np.where(stands, pull, np.nan)
     pitch = _pitch(tracks, standing)
-    efficiency = pull * (1 - slip) / thrust
+    efficiency = pull * (1 - slip) / (thrust * np.cos(pitch))
     return DrawbarCurve(slip, pull, thrust, resistance, standing.rut, pitch, efficiency)
 
 
@@ -514,11 +518,14 @@ def _thrust(soil: Soil, tracks: Tracks, slip: Array, standing: Standing) -> Arra
     behind = standing.entry[:, None] - rear_ends  # distance of an element's rear from the entry
     inside = np.clip(behind, 0.0, cell)  # length of an element within the contact
 
+    # the distance within which an element is sheared by K
+    reach = soil.shear / np.maximum(np.abs(slip), _LEAST_SLIP)[:, None]
+
     # by (3), the integral of the share over the first x of the contact is x times its mean
     def integral(distance: Array) -> Array:
         distance = np.maximum(distance, 0.0)
-        shares = 1 - np.exp(-slip[:, None] * distance / soil.shear)
-        return distance - soil.shear / slip[:, None] * shares
+        shares = 1 - np.exp(-distance / reach)
+        return distance - reach * shares
 
     sheared = integral(behind) - integral(behind - inside)
     touches = np.where(standing.pressure > 0, soil.cohesion, 0.0)
@@ -526,7 +533,8 @@ def _thrust(soil: Soil, tracks: Tracks, slip: Array, standing: Standing) -> Arra
     of_cohesion = touches * sheared
     share = sheared / np.where(inside > 0, inside, 1.0)
     of_friction = math.tan(soil.friction_angle) * standing.pressure * cell * share
-    return np.asarray(2 * tracks.width * (of_cohesion + of_friction).sum(axis=1))
+    strength = (of_cohesion + of_friction).sum(axis=1)
+    return np.asarray(np.sign(slip) * 2 * tracks.width * strength)
 
 
 def _root(function: Callable[[Array], Array], low: Array, high: Array) -> Array:

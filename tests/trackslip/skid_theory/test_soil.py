@@ -174,7 +174,8 @@ def test_a_robot_that_digs_itself_in_is_immobilised():
 
 def test_efficiency_is_the_power_of_the_pull_over_that_of_the_belts():
     curve = drawbar_curve(SAND, LOW)
-    np.testing.assert_allclose(curve.efficiency, curve.pull * (1 - curve.slip) / curve.thrust)
+    power = curve.thrust * np.cos(curve.pitch)
+    np.testing.assert_allclose(curve.efficiency, curve.pull * (1 - curve.slip) / power)
     assert curve.efficiency[curve.best] == np.nanmax(curve.efficiency)
     # at full slip nothing moves, and at little slip all thrust is spent on the resistance
     assert curve.efficiency[-1] == 0.0
