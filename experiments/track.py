@@ -22,6 +22,7 @@ from experiments.simulate.grid_summary import (
     LocalizationErrors,
     saturation_warnings,
     simulated_seconds,
+    soil_warnings,
 )
 from experiments.simulate.motors import print_motors
 from experiments.simulate.tracking import tracking_results, tracking_table
@@ -137,7 +138,7 @@ def run(config: Config) -> None:
             with run.busy("recording"):
                 record_all(run.folder, logs)
     tracking_table(results).print()
-    for warning in saturation_warnings(logs):
+    for warning in [*saturation_warnings(logs), *soil_warnings(logs)]:
         print(f"Warning: {warning}.")
     print_motors(config.robot, world.drive)
     bridged = "; odometry bridged the rest" if poses.valid_fraction < 1 else ""

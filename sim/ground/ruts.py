@@ -291,9 +291,10 @@ class Ruts(Restorable):
         # slip, as a mean over the length of contact that the belt runs through
         run = belt * self._period
         inverse = np.where(run != 0, 1 / np.where(run != 0, run, 1.0), 0.0)
-        slip = np.clip(1 - motion * inverse, -1.0, 1.0)
+        slip = 1 - motion * inverse
         weight = -np.expm1(-np.abs(run) / self._length)
-        self._slip[rows] += weight * (slip - self._slip[rows])
+        mean = self._slip[rows] + weight * (slip - self._slip[rows])
+        self._slip[rows] = np.clip(mean, -1.0, 1.0)
         travel = np.clip(self._travel[rows] + motion, -GROWTH, GROWTH)
         self._travel[rows] = travel
 
