@@ -205,6 +205,7 @@ class FleetGround(Restorable):
             soils = [self.grounds[row].soil for row in where.tolist()]
             self._ruts.put(where, soils, self._give(where))
             self._write_ruts(where)
+            self.share(where)
         self.slope = np.array([ground.slope for ground in self.grounds])
         """Slopes of the grounds (N,) [rad]."""
         self.uphill = np.array([ground.uphill for ground in self.grounds])
@@ -245,6 +246,7 @@ class FleetGround(Restorable):
         if soft.size:
             self._ruts.press(soft, pose[self._ruts.is_soft[rows]])
             self._write_ruts(soft)
+            self.share(soft)
 
     def sinkage(self, rows: np.ndarray) -> Array:
         """Sinkages (R,) of the robots `rows` (R,) at rest, under an even pressure [m]."""
@@ -289,7 +291,6 @@ class FleetGround(Restorable):
         self._margins[rows] = floor[:, None] - self._ruts.margin[rows]
         soft = rows[self._ruts.is_soft[rows]]
         self._surface[soft, :, :2] = self._ruts.friction[soft]
-        self.share(rows)
 
     def share(self, rows: Rows) -> None:
         """Scale the pads' friction to the share that shear has mobilised under the robots `rows`

@@ -130,11 +130,18 @@ class Ruts(Restorable):
         self._radius = radius
         self._cell = width / LINES
         pads = len(place)
-        self._x, self._y = place.T
-        self._side = self._y.reshape(2, -1)[:, 0]  # lateral places (2,) of the tracks [m]
+        self._pads = pads
+        self._side = place[:, 1].reshape(2, -1)[:, 0]  # lateral places (2,) of the tracks [m]
+        # the pads, and the rear and front ends of both tracks, which lie beyond the last pads
+        ends = np.array([-1.0, 1.0]) * (length / 2)
+        self._x = np.concatenate([place[:, 0], ends, ends])
+        self._y = np.concatenate([place[:, 1], self._side.repeat(2)])
+        self._track = (self._y < self._side.mean()).astype(int)  # 0 left, 1 right
         self._lines = self._cell * (np.arange(LINES) - (LINES - 1) / 2)  # (L,) [m]
-        self._under = np.repeat(place[:, None], LINES, axis=1)  # (P, L, 2) [m]
-        self._under[..., 1] += self._lines
+        # places of the cells under the pads (P L,), pad by pad [m]
+        self._under_x = place[:, 0].repeat(LINES)
+        self._under_y = np.add.outer(place[:, 1], self._lines).ravel()
+        self._side_lines = np.add.outer(self._side, self._lines)  # (2, L) [m]
 
         # the robots' soils
         self.is_soft = np.zeros(size, bool)
@@ -226,12 +233,18 @@ class Ruts(Restorable):
         `pose` (R, 7) has the chassis' position, the vertical components of its three axes, and its
         heading [m, -, rad]. A second press in the same place changes nothing.
         """
-        soil = self._of(rows)
-        depth = self._depths(pose, self._x, self._y)  # (R, P) [m]
-        pressed = self._soil_depth(rows, depth, self._slip[rows].repeat(len(self._x) // 2, axis=1))
+        cells = self._cells(rows, pose, self._under_x[None], self._under_y[None])
+        return self._press(rows, pose, cells, self._of(rows))
+
+    def _press(self, rows: _Ints, pose: Array, under: _Ints, soil: _Soils) -> Array:
+        """Do as `press` does, with the indices (R, P L) of the cells under the pads."""
+        at_all = self._depths(pose)  # (R, P + 4) [m]
+        pressed_at_all = self._soil_depth(rows, at_all, soil)
+        depth = at_all[:, : self._pads]
+        pressed = pressed_at_all[:, : self._pads]
 
         # write the cells that become deeper
-        cells = self._cells(rows, pose, self._under[None])  # (R, P, L)
+        cells = under.reshape(len(rows), -1, LINES)  # (R, P, L)
         before = self._depth[cells]
         after = np.maximum(before, pressed[..., None].astype(np.float32))
         is_deeper = after > before
@@ -254,15 +267,14 @@ class Ruts(Restorable):
         along = soil.friction[:, None] + soil.cohesion[:, None] / pressure
         bulldozed = (soil.by_square[:, None] * margin + soil.by_depth[:, None]) * margin
         across = along + bulldozed / (self._width * pressure)
-        friction = np.stack([along, across], axis=-1)
+        friction = np.empty((*along.shape, 2))
+        friction[..., 0] = along
+        friction[..., 1] = across
         self.friction[rows] = np.minimum(friction, _MOST_FRICTION)
 
-        # the depth of each line, also at the ends of the tracks, which lie beyond the last pads
-        ends = np.array([-1.0, 1.0]) * (self._length / 2)
-        x = np.tile(ends, 2)
-        at_ends = self._depths(pose, x, self._side.repeat(2))  # (R, 4)
-        ends_pressed = self._soil_depth(rows, at_ends, self._slip[rows].repeat(2, axis=1))
-        deepest_end = ends_pressed.reshape(-1, 2, 2).max(axis=-1)
+        # the depth of each line, also at the ends of the tracks, which write no cells, so that soil
+        # ahead of them stays untouched
+        deepest_end = pressed_at_all[:, self._pads :].reshape(-1, 2, 2).max(axis=-1)
         by_track = rut.reshape(len(rows), 2, -1, LINES).max(axis=2)  # (R, 2, L)
         deepest = np.maximum(by_track, deepest_end[..., None])
         self.deepest[rows] = deepest.mean(axis=-1)
@@ -279,6 +291,7 @@ class Ruts(Restorable):
             belt: belt speeds (R, 2), positive forwards [m/s].
         """
         self._follow(rows, after[:2].T)
+        soil = self._of(rows)
 
         # motion of the robots in their own frames, and of their tracks
         x_change, y_change = (after - before)[:2]
@@ -287,39 +300,52 @@ class Ruts(Restorable):
         aside = cos * y_change - sin * x_change
         turn = cos * after[3] - sin * after[2]
         motion = ahead[:, None] - turn[:, None] * self._side  # (R, 2) [m]
+        self._slide(rows, motion, belt * self._period)
 
-        # slip, as a mean over the length of contact that the belt runs through
-        run = belt * self._period
-        inverse = np.where(run != 0, 1 / np.where(run != 0, run, 1.0), 0.0)
-        slip = 1 - motion * inverse
-        weight = -np.expm1(-np.abs(run) / self._length)
-        mean = self._slip[rows] + weight * (slip - self._slip[rows])
-        self._slip[rows] = np.clip(mean, -1.0, 1.0)
-        travel = np.clip(self._travel[rows] + motion, -GROWTH, GROWTH)
-        self._travel[rows] = travel
-
-        deepest = self.press(rows, pose)
-
-        # by (3), where the end of a track meets soil
+        # where the ends of the tracks will meet soil, in the direction in which they move
+        travel = self._travel[rows]
         front = np.where(travel >= 0, 1.0, -1.0)  # (R, 2)
         end = front * (self._length / 2)
-        end_motion = np.stack([motion, aside[:, None] + turn[:, None] * end], axis=-1)
-        distance = np.sqrt((end_motion**2).sum(axis=-1, keepdims=True))
-        straight = np.stack([front, np.zeros_like(front)], axis=-1)
+        sideways = aside[:, None] + turn[:, None] * end
+        distance = np.sqrt(motion * motion + sideways * sideways)
         moves = distance > _MOVES
-        direction = np.where(moves, end_motion / np.where(moves, distance, 1.0), straight)
-        meets = np.empty((len(rows), 2, LINES, 2))
-        meets[..., 0] = end[..., None]
-        meets[..., 1] = self._side[:, None] + self._lines
-        meets += (_AHEAD * self._cell) * direction[:, :, None]
-        untouched = self._depth[self._cells(rows, pose, meets)].astype(float)  # (R, 2, L)
-        soil = self._of(rows)
+        reach = _AHEAD * self._cell / np.where(moves, distance, 1.0)
+        meets_x = end + reach * np.where(moves, motion, front)
+        meets_y = (reach * np.where(moves, sideways, 0.0))[..., None] + self._side_lines
+
+        # the cells under the pads, and those that the ends meet
+        count = len(self._under_x)
+        x = np.empty((len(rows), count + 2 * LINES))
+        y = np.empty_like(x)
+        x[:, :count] = self._under_x
+        y[:, :count] = self._under_y
+        x[:, count:] = meets_x.repeat(LINES, axis=1)
+        y[:, count:] = meets_y.reshape(len(rows), -1)
+        cells = self._cells(rows, pose, x, y)
+        deepest = self._press(rows, pose, cells[:, :count], soil)
+        untouched = self._depth[cells[:, count:]].astype(float).reshape(deepest.shape)
+
+        # the resistance, by (3)
         growth = soil.growth[:, None] * np.abs(self._slip[rows])
         exponent = soil.exponent[:, None] + growth + 1
         scale = soil.modulus[:, None] / exponent
         power = exponent[..., None]
         work = np.maximum(deepest**power - untouched**power, 0.0).mean(axis=-1)
         self.resistance[rows] = -self._width * scale * work * (travel / GROWTH)
+
+    def _slide(self, rows: _Ints, motion: Array, run: Array) -> None:
+        """Update slips and travels after tracks moved by `motion` and their belts ran by `run` (R,
+        2) [m].
+
+        The slip is a mean over the length of contact that the belt runs through.
+        """
+        runs = run != 0
+        slip = np.where(runs, 1 - motion / np.where(runs, run, 1.0), 0.0)
+        weight = -np.expm1(-np.abs(run) / self._length)
+        before = self._slip[rows]
+        mean = before + weight * (slip - before)
+        self._slip[rows] = np.clip(mean, -1.0, 1.0)
+        self._travel[rows] = np.clip(self._travel[rows] + motion, -GROWTH, GROWTH)
 
     def _of(self, rows: _Ints) -> _Soils:
         return _Soils(*self._soil[:, rows])
@@ -332,35 +358,33 @@ class Ruts(Restorable):
         """Cells (..., 2) in the world at places (..., 2) [m]."""
         return np.floor(place / self._cell).astype(int)
 
-    def _cells(self, rows: _Ints, pose: Array, place: Array) -> _Ints:
-        """Indices (R, ...) of the cells at places (R or 1, ..., 2) on the robots [m]."""
-        axes = (len(rows),) + (1,) * (place.ndim - 2)
-        x, y = place[..., 0], place[..., 1]
-        cos = np.cos(pose[:, 6]).reshape(axes)
-        sin = np.sin(pose[:, 6]).reshape(axes)
-        first, second = self._corner[rows].T
-        in_x = (pose[:, 0].reshape(axes) + cos * x - sin * y) / self._cell
-        in_y = (pose[:, 1].reshape(axes) + sin * x + cos * y) / self._cell
-        i = np.floor(in_x).astype(int) - first.reshape(axes)
-        j = np.floor(in_y).astype(int) - second.reshape(axes)
-        is_inside = (i >= 0) & (i < WINDOW) & (j >= 0) & (j < WINDOW)
-        index = (rows.reshape(axes) * WINDOW + i) * WINDOW + j
+    def _cells(self, rows: _Ints, pose: Array, x: Array, y: Array) -> _Ints:
+        """Indices (R, K) of the cells at places `x` and `y` (R or 1, K) on the robots [m]."""
+        cos = np.cos(pose[:, 6:])
+        sin = np.sin(pose[:, 6:])
+        corner = self._corner[rows]
+        in_x = (pose[:, :1] + cos * x - sin * y) / self._cell
+        in_y = (pose[:, 1:2] + sin * x + cos * y) / self._cell
+        i = np.floor(in_x).astype(int) - corner[:, :1]
+        j = np.floor(in_y).astype(int) - corner[:, 1:]
+        is_inside = (np.minimum(i, j) >= 0) & (np.maximum(i, j) < WINDOW)
+        index = (rows[:, None] * WINDOW + i) * WINDOW + j
         return np.where(is_inside, index, len(self._depth) - 1)
 
-    def _depths(self, pose: Array, x: Array, y: Array) -> Array:
-        """Depths (R, K) of the lower ends of pads at `x` and `y` (K,) on the robots [m]."""
+    def _depths(self, pose: Array) -> Array:
+        """Depths (R, P + 4) of the lower ends of the pads, and of the ends of the tracks [m]."""
         _, _, z, by_x, by_y, by_z, _ = pose.T[..., None]
-        return -(z + by_x * x + by_y * y + (by_z - 1) * self._radius)
+        return -(z + by_x * self._x + by_y * self._y + (by_z - 1) * self._radius)
 
-    def _soil_depth(self, rows: _Ints, depth: Array, slip: Array) -> Array:
-        """Depths T (R, K) of the soil under pads at depths (R, K) by (1), at slips (R, K).
+    def _soil_depth(self, rows: _Ints, depth: Array, soil: _Soils) -> Array:
+        """Depths T (R, P + 4) of the soil under these places at depths (R, P + 4) [m], by (1).
 
         The depth T solves T + give k T^m = z. With u = log T, the logarithm of the left side has a
         slope between 1 and m everywhere, so that Newton's method converges from the smaller of both
         limits.
         """
-        soil = self._of(rows)
-        exponent = soil.exponent[:, None] + soil.growth[:, None] * np.abs(slip)
+        by_track = soil.exponent[:, None] + soil.growth[:, None] * np.abs(self._slip[rows])
+        exponent = by_track[:, self._track]
         of_spring = (self._give[rows] * soil.modulus)[:, None]
         log_depth = np.log(np.maximum(depth, _TINY))
         u = np.minimum(log_depth, (log_depth - np.log(of_spring)) / exponent)
